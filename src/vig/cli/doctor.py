@@ -1,0 +1,112 @@
+"""`vig doctor`: what a bug report needs, and whether the kernels work on this machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import time
+from collections.abc import Callable
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+import vig
+
+PACKAGES = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safetensors", "OpenImageIO")
+
+
+def doctor() -> dict[str, Any]:
+    """Collect versions and devices, and draw one triangle with the renderer's kernels.
+
+    Returns `{"vig", "python", "platform", "cpus", "packages": {name: version or None}, "cuda": {"torch":
+    [names], "warp": [names]}, "kernels": {"ok", "detail"}, "ok"}`, ready for JSON. Nothing is raised: what
+    fails is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
+    """
+    kernels = check_kernels()
+    return {
+        "vig": vig.__version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpus": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "cuda": {"torch": _names(_torch_devices), "warp": _names(_warp_devices)},
+        "kernels": kernels,
+        "ok": kernels["ok"],
+    }
+
+
+def check_kernels() -> dict[str, Any]:
+    """Rasterise one triangle on the CPU and count its pixels: {"ok": bool, "detail": one line}."""
+    # Corners at the pixels (0, 0), (18.5, 0), (0, 18.5) of a 20 x 20 image, 1 m away. The centre of pixel
+    # (i, j) is inside when i + j + 1 < 18.5: 1 + 2 + ... + 18 pixels.
+    expected = 171
+    corners = np.array([[0, 0], [18.5, 0], [0, 18.5]])
+    vertices = np.column_stack([(corners - 10) / 20, np.ones(3)]).astype(np.float32)
+    start = time.perf_counter()
+    try:
+        from vig.render import rasterize
+        from vig.scene import Camera
+
+        camera = Camera(width=20, height=20, focal=20, cx=10, cy=10)
+        fragments = rasterize(vertices, np.array([[0, 1, 2]], np.int32), np.eye(3), np.zeros(3), camera)
+        drawn = fragments.face == 0
+        count = int(drawn.sum())
+        ok = count == expected and bool(np.allclose(fragments.depth[drawn], 1, atol=1e-5))
+    except Exception as error:  # a broken installation may raise anything; saying so is what doctor is for
+        return {"ok": False, "detail": f"failed: {_line(error)}"}
+    seconds = time.perf_counter() - start
+    return {"ok": ok, "detail": f"{count} of {expected} pixels of a triangle drawn in {seconds:.2f} s"}
+
+
+def run_doctor(as_json: bool = False) -> int:
+    """Print the report, for people or as JSON; the exit code: 0, or 1 when the kernels do not work."""
+    report = doctor()
+    print(json.dumps(report, indent=2) if as_json else report_lines(report))
+    return 0 if report["ok"] else 1
+
+
+def report_lines(report: dict[str, Any]) -> str:
+    """The report as aligned plain text."""
+    rows = [
+        ("vig", report["vig"]),
+        ("python", report["python"]),
+        ("platform", report["platform"]),
+        ("processors", str(report["cpus"])),
+        *((name, version or "not installed") for name, version in report["packages"].items()),
+        *((f"cuda in {name}", ", ".join(found) or "none") for name, found in report["cuda"].items()),
+        ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
+    ]
+    width = max(len(name) for name, _ in rows) + 2
+    return "\n".join(f"{name:<{width}}{value}" for name, value in rows)
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _names(devices: Callable[[], list[str]]) -> list[str]:
+    try:
+        return devices()
+    except Exception as error:  # drivers fail in many ways, none of which should hide the rest of the report
+        return [f"failed: {_line(error)}"]
+
+
+def _torch_devices() -> list[str]:
+    import torch
+
+    return [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
+
+
+def _warp_devices() -> list[str]:
+    import warp as wp
+
+    return [device.name for device in wp.get_cuda_devices()]
+
+
+def _line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,0 +1,79 @@
+"""From a photo on disk to an explanation on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from vig.errors import UserError
+from vig.images import read_photo
+from vig.inference import ConjugateGradient, ExplainSettings, Explanation, LevenbergMarquardt, explain
+from vig.likelihood import GAUSSIAN, ROBUST
+from vig.recognition import Recognizer
+from vig.report import write_explanation
+from vig.report.window import Window
+from vig.scene import ObjectClass
+
+Box = tuple[float, float, float, float]
+OPTIMIZERS = {"lm": LevenbergMarquardt, "cg": ConjugateGradient}
+LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN}
+
+
+class Explainer:
+    """Reads, explains and writes photos with one class and one way of fitting."""
+
+    def __init__(self, object_class: str, likelihood: str = "robust", optimizer: str = "lm"):
+        self.object_class = ObjectClass.load(object_class)
+        folder = self.object_class.folder or Path()
+        self.recognizer = Recognizer(folder / "recognition.safetensors")
+        self.likelihood, self.optimizer = LIKELIHOODS[likelihood], OPTIMIZERS[optimizer]()
+
+    def __call__(
+        self, image: Path, folder: Path, box: Box | None = None, framing: str = "auto"
+    ) -> tuple[dict[str, Any], Explanation]:
+        """Explain a photo into a folder; returns what its JSON says, and the explanation.
+
+        UserError for an unreadable photo, a box outside it, or a folder that cannot be written.
+        """
+        photo = read_photo(image)
+        height, width = photo.shape[:2]
+        window = Window.of(width, height, box)
+        cut, known = window.cut(photo)
+        free = framing == "free" or (framing == "auto" and (box is not None or height != width))
+        settings = ExplainSettings(self.likelihood, free_framing=free, optimizer=self.optimizer)
+        explanation = next(
+            explain(
+                torch.from_numpy(cut)[None],
+                self.object_class,
+                self.recognizer,
+                settings,
+                torch.from_numpy(known)[None],
+            )
+        )
+        return write_explanation(folder, photo, window, explanation, self.object_class), explanation
+
+
+def parse_box(text: str) -> Box:
+    """ "x,y,w,h" as four numbers; UserError when it is not."""
+    try:
+        x, y, w, h = (float(part) for part in text.replace(" ", "").split(","))
+    except ValueError:
+        raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None
+    return x, y, w, h
+
+
+def result_folders(images: tuple[Path, ...], out: Path) -> list[Path]:
+    """A folder for each photo, named after it; a number is added where two photos share a name."""
+    if not images:
+        raise UserError("expected at least one photo; got none. Name one: vig fit photo.jpg")
+    used: set[str] = set()
+    folders = []
+    for image in images:
+        name, number = image.stem, 2
+        while name in used:
+            name, number = f"{image.stem}-{number}", number + 1
+        used.add(name)
+        folders.append(out / name)
+    return folders

@@ -1,0 +1,162 @@
+"""The command line: `vig VERB`. Each verb's settings are a dataclass; its work is imported when it runs."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from vig.errors import UserError
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Explain photos of one object each: explanation.json, overlay.png, mask.png and object.glb per photo."""
+
+    images: tyro.conf.Positional[tuple[Path, ...]]
+    """Photos: any size, any format that pillow reads."""
+    box: str | None = None
+    """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
+    for each. The whole photo by default."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
+    likelihood: Literal["robust", "gaussian"] = "robust"
+    """The pixel model: does anything stand before the object?"""
+    optimizer: Literal["lm", "cg"] = "lm"
+    """Levenberg-Marquardt, or the paper's nonlinear conjugate gradient."""
+    framing: Literal["auto", "fixed", "free"] = "auto"
+    """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
+    out: Path = Path("vig-fit")
+    """Folder for the results, one folder per photo."""
+    json: bool = False
+    """Print one JSON object instead of lines."""
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Explain the packaged example photos and print truth beside estimate."""
+
+    out: Path = Path("vig-demo")
+    """Folder for the results."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+
+
+@dataclass(frozen=True)
+class DatasetMake:
+    """Generate photos of scenes with everything known; safe to kill and run again."""
+
+    out: Path
+    """Folder of the dataset."""
+    count: int
+    """How many samples."""
+    seed: int = 0
+    """The dataset's seed: sample i is a pure function of it and i."""
+    tier: Literal["raster"] = "raster"
+    """Which renderer makes the images."""
+    split: Literal["train", "test"] = "train"
+    """Which assets the scenes are made of; the two share none."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
+    workers: int | None = None
+    """Processes; all cores by default."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class DatasetShow:
+    """Write a contact sheet of a dataset."""
+
+    dataset: tyro.conf.Positional[Path]
+    """Folder of the dataset."""
+    split: Literal["train", "test"] = "train"
+    """Which split."""
+    count: int = 48
+    """How many samples."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train the recognition network on a dataset; goes on where it was stopped."""
+
+    dataset: Path
+    """Folder of a dataset with a train split."""
+    out: Path
+    """Folder for weights and checkpoint."""
+    epochs: int = 30
+    """Passes over the data."""
+    seed: int = 0
+    """Seed of initial weights, order and augmentation."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Measure methods on a dataset: errors.csv per image, the paper's Table 1 as table.json and table.md."""
+
+    dataset: Path
+    """Folder of the dataset."""
+    out: Path
+    """Folder for the results."""
+    split: Literal["train", "test"] = "test"
+    """Which split."""
+    methods: tuple[Literal["baseline", "rm", "gaussian", "robust"], ...] = (
+        "baseline",
+        "rm",
+        "gaussian",
+        "robust",
+    )
+    """baseline: the mean; rm: the recognition model; gaussian, robust: fits that start from it."""
+    max_occlusion: float = 0.75
+    """Only images with at most this share of the object hidden enter the table."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
+    weights: Path | None = None
+    """Recognition weights other than the class's own."""
+    json: bool = False
+    """Print table.json instead of a table."""
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Versions, devices, and a check of the kernels: what a bug report needs."""
+
+    json: bool = False
+    """Print one JSON object."""
+
+
+VERBS = {Demo: "demo", Fit: "fit", Train: "train", Evaluate: "evaluate", Doctor: "doctor"}
+DATASET_VERBS = {DatasetMake: "make", DatasetShow: "show"}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exits 0, 2 for a user's mistake, 1 for a failed check, 130 when interrupted."""
+    app, dataset = tyro.extras.SubcommandApp(), tyro.extras.SubcommandApp()
+    for settings, name in VERBS.items():
+        app.command(name=name)(settings)
+    for settings, name in DATASET_VERBS.items():
+        dataset.command(name=name)(settings)
+    app.command(dataset, name="dataset", help="Generate datasets and look at them.")
+    chosen = app.cli(
+        prog="vig",
+        description="Explain one object in one photo, even where it is hidden.",
+        args=arguments,
+        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
+    )
+    try:
+        from vig.cli import verbs
+
+        sys.exit(verbs.run(chosen))
+    except UserError as error:
+        print(f"vig: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("vig: interrupted; what is finished stays", file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,201 @@
+"""What each verb does; imported after the arguments are known, so that help is quick."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+
+from vig.cli.main import DatasetMake, DatasetShow, Demo, Doctor, Evaluate, Fit, Train
+from vig.errors import UserError
+
+
+def run(settings: Any) -> int:
+    """Do what a verb's settings say; returns the exit code."""
+    work: dict[type, Callable[[Any], int]] = {
+        Demo: demo,
+        Fit: fit,
+        DatasetMake: dataset_make,
+        DatasetShow: dataset_show,
+        Train: train,
+        Evaluate: evaluate,
+        Doctor: doctor,
+    }
+    return work[type(settings)](settings)
+
+
+def fit(settings: Fit) -> int:
+    """`vig fit`."""
+    from vig.cli.explaining import Explainer, parse_box, result_folders
+
+    box = None if settings.box is None else parse_box(settings.box)
+    folders = result_folders(settings.images, settings.out)
+    explainer = Explainer(settings.object_class, settings.likelihood, settings.optimizer)
+    results, failures = {}, 0
+    for image, folder in zip(settings.images, folders, strict=True):
+        try:
+            started = time.monotonic()
+            described, _ = explainer(image, folder, box, settings.framing)
+        except UserError as error:
+            print(f"vig: {error}", file=sys.stderr)
+            failures += 1
+            continue
+        results[str(image)] = described | {"folder": str(folder)}
+        if not settings.json:
+            print(_line(image.name, described, time.monotonic() - started))
+    if settings.json:
+        print(json.dumps({"results": results, "folder": str(settings.out)}, indent=2))
+    else:
+        print(settings.out)
+    return 2 if failures else 0
+
+
+def demo(settings: Demo) -> int:
+    """`vig demo`."""
+    from vig.cli.demonstration import demonstrate
+
+    return demonstrate(settings.out, settings.json)
+
+
+def dataset_make(settings: DatasetMake) -> int:
+    """`vig dataset make`."""
+    from vig.dataset import make_dataset
+    from vig.scene import ObjectClass
+
+    folder = make_dataset(
+        settings.out,
+        settings.count,
+        settings.seed,
+        tier=settings.tier,
+        split=settings.split,
+        workers=settings.workers,
+        progress=not settings.json,
+        object_class=ObjectClass.load(settings.object_class),
+    )
+    print(json.dumps({"folder": str(folder)} | asdict(settings), default=str) if settings.json else folder)
+    return 0
+
+
+def dataset_show(settings: DatasetShow) -> int:
+    """`vig dataset show`."""
+    from vig.dataset import contact_sheet, read_dataset
+
+    dataset = read_dataset(settings.dataset, settings.split)
+    path = contact_sheet(dataset, settings.dataset / f"contact-sheet-{settings.split}.png", settings.count)
+    counts, _ = np.histogram(dataset.occlusion, 10, (0, 1))
+    if settings.json:
+        print(
+            json.dumps(
+                {"sheet": str(path), "occlusion_histogram": counts.tolist(), "folder": str(settings.dataset)}
+            )
+        )
+        return 0
+    print("hidden  " + "  ".join(f"{10 * i}-{10 * i + 10}%: {n}" for i, n in enumerate(counts)))
+    print(path)
+    print(settings.dataset)
+    return 0
+
+
+def train(settings: Train) -> int:
+    """`vig train`."""
+    from vig.dataset import read_dataset
+    from vig.recognition import TrainingSettings
+    from vig.recognition import train as train_network
+
+    lines: list[str] = []
+    path = train_network(
+        read_dataset(settings.dataset, "train"),
+        settings.out,
+        TrainingSettings(epochs=settings.epochs, seed=settings.seed),
+        say=lines.append if settings.json else lambda line: print(line, flush=True),
+    )
+    if settings.json:
+        print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
+    else:
+        print(path)
+        print(settings.out)
+    return 0
+
+
+def evaluate(settings: Evaluate) -> int:
+    """`vig evaluate`."""
+    from vig.dataset import read_dataset
+    from vig.evaluation import build_table, markdown_table, rich_table, save_table
+    from vig.evaluation import evaluate as run_methods
+    from vig.evaluation.protocol import write_csv
+    from vig.files import atomic_write
+    from vig.recognition import Recognizer
+    from vig.scene import ObjectClass
+
+    object_class = ObjectClass.load(settings.object_class)
+    dataset = read_dataset(settings.dataset, settings.split)
+    recognizer = Recognizer(settings.weights or _weights(object_class))
+    fits = len(dataset) * sum(method in ("gaussian", "robust") for method in settings.methods)
+    with _progress(settings.json) as progress:
+        task = progress.add_task("fits", total=fits)
+        results = run_methods(
+            dataset, object_class, recognizer, settings.methods, advance=lambda n: progress.advance(task, n)
+        )
+    table = build_table(
+        {method: result.errors for method, result in results.items()},
+        dataset.occlusion,
+        "raster",
+        np.random.default_rng(0),
+        settings.max_occlusion,
+    )
+    write_csv(settings.out / "errors.csv", dataset, results)
+    save_table(settings.out / "table.json", table)
+    with atomic_write(settings.out / "table.md") as temporary:
+        Path(temporary).write_text(markdown_table(table))
+    if settings.json:
+        print(json.dumps(table, indent=2))
+        return 0
+    Console(width=None if sys.stdout.isatty() else 140).print(rich_table(table))
+    for method, result in results.items():
+        counts = {name: result.verdicts.count(name) for name in sorted(set(result.verdicts)) if name}
+        if counts:
+            print(f"{method}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+    print(settings.out)
+    return 0
+
+
+def doctor(settings: Doctor) -> int:
+    """`vig doctor`."""
+    from vig.cli.doctor import run_doctor
+
+    return run_doctor(settings.json)
+
+
+def _weights(object_class: Any) -> Path:
+    return (object_class.folder or Path()) / "recognition.safetensors"
+
+
+def _line(name: str, described: dict[str, Any], seconds: float) -> str:
+    hidden = described["hidden_fraction"]
+    colour = ", ".join(f"{c:.2f}" for c in described["albedo"])
+    return (
+        f"{name}: azimuth {described['azimuth_deg']:.1f}, elevation {described['elevation_deg']:.1f} degrees,"
+        f" albedo ({colour}), {'nothing seen' if hidden is None else f'{hidden:.0%} hidden'};"
+        f" {described['verdict']}: {described['reason']} ({seconds:.1f} s)"
+    )
+
+
+def _progress(quiet: bool) -> Progress:
+    console = Console(stderr=True)
+    return Progress(
+        "{task.description}",
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=quiet or not console.is_terminal,
+    )

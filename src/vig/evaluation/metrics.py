@@ -1,0 +1,111 @@
+"""The paper's error measures (section 5.2), one number per image.
+
+Every function takes batches as numpy arrays or torch tensors, predictions first, and returns (B,) float64.
+Arguments of different shapes raise ValueError: nothing broadcasts by accident.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.scene import linear_from_srgb
+
+_WHITE_XYZ = np.array([0.950456, 1.0, 1.088754])
+"""CIE XYZ of sRGB's white, D65, luminance 1."""
+_XYZ_FROM_RGB = np.array(
+    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
+)
+
+
+def angle_error_deg(predicted: Any, true: Any) -> np.ndarray:
+    """Absolute difference of angles round the circle: azimuth or elevation.
+
+    predicted, true: (B,) radians, any number of turns. Returns degrees in [0, 180].
+    """
+    predicted, true = _pair(predicted, true, 1)
+    return np.degrees(np.abs((predicted - true + np.pi) % (2 * np.pi) - np.pi))
+
+
+def appearance_error(predicted: Any, true: Any) -> np.ndarray:
+    """Distance of two albedos in the chroma plane (a, b) of CIE Lab, eq. 5.
+
+    predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). As in the paper the numbers are taken as
+    if they were sRGB, and the unit is that of OpenCV's 8-bit Lab divided by 255, without its rounding:
+    times 255 gives CIE ab units.
+    """
+    predicted, true = _pair(predicted, true, 2, last=3)
+    return np.linalg.norm(_chroma(predicted) - _chroma(true), axis=-1) / 255
+
+
+def illumination_error(predicted: Any, true: Any) -> np.ndarray:
+    """Scale-invariant mean squared error of 9 spherical-harmonic coefficients.
+
+    predicted, true: (B, 9) radiance (vig's convention, where exposure puts L00 at 0.75 pi). The prediction is
+    scaled by least squares, so only the truth's unit counts; it is the paper's, with L00 = 0.75, which has no
+    1 / pi in its reflection: hence the division by pi.
+    """
+    predicted, true = _pair(predicted, true, 2, last=9)
+    true = true / np.pi
+    power = (predicted**2).sum(-1, keepdims=True)
+    scale = (predicted * true).sum(-1, keepdims=True) / np.where(power > 0, power, 1)
+    return ((scale * predicted - true) ** 2).mean(-1)
+
+
+def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
+    """Mean distance of corresponding vertices in the object's frame.
+
+    predicted, true: (B, V, 3) metres. Returns millimetres.
+    """
+    predicted, true = _pair(predicted, true, 3, last=3)
+    return 1000 * np.linalg.norm(predicted - true, axis=-1).mean(-1)
+
+
+def shape_ratio(error_mm: Any, mean_shape_error_mm: Any) -> np.ndarray:
+    """Shape error in units of the mean shape's: what the paper's shape row shows, up to its unit.
+
+    error_mm, mean_shape_error_mm: (B,) from `shape_error_mm` on the same images. Each error is divided by
+    the *median* error of the mean shape, so that the median of the result is the ratio of the medians.
+    """
+    error, baseline = _pair(error_mm, mean_shape_error_mm, 1)
+    return error / np.median(baseline)
+
+
+def segmentation_iou(predicted: Any, true: Any) -> np.ndarray:
+    """Intersection over union of predicted-visible and truly visible pixels.
+
+    predicted, true: (B, H, W) bool. Returns [0, 1]; 1 where both masks are empty.
+    """
+    predicted, true = _numpy(predicted), _numpy(true)
+    if predicted.dtype != bool or true.dtype != bool:
+        raise ValueError(f"masks must be bool; got {predicted.dtype} and {true.dtype}. Compare with > 0.5.")
+    _same_shape(predicted, true, 3, None)
+    union = (predicted | true).sum((1, 2))
+    return np.where(union > 0, (predicted & true).sum((1, 2)) / np.maximum(union, 1), 1.0)
+
+
+def _chroma(rgb: np.ndarray) -> np.ndarray:
+    """CIE (a, b) of linear RGB that is taken as if it were sRGB: (..., 3) -> (..., 2)."""
+    xyz = linear_from_srgb(np.clip(rgb, 0, 1)) @ _XYZ_FROM_RGB.T / _WHITE_XYZ
+    f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz * (29 / 6) ** 2 / 3 + 4 / 29)
+    return np.stack([500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+
+
+def _numpy(value: Any) -> np.ndarray:
+    return value.detach().cpu().numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
+
+
+def _pair(a: Any, b: Any, dimensions: int, last: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    a, b = _numpy(a).astype(np.float64), _numpy(b).astype(np.float64)
+    _same_shape(a, b, dimensions, last)
+    return a, b
+
+
+def _same_shape(a: np.ndarray, b: np.ndarray, dimensions: int, last: int | None) -> None:
+    if a.shape != b.shape or a.ndim != dimensions or (last is not None and a.shape[-1] != last):
+        size = "" if last is None else f" and a last one of {last}"
+        raise ValueError(
+            f"expected two arrays of {dimensions} axes{size}, alike; got {a.shape} and {b.shape}"
+        )

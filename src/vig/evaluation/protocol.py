@@ -1,0 +1,175 @@
+"""Running methods over a dataset and measuring them: one row per image, method and metric."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from vig.dataset import Dataset
+from vig.errors import UserError
+from vig.evaluation.metrics import (
+    angle_error_deg,
+    appearance_error,
+    illumination_error,
+    segmentation_iou,
+    shape_error_mm,
+)
+from vig.evaluation.table import BASELINE
+from vig.files import atomic_write
+from vig.inference import ExplainSettings, Explanation, explain_one, geometry_of
+from vig.likelihood import GAUSSIAN, ROBUST, Likelihood, Photos
+from vig.recognition import Prediction, Recognizer
+from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
+
+METHODS = (BASELINE, "rm", "gaussian", "robust")
+
+_MEAN_ELEVATION = np.pi / 4
+_MEAN_ALBEDO = 0.5
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """What one method said of N images. errors: metric to (N,). verdicts: (N,) names, empty where none."""
+
+    errors: dict[str, np.ndarray]
+    verdicts: list[str]
+
+
+def evaluate(
+    dataset: Dataset,
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    methods: tuple[str, ...] = METHODS,
+    settings: ExplainSettings | None = None,
+    threads: int = 2,
+    advance: Callable[[int], None] = lambda done: None,
+) -> dict[str, MethodResult]:
+    """Run methods over all images; `advance` is told how many were fitted since the last call.
+
+    "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
+    silhouette as mask (as in the paper), "gaussian" and "robust" the fits from it. Raises UserError for an
+    unknown method.
+    """
+    unknown = [method for method in methods if method not in METHODS]
+    if unknown:
+        raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
+    settings = settings or ExplainSettings()
+    truth = Latents.from_vector(torch.from_numpy(dataset.latents))
+    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
+    results = {}
+    prediction = recognizer(photos)
+    for method in methods:
+        if method == BASELINE:
+            latents = _mean_latents(object_class, len(dataset))
+            results[method] = MethodResult(_errors(latents, truth, object_class), [""] * len(dataset))
+        elif method == "rm":
+            latents = prediction.best()
+            masks = silhouettes(latents, object_class)
+            errors = _errors(latents, truth, object_class) | {
+                "segmentation_iou": segmentation_iou(masks, dataset.visible)
+            }
+            results[method] = MethodResult(errors, [""] * len(dataset))
+        else:
+            chosen = settings if method == "robust" else gaussian_of(settings)
+            fits = list(_fits(photos, prediction, object_class, chosen, threads, advance))
+            latents = Latents.from_vector(torch.cat([fit.latents.to_vector() for fit in fits]))
+            # The Gaussian model has no outliers: its mask is the whole silhouette, as in the paper.
+            masks = np.stack([(fit.mask if method == "robust" else fit.amodal).numpy() for fit in fits])
+            errors = _errors(latents, truth, object_class) | {
+                "segmentation_iou": segmentation_iou(masks, dataset.visible)
+            }
+            results[method] = MethodResult(errors, [fit.verdict.name.lower() for fit in fits])
+    return results
+
+
+def gaussian_of(settings: ExplainSettings) -> ExplainSettings:
+    """The same fit under the paper's Gaussian pixel model: every pixel of the object is visible."""
+    return replace(settings, likelihood=GAUSSIAN)
+
+
+def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
+    """Whole silhouettes (N, H, W) bool of latents in the standard camera."""
+    camera = Camera.standard(target_height=object_class.target_height)
+    blank = torch.zeros(1, camera.height, camera.width, 3)
+    log_prior = ROBUST.log_prior(camera.height, camera.width)[None]
+    likelihood = Likelihood(geometry_of(object_class), camera, Photos(blank, log_prior))
+    masks = []
+    for part in latents.to_vector().split(16):
+        count = len(part)
+        valued = likelihood(
+            Latents.from_vector(part),
+            torch.zeros(count, 3),
+            torch.zeros(count, dtype=torch.int32),
+            torch.full((count,), ROBUST.sigma),
+            derivatives=False,
+        )
+        masks.append((valued.coverage >= 0.5).numpy())
+    return np.concatenate(masks)
+
+
+def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:
+    """One row per image and method: index, occlusion, cause, method, verdict, every metric."""
+    metrics = sorted({metric for result in results.values() for metric in result.errors})
+    with atomic_write(path) as temporary, open(temporary, "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["image", "occlusion", "cause", "method", "verdict", *metrics])
+        for method, result in results.items():
+            for i in range(len(dataset)):
+                values = [f"{result.errors[m][i]:.6g}" if m in result.errors else "" for m in metrics]
+                start = [i, f"{dataset.occlusion[i]:.4f}", dataset.cause[i], method, result.verdicts[i]]
+                writer.writerow(start + values)
+
+
+def _fits(
+    photos: torch.Tensor,
+    prediction: Prediction,
+    object_class: ObjectClass,
+    settings: ExplainSettings,
+    threads: int,
+    advance: Callable[[int], None],
+) -> Iterator[Explanation]:
+    """Fit every photo, `threads` at a time; the kernels run outside Python's lock."""
+    geometry_of(object_class)
+
+    def one(index: int) -> Explanation:
+        return explain_one(photos[index], prediction[index : index + 1], object_class, settings)
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with ThreadPoolExecutor(threads) as pool:
+            for fit in pool.map(one, range(len(photos))):
+                advance(1)
+                yield fit
+    finally:
+        torch.set_num_threads(before)
+
+
+def _mean_latents(object_class: ObjectClass, count: int) -> Latents:
+    """The middle of what training draws: the answer that looks at no photo."""
+    light = torch.from_numpy(object_class.light_prior_mean).float()
+    light = light * (EXPOSURE_L00 / light[0])
+    return Latents(
+        torch.zeros(count, object_class.shape_model.modes),
+        torch.zeros(count),
+        torch.full((count,), _MEAN_ELEVATION),
+        torch.full((count, 3), _MEAN_ALBEDO),
+        light.expand(count, -1),
+    )
+
+
+def _errors(latents: Latents, truth: Latents, object_class: ObjectClass) -> dict[str, np.ndarray]:
+    model = object_class.shape_model
+    return {
+        "azimuth_deg": angle_error_deg(latents.azimuth, truth.azimuth),
+        "elevation_deg": angle_error_deg(latents.elevation, truth.elevation),
+        "appearance": appearance_error(latents.albedo, truth.albedo),
+        "illumination": illumination_error(latents.light, truth.light),
+        "shape_mm": shape_error_mm(model.vertices(latents.shape), model.vertices(truth.shape)),
+    }

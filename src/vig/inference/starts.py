@@ -1,0 +1,58 @@
+"""Where the descents begin: the recognition model's hypotheses, and points strewn round them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+
+from vig.recognition import Prediction
+from vig.recognition.targets import latents_of
+from vig.scene import Latents
+
+PEAKS = 4
+LEAST_WEIGHT = 0.02
+"""Peaks of azimuth with less probability are left out."""
+
+SPREAD_AZIMUTH = math.radians(8.0)
+SPREAD_ELEVATION = math.radians(4.0)
+SPREAD_SHAPE = 0.3
+
+
+def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
+    """`count` starts for one photo's prediction (N = 1), the first being the best guess itself.
+
+    Each peak of azimuth gets a share of the starts near its probability, at least one; beyond the first,
+    azimuth, elevation and shape are strewn by Gaussians. The same seed gives the same starts.
+    """
+    weights, angles = prediction.modes(PEAKS)
+    probability = weights[0].exp()
+    kept = int((probability / probability.sum() > LEAST_WEIGHT).sum().clamp(1, count))
+    share = (probability[:kept] / probability[:kept].sum()).numpy()
+    peaks = _allot(share, count)
+    azimuth = angles[0, peaks]
+    latents = latents_of(prediction.numbers.expand(count, -1), azimuth)
+    rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
+    strewn = np.array([i > 0 and peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
+    noise = torch.from_numpy(
+        rng.standard_normal((count, 2 + latents.shape.shape[1])).astype(np.float32) * strewn
+    )
+    return Latents(
+        (latents.shape + SPREAD_SHAPE * noise[:, 2:]).clamp(-3.0, 3.0),
+        latents.azimuth + SPREAD_AZIMUTH * noise[:, 0],
+        (latents.elevation + SPREAD_ELEVATION * noise[:, 1]).clamp(0.0, math.pi / 2),
+        latents.albedo,
+        latents.light,
+    )
+
+
+def _allot(share: np.ndarray, count: int) -> list[int]:
+    """Indices of peaks for `count` starts: each once, then by what is owed most."""
+    given = list(range(len(share)))
+    numbers = np.ones(len(share))
+    while len(given) < count:
+        owed = int(np.argmax(share * (count + 1) - numbers))
+        given.append(owed)
+        numbers[owed] += 1
+    return given[:count]

@@ -1,0 +1,19 @@
+"""Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
+
+from vig.likelihood.evaluate import FRAMING_COUNT, Evaluation, Likelihood, Photos
+from vig.likelihood.gaussian import GAUSSIAN
+from vig.likelihood.pixel import PixelModel, mixture
+from vig.likelihood.robust import ROBUST
+from vig.likelihood.surroundings import log_colour_density
+
+__all__ = [
+    "FRAMING_COUNT",
+    "GAUSSIAN",
+    "ROBUST",
+    "Evaluation",
+    "Likelihood",
+    "Photos",
+    "PixelModel",
+    "log_colour_density",
+    "mixture",
+]

@@ -1,0 +1,105 @@
+"""What the recognition model says of photos: hypotheses with weights, uncertainty, and a mask."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+
+from vig.errors import UserError
+from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.targets import latents_of, mask_at_pixels
+from vig.scene import Latents, srgb_from_linear
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is believed of N photos before any fit.
+
+    azimuth (N, bins): probabilities of equal bins, the first centred at half a bin. numbers, deviation
+    (N, M): mean and standard deviation of elevation, shape, albedo and heading-frame light. mask
+    (N, H, W, 3): probability of each pixel showing the object, something before it, or neither.
+    """
+
+    azimuth: torch.Tensor
+    numbers: torch.Tensor
+    deviation: torch.Tensor
+    mask: torch.Tensor
+
+    def __len__(self) -> int:
+        return len(self.azimuth)
+
+    def best(self) -> Latents:
+        """The most probable explanation of each photo: (N,) latents."""
+        _, azimuth = self.modes(1)
+        return latents_of(self.numbers, azimuth[:, 0])
+
+    def modes(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """The `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
+
+        A peak is the circular mean over its bin and the two beside it on either hand; its neighbourhood is
+        then taken out before the next is sought.
+        """
+        bins = self.azimuth.shape[1]
+        centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
+        left = self.azimuth.clone().double()
+        weights, angles = [], []
+        offsets = torch.arange(-2, 3)
+        for _ in range(count):
+            smooth = sum((left.roll(int(o), 1) for o in offsets), torch.zeros_like(left))
+            near = (smooth.argmax(1)[:, None] + offsets) % bins
+            mass = left.gather(1, near)
+            total = mass.sum(1)
+            at = centres[near].double()
+            angle = torch.atan2((mass * at.sin()).sum(1), (mass * at.cos()).sum(1))
+            weights.append(torch.log(total.clamp_min(1e-9)))
+            angles.append(torch.where(total > 0, angle, at[:, 2]))
+            left.scatter_(1, near, 0.0)
+        return torch.stack(weights, 1), torch.remainder(torch.stack(angles, 1), 2 * math.pi).float()
+
+    def __getitem__(self, index: slice) -> Prediction:
+        return Prediction(self.azimuth[index], self.numbers[index], self.deviation[index], self.mask[index])
+
+
+class Recognizer:
+    """A trained recognition network; reads `recognition.safetensors` of a class pack or a training run."""
+
+    def __init__(self, path: Path):
+        try:
+            with safe_open(path, framework="pt") as file:
+                settings = json.loads(file.metadata()["settings"])
+                tensors = {name: file.get_tensor(name) for name in file.keys()}
+            settings["widths"] = tuple(settings["widths"])
+            self.network = RecognitionNetwork(NetworkSettings(**settings))
+            weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
+            self.network.load_state_dict(
+                {k: v.float() if v.is_floating_point() else v for k, v in weights.items()}
+            )
+            self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
+        except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
+            raise UserError(
+                f"expected recognition weights at '{path}'; got {type(error).__name__}."
+                " Train them with `vig train` or take a class that has them."
+            ) from error
+        self.network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def __call__(self, photos: torch.Tensor, batch: int = 64) -> Prediction:
+        """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150."""
+        parts = [self._some(part) for part in photos.float().split(batch)]
+        columns = zip(*[(p.azimuth, p.numbers, p.deviation, p.mask) for p in parts], strict=True)
+        return Prediction(*(torch.cat(column) for column in columns))
+
+    @torch.inference_mode()
+    def _some(self, photos: torch.Tensor) -> Prediction:
+        pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
+        heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+        return Prediction(
+            heads.azimuth.softmax(1).clone(),
+            (heads.mean * self.deviation + self.mean).clone(),
+            ((0.5 * heads.log_variance).exp() * self.deviation).clone(),
+            mask_at_pixels(heads.mask, *photos.shape[1:3]).clone(),
+        )

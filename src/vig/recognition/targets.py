@@ -1,0 +1,72 @@
+"""What the network is asked for: latents in the frames in which they can be seen.
+
+Light is predicted in the *heading frame*, the world turned about Z so that the eye is on -Y: what is bright
+on the left of the photo is on the left there, whatever the object's azimuth. It is turned back with the
+azimuth of each hypothesis.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch.nn import functional
+
+from vig.scene import Latents, rotate_z
+
+MASK_STRIDE = 4
+
+_MIRRORED_LIGHT = (3, 4, 7)
+"""Heading-frame coefficients odd in x: (1,1), (2,-2), (2,1)."""
+
+
+def azimuth_labels(azimuth: torch.Tensor, bins: int, spread: float = math.radians(4.0)) -> torch.Tensor:
+    """Soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians."""
+    centres = (torch.arange(bins, device=azimuth.device) + 0.5) * (2 * math.pi / bins)
+    off = torch.remainder(azimuth[:, None] - centres + math.pi, 2 * math.pi) - math.pi
+    return torch.softmax(-0.5 * (off / spread) ** 2, dim=1)
+
+
+def numbers_of(latents: Latents) -> torch.Tensor:
+    """The regressed numbers (B, 1 + K + 3 + 9): elevation, shape, albedo, light in the heading frame."""
+    light = rotate_z(latents.light, -latents.azimuth)
+    return torch.cat([latents.elevation[:, None], latents.shape, latents.albedo, light], dim=1)
+
+
+def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
+    """The inverse of `numbers_of` for azimuths (B,) radians, clipped to what latents may be."""
+    modes = numbers.shape[1] - 13
+    elevation, shape, albedo, light = numbers.split([1, modes, 3, 9], dim=1)
+    return Latents(
+        shape.clamp(-3.0, 3.0),
+        azimuth,
+        elevation[:, 0].clamp(0.0, math.pi / 2),
+        albedo.clamp(0.0, 1.0),
+        rotate_z(light, azimuth),
+    )
+
+
+def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Targets of the photo flipped left to right, for a class that is its own mirror image in y = 0."""
+    flipped = numbers.clone()
+    first_light = numbers.shape[1] - 9
+    for coefficient in _MIRRORED_LIGHT:
+        flipped[:, first_light + coefficient] *= -1
+    return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped
+
+
+def mask_labels(amodal: torch.Tensor, visible: torch.Tensor) -> torch.Tensor:
+    """Shares (B, 3, ceil(H / 4), ceil(W / 4)) of `MASK_CLASSES` in each cell, from masks (B, H, W) bool.
+
+    Cell i is centred on pixel 4 i, as the features of two strided convolutions are.
+    """
+    shares = torch.stack([visible, amodal & ~visible, ~amodal], dim=1).float()
+    height, width = amodal.shape[1:]
+    pad = (2, -(width + 2) % MASK_STRIDE, 2, -(height + 2) % MASK_STRIDE)
+    return functional.avg_pool2d(functional.pad(shares, pad, mode="replicate"), MASK_STRIDE)
+
+
+def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tensor:
+    """Probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's logits (B, 3, h, w)."""
+    full = functional.interpolate(logits, scale_factor=MASK_STRIDE, mode="bilinear", align_corners=False)
+    return full[:, :, 2 : 2 + height, 2 : 2 + width].softmax(1).permute(0, 2, 3, 1)

@@ -1,0 +1,32 @@
+"""What is explained: latents, shape model, light, camera, object class."""
+
+from vig.scene.camera import IMAGE_SIZE, Camera, camera_rotation
+from vig.scene.colour import linear_from_srgb, srgb8_from_linear, srgb_from_linear
+from vig.scene.latents import SHAPE_LIMIT, Latents
+from vig.scene.light import EXPOSURE_L00, exposed, grey, irradiance, project_panorama, rotate_z, sh_basis
+from vig.scene.mesh import Mesh, face_normals, vertex_normals
+from vig.scene.object_class import ObjectClass
+from vig.scene.shape_model import ShapeModel
+
+__all__ = [
+    "EXPOSURE_L00",
+    "IMAGE_SIZE",
+    "SHAPE_LIMIT",
+    "Camera",
+    "Latents",
+    "Mesh",
+    "ObjectClass",
+    "ShapeModel",
+    "camera_rotation",
+    "exposed",
+    "face_normals",
+    "grey",
+    "irradiance",
+    "linear_from_srgb",
+    "project_panorama",
+    "rotate_z",
+    "sh_basis",
+    "srgb8_from_linear",
+    "srgb_from_linear",
+    "vertex_normals",
+]

@@ -1,0 +1,71 @@
+"""A pinhole camera on a sphere round the object's axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+
+FOCAL_OVER_WIDTH = 1.12
+DISTANCE = 0.4
+IMAGE_SIZE = 150
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics in pixels and the sphere on which the eye moves, in metres.
+
+    The eye is `distance` from the point (0, 0, target_height) and looks at it; the image's up is the
+    world's. OpenCV axes (x right, y down, z forward); pixel centres at half-integers.
+    """
+
+    width: int
+    height: int
+    focal: float
+    cx: float
+    cy: float
+    distance: float = DISTANCE
+    target_height: float = 0.0
+
+    @staticmethod
+    def standard(size: int = IMAGE_SIZE, target_height: float = 0.0) -> Camera:
+        """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m."""
+        return Camera(size, size, FOCAL_OVER_WIDTH * size, size / 2, size / 2, target_height=target_height)
+
+    def scaled(self, factor: float) -> Camera:
+        """The same camera for an image `factor` times as wide and high."""
+        return replace(
+            self,
+            width=round(self.width * factor),
+            height=round(self.height * factor),
+            focal=self.focal * factor,
+            cx=self.cx * factor,
+            cy=self.cy * factor,
+        )
+
+    def pose(self, azimuth: torch.Tensor, elevation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.
+
+        azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
+        """
+        rotation = camera_rotation(azimuth, elevation)
+        target = torch.zeros_like(rotation[..., 0])
+        target[..., 2] = self.target_height
+        translation = -(rotation @ target.unsqueeze(-1)).squeeze(-1)
+        translation[..., 2] += self.distance
+        return rotation, translation
+
+    def project(self, points: torch.Tensor) -> torch.Tensor:
+        """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; z must be positive."""
+        x, y, z = points.unbind(-1)
+        return torch.stack([self.focal * x / z + self.cx, self.focal * y / z + self.cy], dim=-1)
+
+
+def camera_rotation(azimuth: torch.Tensor, elevation: torch.Tensor) -> torch.Tensor:
+    """Rotation camera_from_world of an eye that looks at the vertical axis: (...) radians to (..., 3, 3)."""
+    sa, ca, se, ce = torch.sin(azimuth), torch.cos(azimuth), torch.sin(elevation), torch.cos(elevation)
+    zero = torch.zeros_like(sa)
+    right = torch.stack([ca, sa, zero], dim=-1)
+    down = torch.stack([se * sa, -se * ca, -ce], dim=-1)
+    forward = torch.stack([-ce * sa, ce * ca, -se], dim=-1)
+    return torch.stack([right, down, forward], dim=-2)

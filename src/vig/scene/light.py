@@ -1,0 +1,116 @@
+"""Distant light as nine real spherical-harmonic (SH) coefficients.
+
+Coefficients are of incident radiance in the orthonormal real basis, in the order (l, m) =
+(0,0), (1,-1), (1,0), (1,1), (2,-2), ..., (2,2), in the world frame (Z up). What a Lambertian
+surface reflects is albedo x max(0, sum A_l L_lm Y_lm(n)) with A = (1, 2/3, 1/4): the clamped
+cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 2001).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+
+L_COUNT = 9
+EXPOSURE_L00 = 0.75 * math.pi
+"""L00 of every light after exposure: the paper's 0.75 in its units, which lack the 1 / pi."""
+
+PAPER_LIGHT_UNIT = math.pi
+"""Divide our coefficients by this to compare with the paper's."""
+
+COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))
+"""A_l repeated over m: nine numbers."""
+
+Y00 = 0.5 / math.sqrt(math.pi)
+Y1 = math.sqrt(3 / (4 * math.pi))
+Y2 = 0.5 * math.sqrt(15 / math.pi)
+Y20 = 0.25 * math.sqrt(5 / math.pi)
+
+
+def sh_basis(directions: torch.Tensor) -> torch.Tensor:
+    """Real orthonormal SH up to degree 2 of unit directions: (..., 3) to (..., 9)."""
+    x, y, z = directions.unbind(-1)
+    return torch.stack(
+        [
+            torch.full_like(x, Y00),
+            Y1 * y,
+            Y1 * z,
+            Y1 * x,
+            Y2 * x * y,
+            Y2 * y * z,
+            Y20 * (3 * z * z - 1),
+            Y2 * x * z,
+            0.5 * Y2 * (x * x - y * y),
+        ],
+        dim=-1,
+    )
+
+
+def irradiance(light: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
+    """What a white Lambertian surface reflects (irradiance / pi, Eq. 1 with SH light).
+
+    light: (..., 9); normals: (..., 3) unit, broadcast against light's leading axes. Result >= 0.
+    """
+    lobe = torch.tensor(COSINE_LOBE, dtype=light.dtype, device=light.device)
+    return ((light * lobe) * sh_basis(normals)).sum(-1).clamp_min(0.0)
+
+
+def rotate_z(light: torch.Tensor, angle: torch.Tensor | float) -> torch.Tensor:
+    """Light turned by `angle` radians about +Z, counter-clockwise: (..., 9), angle (...) or a number.
+
+    The turned light in direction d is the given light in direction Rz(-angle) d.
+    """
+    angle = torch.as_tensor(angle, dtype=light.dtype, device=light.device)
+    c1, s1, c2, s2 = torch.cos(angle), torch.sin(angle), torch.cos(2 * angle), torch.sin(2 * angle)
+    l00, y, z, x, xy, yz, zz, xz, x2y2 = light.unbind(-1)
+    return torch.stack(
+        [
+            l00,
+            c1 * y + s1 * x,
+            z,
+            c1 * x - s1 * y,
+            c2 * xy + s2 * x2y2,
+            c1 * yz + s1 * xz,
+            zz,
+            c1 * xz - s1 * yz,
+            c2 * x2y2 - s2 * xy,
+        ],
+        dim=-1,
+    )
+
+
+def project_panorama(radiance: np.ndarray) -> np.ndarray:
+    """SH coefficients of an equirectangular panorama, per channel.
+
+    radiance: (H, W, 3) linear, row 0 straight up (+Z), column u at azimuth 2 pi (u + 0.5) / W
+    counter-clockwise from +X. Result (9, 3) float64. Exact solid angle per row.
+    """
+    if radiance.ndim != 3 or radiance.shape[2] != 3:
+        raise ValueError(f"a panorama must be (H, W, 3) linear radiance; got {radiance.shape}")
+    height, width = radiance.shape[:2]
+    edges = np.cos(np.linspace(0.0, math.pi, height + 1))
+    solid_angle = (edges[:-1] - edges[1:]) * (2 * math.pi / width)
+    theta = (np.arange(height) + 0.5) * math.pi / height
+    phi = (np.arange(width) + 0.5) * 2 * math.pi / width
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(theta)[:, None] * np.cos(phi), np.sin(theta)[:, None] * np.sin(phi), np.cos(theta)[:, None]
+        ),
+        axis=-1,
+    )
+    basis = sh_basis(torch.from_numpy(np.ascontiguousarray(directions))).numpy()
+    return np.einsum("hwl,hwc,h->lc", basis, radiance.astype(np.float64), solid_angle, optimize=True)
+
+
+def grey(light_rgb: np.ndarray) -> np.ndarray:
+    """Luminance (Rec. 709) of RGB light coefficients: (9, 3) to (9,)."""
+    return np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
+
+
+def exposed(light: np.ndarray) -> np.ndarray:
+    """A grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
+    if not light[0] > 0:
+        raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
+    return light * (EXPOSURE_L00 / light[0])

@@ -1,0 +1,48 @@
+"""Triangle meshes and their normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh in metres.
+
+    vertices: (V, 3) float32. faces: (F, 3) int32, counter-clockwise seen from outside.
+    uv: (V, 2) float32 texture coordinates, or None.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
+            raise ValueError(f"vertices must be (V, 3); got {self.vertices.shape}")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            raise ValueError(f"faces must be (F, 3); got {self.faces.shape}")
+        if self.uv is not None and self.uv.shape != (len(self.vertices), 2):
+            raise ValueError(f"uv must be ({len(self.vertices)}, 2); got {self.uv.shape}")
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Outward normals of the faces, their length twice the face's area: (F, 3)."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) float64.
+
+    A vertex without area gets the zero vector.
+    """
+    weighted = face_normals(np.asarray(vertices, np.float64), faces)
+    total = np.zeros((len(vertices), 3))
+    for corner in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(faces[:, corner], weighted[:, axis], minlength=len(vertices))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)

@@ -1,0 +1,98 @@
+"""A class of objects as a folder of data (a class pack): no code, no pickle."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.scene.shape_model import ShapeModel
+
+PACKAGED = Path(__file__).parents[1] / "classes"
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectClass:
+    """What is known of a class before any photo.
+
+    target_height: metres above the base at which the camera looks. light_prior_mean (9,) and
+    light_prior_covariance (9, 9): a Gaussian over SH lights in the world frame at the paper's exposure.
+    folder: where it was read from, None when built in memory.
+    """
+
+    name: str
+    shape_model: ShapeModel
+    target_height: float
+    light_prior_mean: np.ndarray
+    light_prior_covariance: np.ndarray
+    folder: Path | None = None
+
+    def save(self, folder: Path) -> None:
+        """Write class.json and shape.safetensors into `folder`; other files there stay."""
+        model = self.shape_model
+        with atomic_write(Path(folder) / "shape.safetensors") as temporary:
+            save_file(
+                {
+                    "mean": model.mean,
+                    "basis": np.ascontiguousarray(model.basis),
+                    "faces": model.faces,
+                    "parts": model.parts,
+                    "explained_variance_ratio": model.explained_variance_ratio,
+                },
+                temporary,
+            )
+        description = {
+            "format": 1,
+            "name": self.name,
+            "target_height_m": self.target_height,
+            "part_names": list(model.part_names),
+            "light_prior": {
+                "mean": np.round(self.light_prior_mean, 6).tolist(),
+                "covariance": np.round(self.light_prior_covariance, 6).tolist(),
+            },
+        }
+        with atomic_write(Path(folder) / "class.json") as temporary:
+            Path(temporary).write_text(json.dumps(description, indent=1) + "\n")
+
+    @staticmethod
+    def load(name_or_folder: str | Path) -> ObjectClass:
+        """Read a packaged class by name, or a class pack from a folder. UserError when it is not one."""
+        folder = Path(name_or_folder)
+        if not folder.is_dir() and folder.name == str(name_or_folder):
+            folder = PACKAGED / folder
+        if not (folder / "class.json").is_file():
+            known = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))
+            raise UserError(
+                f"expected a class, one of {', '.join(known) or 'none packaged'},"
+                " or a folder with class.json;"
+                f" got '{name_or_folder}'"
+            )
+        try:
+            description = json.loads((folder / "class.json").read_text())
+            arrays = load_file(folder / "shape.safetensors")
+            prior = description["light_prior"]
+            return ObjectClass(
+                description["name"],
+                ShapeModel(
+                    arrays["mean"],
+                    arrays["basis"],
+                    arrays["faces"],
+                    arrays["parts"],
+                    tuple(description["part_names"]),
+                    arrays["explained_variance_ratio"],
+                ),
+                float(description["target_height_m"]),
+                np.array(prior["mean"]),
+                np.array(prior["covariance"]),
+                folder,
+            )
+        except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
+            raise UserError(
+                f"the class pack '{folder}' is damaged: {error}; build or copy it again"
+            ) from error

@@ -1,0 +1,47 @@
+"""The packaged teapot class: shape model from the training designs, light prior from the training panoramas.
+
+`python -m vig.synthesis.class_pack` rebuilds `vig/classes/teapot` and prints the variance that it holds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
+from vig.scene.object_class import PACKAGED
+from vig.synthesis.assets import PANORAMAS, light
+from vig.synthesis.designs import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, TRAINING_DESIGNS, teapot_vertices
+
+MODES = 10
+TURNS = 12
+EXPOSURE_SD = 0.05
+"""Relative uncertainty of L00, so that an exposure slightly off can be explained."""
+
+
+def build_teapot_class() -> ObjectClass:
+    """Fit shape model and light prior; a pure function of the code."""
+    designs = np.stack([teapot_vertices(design) for design in TRAINING_DESIGNS])
+    model = ShapeModel.fit(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
+    angles = 2 * np.pi * np.arange(TURNS) / TURNS
+    lights = np.array([light("train", i, a) for i in range(PANORAMAS["train"]) for a in angles])
+    covariance = np.cov(lights.T)
+    covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
+    target_height = float(model.mean[:, 2].max() / 2)
+    return ObjectClass("teapot", model, round(target_height, 3), lights.mean(0), covariance)
+
+
+def main() -> None:
+    """Build, save and describe the class."""
+    built = build_teapot_class()
+    built.save(PACKAGED / built.name)
+    model = built.shape_model
+    size = np.ptp(model.mean, axis=0)
+    ratios = ", ".join(f"{ratio:.3f}" for ratio in model.explained_variance_ratio)
+    print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.round(size, 3)} m")
+    print(f"target height {built.target_height} m")
+    print(f"{MODES} components hold {model.explained_variance_ratio.sum():.3f} of the variance: {ratios}")
+    print(PACKAGED / built.name)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,16 @@
+"""Procedural teapot designs in dense correspondence."""
+
+from vig.synthesis.designs.catalogue import HELD_OUT_DESIGNS, TRAINING_DESIGNS
+from vig.synthesis.designs.design import TeapotDesign
+from vig.synthesis.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
+
+__all__ = [
+    "HELD_OUT_DESIGNS",
+    "MIRROR",
+    "PART_NAMES",
+    "TEAPOT_FACES",
+    "TEAPOT_PARTS",
+    "TRAINING_DESIGNS",
+    "TeapotDesign",
+    "teapot_vertices",
+]

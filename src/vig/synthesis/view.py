@@ -1,0 +1,53 @@
+"""One camera's view of meshes as depth images, for layout and for the raster tier."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from vig.render import rasterize
+from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera with its pose: rotation (3, 3) and translation (3,) camera_from_world, metres."""
+
+    camera: Camera
+    rotation: np.ndarray
+    translation: np.ndarray
+
+    @staticmethod
+    def of(object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE) -> View:
+        """The standard camera of a class for a square image of `size` pixels, at angles in radians."""
+        camera = Camera.standard(size, object_class.target_height)
+        rotation, translation = camera.pose(
+            torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
+        )
+        return View(camera, rotation[0].numpy(), translation[0].numpy())
+
+    @property
+    def eye(self) -> np.ndarray:
+        """The eye in the world (3,), metres."""
+        return -self.rotation.T @ self.translation
+
+    @property
+    def forward(self) -> np.ndarray:
+        """Unit vector (3,) in the world along which depth is counted."""
+        return self.rotation[2]
+
+    def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Depth (H, W) metres of a world mesh wholly in front of the eye; inf where nothing is seen."""
+        return rasterize(vertices, faces, self.rotation, self.translation, self.camera, cull=True).depth
+
+    def window(self, vertices: np.ndarray) -> tuple[slice, slice]:
+        """Rows and columns of the frame that can show world points (V, 3), all in front of the eye."""
+        x, y, z = (vertices @ self.rotation.T + self.translation).T
+        camera = self.camera
+        column, row = camera.focal * x / z + camera.cx, camera.focal * y / z + camera.cy
+        return (
+            slice(*np.clip([row.min(), row.max() + 1], 0, camera.height).astype(int)),
+            slice(*np.clip([column.min(), column.max() + 1], 0, camera.width).astype(int)),
+        )

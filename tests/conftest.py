@@ -1,0 +1,99 @@
+"""The packaged teapot, and seeded photos of it whose explanation is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from vig.likelihood import ROBUST, Likelihood, Photos
+from vig.render import Geometry
+from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
+
+torch.set_num_threads(1)
+
+
+@dataclass(frozen=True)
+class Studio:
+    """Photographs one class in float64: random latents, their renderings, photos with something in front."""
+
+    geometry: Geometry
+    camera: Camera
+
+    def latents(self, rng: np.random.Generator, count: int = 1) -> Latents:
+        """Latents well inside every bound, brighter from above, at the paper's exposure."""
+        light = np.concatenate([np.full((count, 1), EXPOSURE_L00), rng.normal(0, 0.5, (count, 8))], axis=1)
+        light[:, 2] += 1.0
+        numbers = (
+            rng.normal(size=(count, self.geometry.model.modes)).clip(-2, 2),
+            rng.uniform(0, 2 * np.pi, count),
+            rng.uniform(0.1, 1.2, count),
+            rng.uniform(0.2, 0.8, (count, 3)),
+            light,
+        )
+        return Latents(*(torch.from_numpy(array) for array in numbers))
+
+    def near(self, rng: np.random.Generator, latents: Latents) -> Latents:
+        """A guess off the latents by about 3 degrees, 0.3 sd of shape, 0.05 of albedo, 0.1 of light."""
+        modes = self.geometry.model.modes
+        spread = np.array([0.3] * modes + [0.05] * 2 + [0.05] * 3 + [0.1] * 9)
+        vector = latents.to_vector()
+        return Latents.from_vector(vector + torch.from_numpy(rng.normal(size=vector.shape) * spread))
+
+    def likelihood(self, photos: torch.Tensor, silhouette: str = "exact") -> Likelihood:
+        """Robust likelihood of photos (N, H, W, 3)."""
+        log_prior = ROBUST.log_prior(self.camera.height, self.camera.width).expand(photos.shape)
+        return Likelihood(self.geometry, self.camera, Photos(photos, log_prior), silhouette)
+
+    def render(
+        self, latents: Latents, framing: torch.Tensor | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Irradiance (B, H, W), coverage (B, H, W) and colour (B, H, W, 3) in front of nothing."""
+        count = len(latents)
+        blank = torch.zeros(1, self.camera.height, self.camera.width, 3, dtype=torch.float64)
+        framing = torch.zeros(count, 3, dtype=torch.float64) if framing is None else framing
+        seen = self.likelihood(blank)(latents, framing, *self.whose(count), derivatives=False)
+        colour = seen.irradiance[..., None] * latents.albedo[:, None, None, :]
+        return seen.irradiance, seen.coverage, colour
+
+    @staticmethod
+    def whose(count: int, sigma: float = ROBUST.sigma) -> tuple[torch.Tensor, torch.Tensor]:
+        """The arguments `photo` and `sigma` of `count` guesses at the first photo."""
+        return torch.zeros(count, dtype=torch.int32), torch.full((count,), sigma, dtype=torch.float64)
+
+    def blocks(self, rng: np.random.Generator) -> torch.Tensor:
+        """A backdrop of flat coloured blocks, 10 pixels wide: (H, W, 3)."""
+        cells = rng.uniform(0.1, 0.9, (self.camera.height // 10, self.camera.width // 10, 3))
+        return torch.from_numpy(np.kron(cells, np.ones((10, 10, 1))))
+
+    def photo(
+        self,
+        rng: np.random.Generator,
+        latents: Latents,
+        framing: torch.Tensor | None = None,
+        occluded: bool = True,
+        noise: float = 0.0,
+    ) -> torch.Tensor:
+        """A photo (1, H, W, 3) in front of blocks, a tall block of other colours in front when occluded."""
+        _, coverage, colour = self.render(latents, framing)
+        backdrop = self.blocks(rng)
+        photo = torch.where(coverage[..., None] > 0.5, colour, backdrop)
+        if occluded:
+            left = int(rng.integers(20, 80))
+            photo[:, 40:110, left : left + 40] = self.blocks(rng)[40:110, left : left + 40]
+        return (photo + torch.from_numpy(rng.normal(0, noise, photo.shape))).clamp(0, 1)
+
+
+@pytest.fixture(scope="session")
+def teapot() -> ObjectClass:
+    return ObjectClass.load("teapot")
+
+
+@pytest.fixture(scope="session")
+def studio(teapot: ObjectClass) -> Studio:
+    """The teapot before the paper's camera, in float64."""
+    return Studio(
+        Geometry(teapot.shape_model, torch.float64), Camera.standard(target_height=teapot.target_height)
+    )

@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from vig.inference import Objective
+from vig.inference.objective import Belief
+from vig.scene import Latents, ObjectClass
+
+
+@pytest.fixture(scope="module")
+def objective(studio, teapot: ObjectClass) -> Objective:
+    return Objective(
+        studio.likelihood(studio.blocks(np.random.default_rng(0))[None]), teapot, free_framing=True
+    )
+
+
+def test_a_point_is_the_latents_then_the_framing(studio, objective: Objective) -> None:
+    latents = studio.latents(np.random.default_rng(1), 4)
+    framing = torch.full((4, 3), 0.01, dtype=torch.float64)
+    points = objective.point(latents, framing)
+    assert points.shape == (4, objective.size) == (4, 27)
+    torch.testing.assert_close(points, torch.cat([latents.to_vector(), framing], dim=1))
+    torch.testing.assert_close(objective.latents(points).to_vector(), latents.to_vector())
+    assert not objective.point(latents)[:, -3:].any()
+
+
+def test_points_lie_within_the_bounds(objective: Objective) -> None:
+    rng = np.random.default_rng(2)
+    wild = Latents.from_vector(torch.from_numpy(rng.normal(0, 50, (20, 24))))
+    points = objective.point(wild, torch.from_numpy(rng.normal(0, 5, (20, 3))))
+    assert (points >= objective.lower).all() and (points <= objective.upper).all()
+    shape, elevation, albedo = points[:, :10], points[:, 11], points[:, 12:15]
+    assert shape.abs().max() == 3.0
+    assert elevation.min() == 0 and elevation.max() == pytest.approx(math.pi / 2)
+    assert albedo.min() == 0 and albedo.max() == 1
+    torch.testing.assert_close(points[:, 10], wild.azimuth)  # any angle is an azimuth
+    torch.testing.assert_close(points[:, 15:24], wild.light)
+
+
+def test_a_held_framing_is_zero_whatever_is_asked(studio, teapot: ObjectClass) -> None:
+    held = Objective(studio.likelihood(studio.blocks(np.random.default_rng(3))[None]), teapot)
+    points = held.point(
+        studio.latents(np.random.default_rng(4)), torch.full((1, 3), 0.1, dtype=torch.float64)
+    )
+    assert not points[:, -3:].any()
+    assert torch.equal(held.lower[-3:], held.upper[-3:])
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("column", [0, 10, 14, 23])
+def test_latents_that_are_not_finite_are_refused(objective: Objective, bad: float, column: int) -> None:
+    vector = torch.zeros(2, 24, dtype=torch.float64)
+    vector[1, column] = bad
+    with pytest.raises(ValueError, match="latents must be finite"):
+        objective.point(Latents.from_vector(vector))
+
+
+def test_latents_of_another_class_are_refused(objective: Objective) -> None:
+    with pytest.raises(ValueError, match=r"latents must be \(B, 24\); got \(1, 20\)"):
+        objective.point(Latents.from_vector(torch.zeros(1, 20)))
+
+
+def test_the_prior_is_that_of_shape_light_and_framing(
+    studio, objective: Objective, teapot: ObjectClass
+) -> None:
+    rng = np.random.default_rng(5)
+    points = objective.point(studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.03, (3, 3))))
+    shape = torch.distributions.Normal(0.0, 1.0).log_prob(points[:, :10]).sum(1)
+    light = torch.distributions.MultivariateNormal(
+        torch.from_numpy(teapot.light_prior_mean), torch.from_numpy(teapot.light_prior_covariance)
+    ).log_prob(points[:, 15:24])
+    framing = (
+        torch.distributions.Normal(0.0, torch.tensor([0.05, 0.05, 0.10])).log_prob(points[:, 24:]).sum(1)
+    )
+    expected = shape + light + framing
+    off = objective.log_prior(points) - expected
+    torch.testing.assert_close(off, off[:1].expand(3))  # equal up to one constant
+    moved = points.clone()
+    moved[:, 10:15] += 0.1  # pose and albedo are uniform
+    torch.testing.assert_close(objective.log_prior(moved), objective.log_prior(points))
+
+
+def test_a_belief_multiplies_the_prior(studio, objective: Objective, teapot: ObjectClass) -> None:
+    rng = np.random.default_rng(8)
+    belief = Belief(torch.from_numpy(rng.normal(size=15)), torch.from_numpy(rng.uniform(0, 4, 15)))
+    belief.precision[[2, 10]] = 0.0  # nothing is said of a component and of azimuth
+    believing = Objective(objective.likelihood, teapot, free_framing=True, belief=belief)
+    points = objective.point(studio.latents(rng, 4))
+    said = -0.5 * (belief.precision * (points[:, :15] - belief.mean) ** 2).sum(1)
+    off = believing.log_prior(points) - objective.log_prior(points) - said
+    torch.testing.assert_close(off, off[:1].expand(4))  # equal up to one constant
+
+
+def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: Objective) -> None:
+    rng = np.random.default_rng(6)
+    points = objective.point(studio.latents(rng, 2), torch.from_numpy(rng.normal(0, 0.03, (2, 3))))
+    valued = objective(points, *studio.whose(2))
+    below = objective.likelihood(objective.latents(points), points[:, -3:], *studio.whose(2))
+    torch.testing.assert_close(valued.value, below.value + objective.log_prior(points))
+    variable = points.clone().requires_grad_(True)
+    (slope,) = torch.autograd.grad(objective.log_prior(variable).sum(), variable)
+    torch.testing.assert_close(valued.gradient - below.gradient, slope, atol=1e-6, rtol=1e-7)
+    curvature = torch.autograd.functional.hessian(lambda p: -objective.log_prior(p[None]).sum(), points[0])
+    torch.testing.assert_close((valued.normal - below.normal)[0], curvature, atol=1e-5, rtol=1e-7)
+
+
+def test_derivatives_may_be_left_out(studio, objective: Objective) -> None:
+    points = objective.point(studio.latents(np.random.default_rng(7)))
+    plain = objective(points, *studio.whose(1), derivatives=False)
+    assert plain.gradient is None and plain.normal is None
+    torch.testing.assert_close(plain.value, objective(points, *studio.whose(1)).value)

@@ -1,0 +1,94 @@
+"""The derivatives of Eq. 4 against central differences of the same number, in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from vig.likelihood import ROBUST, Likelihood
+from vig.scene import Latents
+
+STENCIL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
+"""Fourth-order central difference: offsets in steps, weights."""
+
+
+def central(studio, likelihood: Likelihood, point: torch.Tensor, column: int, step: float) -> float:
+    """d value / d point[column] of a point (1, 24 + 3)."""
+    points = point.repeat(len(STENCIL), 1)
+    points[:, column] += torch.tensor([offset * step for offset, _ in STENCIL], dtype=torch.float64)
+    found = likelihood(
+        Latents.from_vector(points[:, :-3]), points[:, -3:], *studio.whose(len(STENCIL)), derivatives=False
+    )
+    return sum(w * v for (_, w), v in zip(STENCIL, found.value.tolist(), strict=True)) / step
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_gradient_is_the_objectives_own(studio, seed: int) -> None:
+    """24 latents and the framing on a random occluded photo, at a guess off the truth."""
+    rng = np.random.default_rng(seed)
+    latents = studio.latents(rng)
+    likelihood = studio.likelihood(studio.photo(rng, latents))
+    point = torch.cat(
+        [studio.near(rng, latents).to_vector(), torch.from_numpy(rng.normal(0, 0.01, (1, 3)))], 1
+    )
+    found = likelihood(Latents.from_vector(point[:, :-3]), point[:, -3:], *studio.whose(1))
+    analytic = found.gradient[0].numpy()
+    assert len(analytic) == 27
+    numeric = np.array([central(studio, likelihood, point, column, 1e-7) for column in range(27)])
+
+    def error() -> np.ndarray:
+        return np.abs(analytic - numeric) / (np.abs(numeric) + 1e-3 * np.abs(analytic).max())
+
+    # Where a pixel's centre passes an edge within the stencil a shorter step is the better difference.
+    for column in np.nonzero(error() > 1e-5)[0]:
+        shorter = central(studio, likelihood, point, column, 1e-8)
+        if abs(shorter - analytic[column]) < abs(numeric[column] - analytic[column]):
+            numeric[column] = shorter
+    assert error().max() <= 1e-4, dict(
+        zip(np.nonzero(error() > 1e-4)[0], error()[error() > 1e-4], strict=True)
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_normal_matrix_is_symmetric_and_positive_semidefinite(studio, seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    latents = studio.latents(rng)
+    likelihood = studio.likelihood(studio.photo(rng, latents))
+    framing = torch.zeros(1, 3, dtype=torch.float64)
+    normal = likelihood(studio.near(rng, latents), framing, *studio.whose(1)).normal[0]
+    assert normal.shape == (27, 27)
+    scale = torch.diagonal(normal).sqrt()
+    assert (scale > 0).all()
+    torch.testing.assert_close(normal / scale / scale[:, None], (normal / scale / scale[:, None]).T)
+    assert torch.linalg.eigvalsh(normal / scale / scale[:, None]).min() > -1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_at_the_truth_the_interiors_normal_matrix_is_gauss_newtons(studio, seed: int) -> None:
+    """J^T W J of the rendered colours, W the posterior over sigma squared, J by central differences."""
+    rng = np.random.default_rng(200 + seed)
+    latents = studio.latents(rng)
+    point = torch.cat([latents.to_vector(), torch.zeros(1, 3, dtype=torch.float64)], dim=1)
+    photo = studio.photo(rng, latents, occluded=False)
+    likelihood = studio.likelihood(photo, "paper")
+    found = likelihood(latents, point[:, -3:], *studio.whose(1))
+    inside = found.coverage[0] > 0.5
+    columns = []
+    for column in range(27):
+        ends = point.repeat(2, 1)
+        ends[:, column] += torch.tensor([-1e-7, 1e-7], dtype=torch.float64)
+        seen = likelihood(
+            Latents.from_vector(ends[:, :-3]), ends[:, -3:], *studio.whose(2), derivatives=False
+        )
+        assert ((seen.coverage > 0.5) == inside).all(), "a pixel flipped: choose another seed"
+        colour = seen.irradiance[..., None] * ends[:, 12:15].view(2, 1, 1, 3)
+        columns.append(((colour[1] - colour[0]) / 2e-7)[inside])
+    jacobian = torch.stack(columns, dim=-1)  # (pixels, 3, 27)
+    weight = found.posterior[0, inside] / ROBUST.sigma**2
+    expected = torch.einsum("nci,n,ncj->ij", jacobian, weight, jacobian)
+    scale = torch.diagonal(expected).sqrt()
+    off = (found.normal[0] - expected) / scale / scale[:, None]
+    assert off.abs().max() < 1e-4
+    # Nothing is left to explain: in the interior the truth is the maximum.
+    assert found.gradient.abs().max() < 1e-6 * float(scale.max())

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from vig.likelihood import GAUSSIAN, ROBUST, PixelModel, mixture
+
+
+def row(*numbers: float) -> torch.Tensor:
+    return torch.tensor(numbers, dtype=torch.float64)
+
+
+def test_the_settings_are_the_papers() -> None:
+    assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.9)
+    assert (GAUSSIAN.sigma, GAUSSIAN.alpha) == (0.05, 1.0)
+
+
+def test_a_perfect_inlier_gains_what_the_paper_says() -> None:
+    # log(0.9 (2 pi 0.03^2)^(-3/2) + 0.1) = 7.66 nats; its posterior is one but for 5e-5.
+    value, posterior = mixture(row(0.3, 0.4, 0.5), row(0.3, 0.4, 0.5), ROBUST.log_prior(1, 1)[0, 0], 0.03)
+    assert value.item() == pytest.approx(7.6575, abs=1e-3)
+    assert posterior.item() == pytest.approx(1 - 0.1 / math.exp(value.item()), abs=1e-12)
+
+
+def test_an_outlier_costs_log_one_minus_alpha() -> None:
+    value, posterior = mixture(row(1, 1, 1), row(0, 0, 0), ROBUST.log_prior(1, 1)[0, 0], 0.03)
+    assert value.item() == pytest.approx(math.log(0.1))
+    assert posterior.item() < 1e-100
+
+
+def test_values_are_those_of_the_densities_themselves() -> None:
+    rng = np.random.default_rng(0)
+    observed = torch.from_numpy(rng.uniform(size=(50, 3)))
+    rendered = observed + torch.from_numpy(rng.normal(0, 0.2, (50, 3)))
+    log_prior = torch.from_numpy(np.log(rng.dirichlet((1, 1, 1), 50)))
+    normal = torch.distributions.Normal(rendered, 0.15)
+    inlier = log_prior[:, 0].exp() * normal.log_prob(observed).sum(1).exp()
+    hidden = log_prior[:, 1].exp()
+    value, posterior = mixture(observed, rendered, log_prior, 0.15)
+    torch.testing.assert_close(value, (inlier + hidden).log())
+    torch.testing.assert_close(posterior, inlier / (inlier + hidden))
+
+
+def test_the_gaussian_model_has_no_outliers() -> None:
+    log_prior = GAUSSIAN.log_prior(2, 3)
+    assert log_prior.shape == (2, 3, 3) and torch.isfinite(log_prior).all()
+    observed, rendered = row(1, 1, 1), row(0, 0, 0)
+    value, posterior = mixture(observed, rendered, log_prior, 0.05)
+    expected = torch.distributions.Normal(rendered, 0.05).log_prob(observed).sum()
+    torch.testing.assert_close(value, expected.expand(2, 3))
+    assert (posterior == 1).all()
+
+
+def test_the_prior_of_the_robust_model() -> None:
+    torch.testing.assert_close(ROBUST.log_prior(4, 5)[3, 4].exp(), row(0.9, 0.1, 1.0))
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan])
+def test_a_noise_without_width_is_refused(sigma: float) -> None:
+    with pytest.raises(ValueError, match="sigma must be a positive standard deviation"):
+        PixelModel(sigma=sigma, alpha=0.9)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1.1, math.nan])
+def test_an_alpha_that_is_no_probability_is_refused(alpha: float) -> None:
+    with pytest.raises(ValueError, match=r"alpha must be a probability in \(0, 1\]"):
+        PixelModel(sigma=0.03, alpha=alpha)

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from vig.scene import Camera, camera_rotation
+
+
+def angles(azimuth: float, elevation: float) -> tuple[torch.Tensor, torch.Tensor]:
+    return torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
+
+
+def eye(camera: Camera, azimuth: float, elevation: float) -> np.ndarray:
+    rotation, translation = camera.pose(*angles(azimuth, elevation))
+    return -(rotation[0].T @ translation[0]).numpy()
+
+
+def pixel(camera: Camera, azimuth: float, elevation: float, point: tuple[float, float, float]) -> np.ndarray:
+    rotation, translation = camera.pose(*angles(azimuth, elevation))
+    return camera.project(rotation[0] @ torch.tensor(point, dtype=torch.float64) + translation[0]).numpy()
+
+
+CAMERA = Camera.standard(target_height=0.08)
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "expected"),
+    [
+        (0, 0, (0, -0.4, 0.08)),
+        (90, 0, (0.4, 0, 0.08)),  # counter-clockwise about +Z
+        (180, 0, (0, 0.4, 0.08)),
+        (0, 90, (0, 0, 0.48)),
+        (90, 30, (0.4 * math.cos(math.pi / 6), 0, 0.08 + 0.2)),
+    ],
+)
+def test_the_eye_is_on_its_sphere(azimuth: float, elevation: float, expected: tuple[float, ...]) -> None:
+    found = eye(CAMERA, math.radians(azimuth), math.radians(elevation))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_rotations_are_proper() -> None:
+    rng = np.random.default_rng(0)
+    rotation = camera_rotation(
+        torch.from_numpy(rng.uniform(-9, 9, 20)), torch.from_numpy(rng.uniform(-2, 2, 20))
+    )
+    torch.testing.assert_close(rotation @ rotation.mT, torch.eye(3, dtype=torch.float64).expand(20, 3, 3))
+    torch.testing.assert_close(torch.linalg.det(rotation), torch.ones(20, dtype=torch.float64))
+
+
+def test_the_target_is_at_the_centre_and_up_is_up() -> None:
+    rng = np.random.default_rng(1)
+    for azimuth, elevation in zip(rng.uniform(0, 7, 10), rng.uniform(-1.4, 1.4, 10), strict=True):
+        np.testing.assert_allclose(pixel(CAMERA, azimuth, elevation, (0, 0, 0.08)), (75, 75))
+        above = pixel(CAMERA, azimuth, elevation, (0, 0, 0.10))
+        assert above[0] == pytest.approx(75) and above[1] < 75  # rows are counted downwards
+
+
+def test_azimuth_0_has_plus_x_on_the_right() -> None:
+    # f x / z = 168 x 0.1 / 0.4 = 42 pixels.
+    np.testing.assert_allclose(pixel(CAMERA, 0, 0, (0.1, 0, 0.08)), (75 + 42, 75))
+    np.testing.assert_allclose(pixel(CAMERA, 0, 0, (0, 0, 0.18)), (75, 75 - 42))
+
+
+def test_standard_is_the_papers() -> None:
+    camera = Camera.standard()
+    assert (camera.width, camera.height, camera.cx, camera.cy) == (150, 150, 75, 75)
+    assert camera.focal == pytest.approx(168)
+    assert camera.distance == 0.4
+
+
+def test_a_scaled_camera_sees_the_same_at_another_size() -> None:
+    camera = CAMERA.scaled(8)
+    assert (camera.width, camera.height) == (1200, 1200)
+    point = (0.03, -0.05, 0.1)
+    np.testing.assert_allclose(pixel(camera, 1.0, 0.4, point), 8 * pixel(CAMERA, 1.0, 0.4, point))
