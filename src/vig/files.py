@@ -47,7 +47,10 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     try:
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except FileNotFoundError as error:  # a file system that makes no folders, such as /proc
+            raise UserError(f"cannot write {path}: no folder can be made there; choose another.") from error
         yield temporary
         os.chmod(temporary, 0o666 & ~_UMASK)  # some writers make files for their owner only
         os.replace(temporary, path)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import Objective
-from vig.inference.objective import Belief
-from vig.scene import Latents, ObjectClass
+from vig.inference import Belief, Objective
+from vig.inference.prior import FRAMING_SD
+from vig.scene import Latents, ObjectClass, rotate_z
 
 
 @pytest.fixture(scope="module")
@@ -73,26 +73,52 @@ def test_the_prior_is_that_of_shape_light_and_framing(
     light = torch.distributions.MultivariateNormal(
         torch.from_numpy(teapot.light_prior_mean), torch.from_numpy(teapot.light_prior_covariance)
     ).log_prob(points[:, 15:24])
-    framing = (
-        torch.distributions.Normal(0.0, torch.tensor([0.05, 0.05, 0.10])).log_prob(points[:, 24:]).sum(1)
-    )
+    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING_SD)).log_prob(points[:, 24:]).sum(1)
     expected = shape + light + framing
-    off = objective.log_prior(points) - expected
+    off = objective.prior.value(points) - expected
     torch.testing.assert_close(off, off[:1].expand(3))  # equal up to one constant
     moved = points.clone()
     moved[:, 10:15] += 0.1  # pose and albedo are uniform
-    torch.testing.assert_close(objective.log_prior(moved), objective.log_prior(points))
+    torch.testing.assert_close(objective.prior.value(moved), objective.prior.value(points))
 
 
-def test_a_belief_multiplies_the_prior(studio, objective: Objective, teapot: ObjectClass) -> None:
-    rng = np.random.default_rng(8)
-    belief = Belief(torch.from_numpy(rng.normal(size=15)), torch.from_numpy(rng.uniform(0, 4, 15)))
+def some_belief(rng: np.random.Generator) -> Belief:
+    belief = Belief(torch.from_numpy(rng.normal(size=24)), torch.from_numpy(rng.uniform(0, 4, 24)))
     belief.precision[[2, 10]] = 0.0  # nothing is said of a component and of azimuth
+    return belief
+
+
+def test_a_belief_multiplies_the_prior_its_light_in_the_heading_frame(
+    studio, objective: Objective, teapot: ObjectClass
+) -> None:
+    rng = np.random.default_rng(8)
+    belief = some_belief(rng)
     believing = Objective(objective.likelihood, teapot, free_framing=True, belief=belief)
-    points = objective.point(studio.latents(rng, 4))
-    said = -0.5 * (belief.precision * (points[:, :15] - belief.mean) ** 2).sum(1)
-    off = believing.log_prior(points) - objective.log_prior(points) - said
+    latents = studio.latents(rng, 4)
+    points = objective.point(latents)
+    seen = points[:, :24].clone()
+    seen[:, 15:] = rotate_z(latents.light, -latents.azimuth)
+    said = -0.5 * (belief.precision * (seen - belief.mean) ** 2).sum(1)
+    off = believing.prior.value(points) - objective.prior.value(points) - said
     torch.testing.assert_close(off, off[:1].expand(4))  # equal up to one constant
+
+
+def test_a_beliefs_derivatives_are_exact_and_its_matrix_is_that_of_its_residuals(
+    studio, objective: Objective, teapot: ObjectClass
+) -> None:
+    rng = np.random.default_rng(9)
+    prior = Objective(objective.likelihood, teapot, belief=some_belief(rng)).prior
+    points = objective.point(studio.latents(rng, 3))
+    gradient, normal = prior.derivatives(points)
+    variable = points.clone().requires_grad_(True)
+    (slope,) = torch.autograd.grad(prior.value(variable).sum(), variable)
+    torch.testing.assert_close(gradient, slope, atol=1e-9, rtol=1e-9)
+    assert torch.linalg.eigvalsh(normal).min() > -1e-9
+    # Where the residual of the light is zero the Gauss-Newton matrix is the Hessian.
+    fitting = points[:1].clone()
+    fitting[:, 15:24] = rotate_z(prior.heading_mean[None], fitting[:, 10])
+    curvature = torch.autograd.functional.hessian(lambda p: -prior.value(p[None]).sum(), fitting[0])
+    torch.testing.assert_close(prior.derivatives(fitting)[1][0], curvature, atol=1e-8, rtol=1e-8)
 
 
 def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: Objective) -> None:
@@ -100,11 +126,11 @@ def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: 
     points = objective.point(studio.latents(rng, 2), torch.from_numpy(rng.normal(0, 0.03, (2, 3))))
     valued = objective(points, *studio.whose(2))
     below = objective.likelihood(objective.latents(points), points[:, -3:], *studio.whose(2))
-    torch.testing.assert_close(valued.value, below.value + objective.log_prior(points))
+    torch.testing.assert_close(valued.value, below.value + objective.prior.value(points))
     variable = points.clone().requires_grad_(True)
-    (slope,) = torch.autograd.grad(objective.log_prior(variable).sum(), variable)
+    (slope,) = torch.autograd.grad(objective.prior.value(variable).sum(), variable)
     torch.testing.assert_close(valued.gradient - below.gradient, slope, atol=1e-6, rtol=1e-7)
-    curvature = torch.autograd.functional.hessian(lambda p: -objective.log_prior(p[None]).sum(), points[0])
+    curvature = torch.autograd.functional.hessian(lambda p: -objective.prior.value(p[None]).sum(), points[0])
     torch.testing.assert_close((valued.normal - below.normal)[0], curvature, atol=1e-5, rtol=1e-7)
 
 

@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+from dataclasses import fields
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
 import trimesh
+import warp as wp
 
-from vig.render import Geometry, VertexState, shade_vertices
+from vig.render import Geometry, shade_vertices
 from vig.render.geometry import edges_of
+from vig.render.scratch import Scratch
 from vig.scene import Latents, ObjectClass, irradiance, vertex_normals
 
 
@@ -15,9 +20,14 @@ def latents(studio) -> Latents:
     return studio.latents(np.random.default_rng(0), 3)
 
 
-def shaded(studio, latents: Latents, framing: torch.Tensor | None = None) -> VertexState:
+def shaded(
+    studio, latents: Latents, framing: torch.Tensor | None = None, geometry: Geometry | None = None
+) -> SimpleNamespace:
+    """A `VertexState` as tensors of its own."""
     framing = torch.zeros(len(latents), 3, dtype=torch.float64) if framing is None else framing
-    return shade_vertices(studio.geometry, studio.camera, latents, framing)
+    state = shade_vertices(geometry or studio.geometry, studio.camera, latents, framing, Scratch("cpu"))
+    tensors = {field.name: wp.to_torch(getattr(state, field.name)).clone() for field in fields(state)}
+    return SimpleNamespace(**tensors)
 
 
 def slopes(studio, latents: Latents, column: int, step: float) -> torch.Tensor:
@@ -92,12 +102,8 @@ def test_framing_shifts_by_widths_and_magnifies_by_its_exponential(studio, laten
 
 def test_single_precision_shades_alike(studio, teapot: ObjectClass, latents: Latents) -> None:
     exact = shaded(studio, latents)
-    single = shade_vertices(
-        Geometry(teapot.shape_model),
-        studio.camera,
-        Latents.from_vector(latents.to_vector().float()),
-        torch.zeros(3, 3),
-    )
+    rounded = Latents.from_vector(latents.to_vector().float())
+    single = shaded(studio, rounded, geometry=Geometry(teapot.shape_model))
     torch.testing.assert_close(single.points.double(), exact.points, atol=1e-6, rtol=0)
     torch.testing.assert_close(single.irradiances.double(), exact.irradiances, atol=1e-4, rtol=0)
 
@@ -125,4 +131,4 @@ def test_the_border_of_a_sheet_has_nothing_beyond() -> None:
 def test_other_precisions_are_refused(teapot: ObjectClass, studio, latents: Latents) -> None:
     half = Geometry(teapot.shape_model, torch.float16)
     with pytest.raises(ValueError, match=r"float32 or float64; got torch\.float16"):
-        shade_vertices(half, studio.camera, latents, torch.zeros(3, 3))
+        shaded(studio, latents, geometry=half)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vig.errors import UserError
-from vig.report.window import WINDOW_OVER_BOX, Window
+from vig.report.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, Window
 
 
 def test_whole_square_photo_of_the_right_size_is_not_resampled():
@@ -14,11 +14,11 @@ def test_whole_square_photo_of_the_right_size_is_not_resampled():
     assert known.all()
 
 
-def test_window_of_a_box_is_centred_on_it_and_larger():
+def test_window_of_a_box_is_larger_with_the_box_a_little_below_its_centre():
     window = Window.of(400, 300, (100, 80, 120, 60))
     assert window.side == pytest.approx(WINDOW_OVER_BOX * 120)
     assert window.left + window.side / 2 == pytest.approx(160)
-    assert window.top + window.side / 2 == pytest.approx(110)
+    assert window.top + window.side / 2 == pytest.approx(110 - BOX_BELOW_CENTRE * window.side)
 
 
 def test_wide_photo_is_padded_above_and_below_and_padding_is_marked_unknown():

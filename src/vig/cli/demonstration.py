@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from vig.images import write_png
 
 def demonstrate(out: Path, as_json: bool) -> int:
     """Explain every example into `out` and print a table, or JSON."""
-    console = Console(width=None)
+    console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
     explainer = Explainer("teapot")
     rows = []

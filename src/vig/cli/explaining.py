@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,9 @@ class Explainer:
     """Reads, explains and writes photos with one class and one way of fitting."""
 
     def __init__(self, object_class: str, likelihood: str = "robust", optimizer: str = "lm"):
+        torch.set_num_threads(1)  # a fit's matrices are small: threads cost more than they bring
         self.object_class = ObjectClass.load(object_class)
-        folder = self.object_class.folder or Path()
-        self.recognizer = Recognizer(folder / "recognition.safetensors")
+        self.recognizer = Recognizer.of_class(self.object_class)
         self.likelihood, self.optimizer = LIKELIHOODS[likelihood], OPTIMIZERS[optimizer]()
 
     def __call__(
@@ -59,6 +60,8 @@ def parse_box(text: str) -> Box:
     """ "x,y,w,h" as four numbers; UserError when it is not."""
     try:
         x, y, w, h = (float(part) for part in text.replace(" ", "").split(","))
+        if not all(map(math.isfinite, (x, y, w, h))):
+            raise ValueError
     except ValueError:
         raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None
     return x, y, w, h

@@ -111,8 +111,10 @@ def train(settings: Train) -> int:
     from vig.recognition import train as train_network
 
     lines: list[str] = []
+    dataset = read_dataset(settings.dataset, "train")
+    _check_writable(settings.out)
     path = train_network(
-        read_dataset(settings.dataset, "train"),
+        dataset,
         settings.out,
         TrainingSettings(epochs=settings.epochs, seed=settings.seed),
         say=lines.append if settings.json else lambda line: print(line, flush=True),
@@ -137,13 +139,20 @@ def evaluate(settings: Evaluate) -> int:
 
     object_class = ObjectClass.load(settings.object_class)
     dataset = read_dataset(settings.dataset, settings.split)
-    recognizer = Recognizer(settings.weights or _weights(object_class))
+    recognizer = Recognizer.of_class(object_class, settings.weights)
+    if not 0 <= settings.max_occlusion <= 1:
+        raise UserError(
+            f"expected --max-occlusion as a share from 0 to 1; got {settings.max_occlusion:g}."
+            " Is it a percentage?"
+        )
+    _check_writable(settings.out)
     fits = len(dataset) * sum(method in ("gaussian", "robust") for method in settings.methods)
     with _progress(settings.json) as progress:
         task = progress.add_task("fits", total=fits)
         results = run_methods(
             dataset, object_class, recognizer, settings.methods, advance=lambda n: progress.advance(task, n)
         )
+    write_csv(settings.out / "errors.csv", dataset, results)
     table = build_table(
         {method: result.errors for method, result in results.items()},
         dataset.occlusion,
@@ -151,7 +160,6 @@ def evaluate(settings: Evaluate) -> int:
         np.random.default_rng(0),
         settings.max_occlusion,
     )
-    write_csv(settings.out / "errors.csv", dataset, results)
     save_table(settings.out / "table.json", table)
     with atomic_write(settings.out / "table.md") as temporary:
         Path(temporary).write_text(markdown_table(table))
@@ -174,8 +182,14 @@ def doctor(settings: Doctor) -> int:
     return run_doctor(settings.json)
 
 
-def _weights(object_class: Any) -> Path:
-    return (object_class.folder or Path()) / "recognition.safetensors"
+def _check_writable(folder: Path) -> None:
+    """Refuse now a folder that could not be written after an hour's work."""
+    from vig.files import atomic_write
+
+    probe = folder / ".writable"
+    with atomic_write(probe) as temporary:
+        temporary.touch()
+    probe.unlink()
 
 
 def _line(name: str, described: dict[str, Any], seconds: float) -> str:

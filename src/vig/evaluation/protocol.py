@@ -54,8 +54,16 @@ def evaluate(
 
     "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
     silhouette as mask (as in the paper), "gaussian" and "robust" the fits from it. Raises UserError for an
-    unknown method.
+    unknown method, for none, and for a dataset of another class.
     """
+    if not methods:
+        raise UserError(f"expected at least one method among {', '.join(METHODS)}; got none")
+    modes, found = object_class.shape_model.modes, dataset.latents.shape[1] - 14
+    if found != modes:
+        raise UserError(
+            f"expected a dataset of class '{object_class.name}' with {modes} shape components;"
+            f" '{dataset.folder}' has {found}. Name its class with --class."
+        )
     unknown = [method for method in methods if method not in METHODS]
     if unknown:
         raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
@@ -142,12 +150,13 @@ def _fits(
 
     before = torch.get_num_threads()
     torch.set_num_threads(1)
+    pool = ThreadPoolExecutor(threads)
     try:
-        with ThreadPoolExecutor(threads) as pool:
-            for fit in pool.map(one, range(len(photos))):
-                advance(1)
-                yield fit
+        for fit in pool.map(one, range(len(photos))):
+            advance(1)
+            yield fit
     finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for fits that were not begun
         torch.set_num_threads(before)
 
 

@@ -4,9 +4,10 @@ from vig.inference.conjugate_gradient import ConjugateGradient
 from vig.inference.explain import explain, explain_one
 from vig.inference.explanation import Explanation, Verdict
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
-from vig.inference.objective import Belief, Objective, Valuation
+from vig.inference.objective import Objective, Valuation
 from vig.inference.optimizer import Descent, Optimizer
 from vig.inference.posterior import geometry_of, objective_of
+from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings, Stage
 from vig.inference.starts import starts
 

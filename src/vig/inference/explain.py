@@ -8,11 +8,11 @@ from dataclasses import replace
 import torch
 
 from vig.inference.explanation import Explanation
-from vig.inference.judging import judge
+from vig.inference.judging import DISTINCT_AZIMUTH, judge, turn
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Optimizer
-from vig.inference.posterior import objective_of
-from vig.inference.settings import ExplainSettings
+from vig.inference.posterior import objectives_of
+from vig.inference.settings import ExplainSettings, Stage
 from vig.inference.starts import starts
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
@@ -44,29 +44,44 @@ def explain_one(
     known: torch.Tensor | None = None,
 ) -> Explanation:
     """Refine one photo's prediction (N = 1); see `explain`."""
-    objectives = {
-        scale: objective_of(photo, prediction, object_class, settings, known, scale)
-        for scale in {stage.scale for stage in settings.stages} | {1.0}
-    }
+    scales = {stage.scale for stage in settings.stages} | {1.0}
+    objectives = objectives_of(photo, prediction, object_class, settings, scales, known)
     objective = objectives[1.0]
     points = objective.point(starts(prediction, settings.stages[0].starts))
-    values = torch.zeros(len(points), dtype=torch.float64)
+    scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations = 0
     for stage in settings.stages:
-        points = points[values.topk(min(stage.starts, len(values))).indices]
-        descent = _with_budget(settings.optimizer, stage.iterations)(
+        points = points[going_on(objective.latents(points).azimuth, scores, stage.starts)]
+        descent = _with_budget(settings.optimizer, stage)(
             objectives[stage.scale],
             points,
             torch.zeros(len(points), dtype=torch.int32),
             settings.likelihood.sigma * stage.sigma,
         )
-        points, values = descent.points, descent.value
+        points = descent.points
+        support = prediction.log_mass(objective.latents(points).azimuth)
+        scores = descent.value + settings.view_weight * stage.scale**2 * support
         evaluations += int(descent.evaluations.sum())
     guess = objective.point(prediction.best())
-    return judge(objective, points, values, guess, settings, evaluations)
+    return judge(objective, points, descent.value, scores, guess, settings, evaluations)
 
 
-def _with_budget(optimizer: Optimizer, iterations: int) -> Optimizer:
+def going_on(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.Tensor:
+    """Indices of the `count` starts that go on: half by score alone, half the best of views not among them.
+
+    A view is `DISTINCT_AZIMUTH` away from the others; where there are no more views, score alone decides. So
+    the back of the object is not dropped before a fit at full size has compared it with the front.
+    """
+    order = scores.argsort(descending=True, stable=True).tolist()
+    chosen = order[: (count + 1) // 2]
+    for index in order:
+        if len(chosen) < count and (turn(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all():
+            chosen.append(index)
+    chosen += [index for index in order if index not in chosen][: count - len(chosen)]
+    return torch.tensor(chosen)
+
+
+def _with_budget(optimizer: Optimizer, stage: Stage) -> Optimizer:
     if isinstance(optimizer, LevenbergMarquardt):
-        return replace(optimizer, iterations=iterations)
+        return replace(optimizer, iterations=stage.iterations, tolerance=stage.tolerance)
     return optimizer

@@ -22,12 +22,17 @@ def judge(
     objective: Objective,
     points: torch.Tensor,
     values: torch.Tensor,
+    scores: torch.Tensor,
     guess: torch.Tensor,
     settings: ExplainSettings,
     evaluations: int,
 ) -> Explanation:
-    """Choose the best end by evidence and say how far to trust it."""
-    best = int(values.argmax())
+    """Choose the best end by score and say how far to trust it.
+
+    values (S,) is the evidence of the ends (S, P'), scores (S,) what they are compared by. An end is only
+    trusted when no other view comes near it and the recognition model's best guess is of the same view.
+    """
+    best = int(scores.argmax())
     zero = torch.zeros(1, dtype=torch.int32)
     sigma = torch.tensor([settings.likelihood.sigma])
     start_evidence = float(objective(guess, zero, sigma, derivatives=False).value)
@@ -36,19 +41,26 @@ def judge(
     if float(values[best]) <= start_evidence:
         verdict, reason, chosen = Verdict.REVERTED, Verdict.REVERTED.value, guess
     else:
-        rival = _rival(objective, points, values, best)
+        rival = _rival(objective, points, scores, best)
         if rival is not None:
             verdict, alternative = Verdict.AMBIGUOUS, objective.latents(points[rival : rival + 1])
-            turn = math.degrees(abs(float(_turn(alternative.azimuth, objective.latents(chosen).azimuth))))
-            gap = float(values[best] - values[rival])
-            reason = f"turned by {turn:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
+            degrees = math.degrees(abs(float(turn(alternative.azimuth, objective.latents(chosen).azimuth))))
+            gap = float(scores[best] - scores[rival])
+            reason = f"turned by {degrees:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
+        else:
+            other_view = math.degrees(
+                abs(float(turn(objective.latents(guess).azimuth, objective.latents(chosen).azimuth)))
+            )
+            if other_view > math.degrees(DISTINCT_AZIMUTH):
+                verdict, alternative = Verdict.AMBIGUOUS, objective.latents(guess)
+                reason = f"the recognition model sees it turned by {other_view:.0f} degrees"
     at_fit = objective(chosen, zero, sigma)
     shown = objective(chosen, zero, torch.tensor([MASK_SIGMA]), derivatives=False).evaluation
     amodal = shown.coverage[0] >= 0.5
     visible = torch.where(amodal, shown.posterior[0], 0.0)
     mask = visible > 0.5
     if not mask.any():
-        verdict, reason = Verdict.FAILED, Verdict.FAILED.value
+        verdict, reason, alternative = Verdict.FAILED, Verdict.FAILED.value, None
     assert at_fit.normal is not None
     return Explanation(
         latents=objective.latents(chosen),
@@ -66,15 +78,15 @@ def judge(
     )
 
 
-def _rival(objective: Objective, points: torch.Tensor, values: torch.Tensor, best: int) -> int | None:
+def _rival(objective: Objective, points: torch.Tensor, scores: torch.Tensor, best: int) -> int | None:
     """The best end that is another view of the object and nearly as good, or None."""
     azimuth = objective.latents(points).azimuth
-    gaps = values[best] - values
-    near = (_turn(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH) & (gaps < AMBIGUOUS_NATS)
+    gaps = scores[best] - scores
+    near = (turn(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH) & (gaps < AMBIGUOUS_NATS)
     return int(torch.where(near, gaps, math.inf).argmin()) if near.any() else None
 
 
-def _turn(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+def turn(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     """a - b round the circle, in [-pi, pi) radians."""
     return torch.remainder(a - b + math.pi, 2 * math.pi) - math.pi
 

@@ -8,11 +8,9 @@ from typing import Any
 
 import torch
 
+from vig.inference.prior import Belief, Prior
 from vig.likelihood import FRAMING_COUNT, Evaluation, Likelihood
 from vig.scene import SHAPE_LIMIT, Latents, ObjectClass
-
-FRAMING_SD = (0.05, 0.05, 0.10)
-"""Prior of a free framing: shift in widths, log magnification."""
 
 FRAMING_LIMIT = (0.15, 0.15, 0.35)
 
@@ -29,23 +27,12 @@ class Valuation:
     evaluation: Evaluation
 
 
-@dataclass(frozen=True)
-class Belief:
-    """A Gaussian word of the recognition model on shape, azimuth, elevation and albedo, (K + 5,) each.
-
-    mean: in the latents' order. precision: one over the variance, 0 where nothing is said.
-    """
-
-    mean: torch.Tensor
-    precision: torch.Tensor
-
-
 class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P'), P' = K + 14 + 3.
 
     A point is a latent vector (see `Latents.to_vector`) followed by the framing (2 shifts in widths, log
-    magnification). Shape coefficients are N(0, 1) within +-3, light is Gaussian (the class's prior), albedo
-    uniform in [0, 1], framing Gaussian or, when not free, held at 0; a belief multiplies these.
+    magnification). Its prior is `Prior`; shape stays within +-3, albedo in [0, 1], elevation between the
+    horizon and the zenith, and the framing at 0 unless it is free.
     """
 
     def __init__(
@@ -58,21 +45,6 @@ class Objective:
         self.likelihood, self.free_framing = likelihood, free_framing
         modes = object_class.shape_model.modes
         self.modes, self.size = modes, modes + 14 + FRAMING_COUNT
-        options: dict[str, Any] = {"dtype": torch.float64}
-        mean = torch.zeros(self.size, **options)
-        precision = torch.zeros(self.size, self.size, **options)
-        precision[range(modes), range(modes)] = 1.0
-        light = slice(modes + 5, modes + 14)
-        mean[light] = torch.from_numpy(object_class.light_prior_mean)
-        precision[light, light] = torch.linalg.inv(torch.from_numpy(object_class.light_prior_covariance))
-        if belief is not None:
-            first = modes + 5
-            added = belief.precision.double()
-            total = precision.diagonal()[:first] + added
-            mean[:first] = added * belief.mean.double() / total.clamp_min(1e-12)
-            precision[range(first), range(first)] = total
-        framing = range(modes + 14, self.size)
-        precision[framing, framing] = torch.tensor(FRAMING_SD, **options) ** -2
         infinity = [math.inf] * 9
         reach = list(FRAMING_LIMIT) if free_framing else [0.0] * FRAMING_COUNT
         upper = [SHAPE_LIMIT] * modes + [math.inf, HIGHEST_ELEVATION] + [1.0] * 3 + infinity + reach
@@ -81,7 +53,7 @@ class Objective:
         geometry = likelihood.geometry
         self.dtype, self.device = geometry.dtype, geometry.device
         place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
-        self.mean, self.precision = mean.to(**place), precision.to(**place)
+        self.prior = Prior(object_class, belief, place)
         self.lower, self.upper = torch.tensor(lower, **place), torch.tensor(upper, **place)
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
@@ -99,11 +71,6 @@ class Objective:
         """The latents of points (B, P')."""
         return Latents.from_vector(points[:, : self.size - FRAMING_COUNT])
 
-    def log_prior(self, points: torch.Tensor) -> torch.Tensor:
-        """log p(z) (B,) float64 up to a constant."""
-        off = points - self.mean
-        return -0.5 * torch.einsum("bi,ij,bj->b", off, self.precision, off).double()
-
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
     ) -> Valuation:
@@ -111,8 +78,8 @@ class Objective:
         evaluation = self.likelihood(
             self.latents(points), points[:, -FRAMING_COUNT:], photo, sigma, derivatives
         )
-        value = evaluation.value + self.log_prior(points)
+        value = evaluation.value + self.prior.value(points)
         if evaluation.gradient is None or evaluation.normal is None:
             return Valuation(value, None, None, evaluation)
-        gradient = evaluation.gradient - (points - self.mean) @ self.precision
-        return Valuation(value, gradient, evaluation.normal + self.precision, evaluation)
+        gradient, normal = self.prior.derivatives(points)
+        return Valuation(value, evaluation.gradient + gradient, evaluation.normal + normal, evaluation)

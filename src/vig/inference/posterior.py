@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable
 
 import torch
 
-from vig.inference.objective import Belief, Objective
+from vig.inference.objective import Objective
+from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings
-from vig.likelihood import Likelihood, Photos, log_colour_density
+from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
 from vig.recognition import Prediction
 from vig.render import Geometry
 from vig.scene import Camera, ObjectClass
@@ -26,33 +28,44 @@ def objective_of(
     object_class: ObjectClass,
     settings: ExplainSettings,
     known: torch.Tensor | None = None,
-    scale: float = 1.0,
 ) -> Objective:
-    """The log posterior of one photo (150, 150, 3), or of its average over cells of 1 / scale pixels."""
-    camera = Camera.standard(photo.shape[1], object_class.target_height).scaled(scale)
-    log_prior = pixel_prior(photo, prediction.mask[0], settings)
+    """The log posterior of one photo (150, 150, 3); `known` as in `explain`."""
+    return objectives_of(photo, prediction, object_class, settings, (1.0,), known)[1.0]
+
+
+def objectives_of(
+    photo: torch.Tensor,
+    prediction: Prediction,
+    object_class: ObjectClass,
+    settings: ExplainSettings,
+    scales: Iterable[float],
+    known: torch.Tensor | None = None,
+) -> dict[float, Objective]:
+    """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
+    camera = Camera.standard(photo.shape[1], object_class.target_height)
+    log_prior = pixel_prior(photo, prediction.mask[0], settings, known)
     if known is not None:
-        unknown = torch.tensor([-1e30, 0.0, 0.0], dtype=log_prior.dtype)
+        unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(known[:, :, None], log_prior, unknown)
-    photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
-    likelihood = Likelihood(geometry_of(object_class), camera, photos, settings.silhouette)
-    return Objective(likelihood, object_class, settings.free_framing, belief_of(prediction, settings))
+    geometry, belief = geometry_of(object_class), belief_of(prediction, settings)
+    objectives = {}
+    for scale in scales:
+        photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
+        likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
+        objectives[scale] = Objective(likelihood, object_class, settings.free_framing, belief)
+    return objectives
 
 
 def belief_of(prediction: Prediction, settings: ExplainSettings) -> Belief | None:
-    """What one photo's prediction says of elevation, shape and albedo, as a factor of the prior."""
+    """What one photo's prediction says of every latent but azimuth, as a factor of the prior."""
     if settings.belief_weight == 0:
         return None
+    # Regressed are elevation, shape, albedo, light; latents have azimuth and elevation after shape.
     modes = prediction.numbers.shape[1] - 13
-    mean, precision = torch.zeros(modes + 5), torch.zeros(modes + 5)
-    for places, numbers in (
-        (slice(0, modes), slice(1, modes + 1)),
-        (slice(modes + 1, modes + 2), slice(0, 1)),
-        (slice(modes + 2, modes + 5), slice(modes + 1, modes + 4)),
-    ):
-        mean[places] = prediction.numbers[0, numbers]
-        precision[places] = settings.belief_weight / prediction.deviation[0, numbers] ** 2
-    return Belief(mean, precision)
+    order = [*range(1, modes + 1), 0, 0, *range(modes + 1, modes + 13)]
+    precision = settings.belief_weight / prediction.deviation[0, order] ** 2
+    precision[modes] = 0.0
+    return Belief(prediction.numbers[0, order], precision)
 
 
 def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
@@ -63,19 +76,23 @@ def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
     return torch.nn.functional.avg_pool2d(image.permute(2, 0, 1)[None], cell)[0].permute(1, 2, 0)
 
 
-def pixel_prior(photo: torch.Tensor, mask: torch.Tensor, settings: ExplainSettings) -> torch.Tensor:
+def pixel_prior(
+    photo: torch.Tensor, mask: torch.Tensor, settings: ExplainSettings, known: torch.Tensor | None = None
+) -> torch.Tensor:
     """Log prior (H, W, 3) of a pixel visible, hidden, background: the pixel model's, made the photo's own.
 
     mask (H, W, 3): predicted probabilities of the same three, each at least 2 % so that no pixel is decided
     beforehand. With `surroundings` the uniform density of what is not the object becomes that of the
-    photo's colours outside the predicted object. The Gaussian model, without outliers, stays as it is.
+    photo's colours outside the predicted object, where the photo is `known`. The Gaussian model, without
+    outliers, stays as it is.
     """
     base = settings.likelihood.log_prior(*mask.shape[:2])
     if settings.likelihood.alpha == 1:
         return base
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
     if settings.surroundings > 0:
-        density = settings.surroundings * log_colour_density(photo, 1 - mask[..., 0])
+        outside = 1 - mask[..., 0] if known is None else (1 - mask[..., 0]) * known
+        density = settings.surroundings * log_colour_density(photo, outside)
         prior[..., 1] += density
         prior[..., 2] += density
     return prior

@@ -12,13 +12,15 @@ from vig.likelihood import ROBUST, PixelModel
 @dataclass(frozen=True)
 class Stage:
     """One round of descents: how many of the best starts go on, for how many steps at most, under which
-    multiple of the pixel model's sigma (a wide basin is searched first), and on the photo at which scale.
+    multiple of the pixel model's sigma (a wide basin is searched first), on the photo at which scale, and
+    until a step gains how few nats.
     """
 
     starts: int
     iterations: int
     sigma: float = 1.0
     scale: float = 1.0
+    tolerance: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -30,17 +32,28 @@ class ExplainSettings:
     mask_weight: how far the recognition model's word on each pixel (object, occluder, neither) enters the
     likelihood's prior; 0 is the paper's constant alpha, 1 takes it fully.
     surroundings: how far the photo's own colours outside the object replace the uniform density, 0 to 1.
-    belief_weight: how far the recognition model's word on elevation, shape and albedo enters the prior; 1
-    takes the variances that it states.
+    belief_weight: how far the recognition model's word on all latents but azimuth enters the prior; 1 takes
+    the variances that it states.
+    view_weight: nats for each nat of the recognition model's log probability of a view (azimuth) when ends of
+    descents are compared: evidence counts pixels as independent, which they are not.
     free_framing: also fit the image's shift and magnification, for photos that were cropped by hand.
     silhouette: "exact", or "paper" for the authors' constant mask.
     """
 
     likelihood: PixelModel = ROBUST
-    stages: tuple[Stage, ...] = (Stage(16, 6, 3.0, 0.5), Stage(4, 6, 1.6), Stage(3, 20))
-    mask_weight: float = 0.5
+    stages: tuple[Stage, ...] = (
+        Stage(16, 6, sigma=4.0, scale=0.5, tolerance=10.0),
+        Stage(5, 10, sigma=4.0, scale=0.5, tolerance=3.0),
+        Stage(3, 30),
+    )
+    mask_weight: float = 1.0
     surroundings: float = 1.0
-    belief_weight: float = 0.0
+    belief_weight: float = 1.0
+    view_weight: float = 300.0
     free_framing: bool = False
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
+
+    def __post_init__(self) -> None:
+        if not self.stages or (self.stages[-1].sigma, self.stages[-1].scale) != (1.0, 1.0):
+            raise ValueError("the last stage must be at sigma 1 and scale 1: its evidence decides")

@@ -16,8 +16,8 @@ LEAST_WEIGHT = 0.02
 """Peaks of azimuth with less probability are left out."""
 
 SPREAD_AZIMUTH = math.radians(8.0)
-SPREAD_ELEVATION = math.radians(4.0)
-SPREAD_SHAPE = 0.3
+SPREAD = 0.7
+"""Share of the deviations that the recognition model states by which elevation and shape are strewn."""
 
 
 def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
@@ -32,19 +32,13 @@ def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
     share = (probability[:kept] / probability[:kept].sum()).numpy()
     peaks = _allot(share, count)
     azimuth = angles[0, peaks]
-    latents = latents_of(prediction.numbers.expand(count, -1), azimuth)
+    numbers = prediction.numbers.expand(count, -1).clone()
+    modes = numbers.shape[1] - 13
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
     strewn = np.array([i > 0 and peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
-    noise = torch.from_numpy(
-        rng.standard_normal((count, 2 + latents.shape.shape[1])).astype(np.float32) * strewn
-    )
-    return Latents(
-        (latents.shape + SPREAD_SHAPE * noise[:, 2:]).clamp(-3.0, 3.0),
-        latents.azimuth + SPREAD_AZIMUTH * noise[:, 0],
-        (latents.elevation + SPREAD_ELEVATION * noise[:, 1]).clamp(0.0, math.pi / 2),
-        latents.albedo,
-        latents.light,
-    )
+    noise = torch.from_numpy(rng.standard_normal((count, 2 + modes)).astype(np.float32) * strewn)
+    numbers[:, : 1 + modes] += SPREAD * prediction.deviation[:, : 1 + modes] * noise[:, 1:]
+    return latents_of(numbers, azimuth + SPREAD_AZIMUTH * noise[:, 0])
 
 
 def _allot(share: np.ndarray, count: int) -> list[int]:

@@ -2,13 +2,14 @@
 
 from vig.likelihood.evaluate import FRAMING_COUNT, Evaluation, Likelihood, Photos
 from vig.likelihood.gaussian import GAUSSIAN
-from vig.likelihood.pixel import PixelModel, mixture
+from vig.likelihood.pixel import NEVER, PixelModel, mixture
 from vig.likelihood.robust import ROBUST
 from vig.likelihood.surroundings import log_colour_density
 
 __all__ = [
     "FRAMING_COUNT",
     "GAUSSIAN",
+    "NEVER",
     "ROBUST",
     "Evaluation",
     "Likelihood",

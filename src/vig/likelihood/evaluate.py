@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 import warp as wp
@@ -17,7 +16,7 @@ FRAMING_COUNT = 3
 BOUNDARY_ROWS = 8192
 """Rows kept for occlusion edges, beyond one row for each pixel."""
 
-BOUNDARY_CURVATURE = 2.0
+BOUNDARY_CURVATURE = 0.5
 """Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
 
 _COLOUR_CHANNELS = 3
@@ -87,7 +86,12 @@ class Likelihood:
         self.log_prior = (
             photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         )
-        self._buffers: dict[int, tuple[dict[str, torch.Tensor], dict[str, wp.array]]] = {}
+        k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
+        self._observed, self._log_prior = (
+            warp_array(self.observed, k.vec3),
+            warp_array(self.log_prior, k.vec3),
+        )
+        self._background = self.log_prior[..., 2].contiguous()
 
     def __call__(
         self,
@@ -99,168 +103,154 @@ class Likelihood:
     ) -> Evaluation:
         """Evaluate B guesses; photo (B,) int says which photo each explains, sigma (B,) its noise."""
         geometry, camera = self.geometry, self.camera
-        dtype, device = geometry.dtype, geometry.device
-        state = shade_vertices(geometry, camera, latents, framing)
-        count, height, width = len(latents), camera.height, camera.width
-        buffer, view = self._buffers_for(count)
+        dtype, count, width, height = geometry.dtype, len(latents), camera.width, camera.height
+        size = (count, height * width)
         k = likelihood_kernels(dtype, geometry.layout.modes)
-        buffer["keys"].fill_(NOTHING)
-        buffer["keep"].fill_(1.0)
-        for name in ("extra", "rim_count", "pixel_count", "row_count"):
-            buffer[name].zero_()
-        points, faces = warp_array(state.points, k.vec3), warp_array(geometry.faces, wp.int32)
-        intrinsics, rotation = warp_array(state.intrinsics, k.vec3), warp_array(state.rotation, k.mat33)
-        launch = functools.partial(wp.launch, device=device)
+        scratch = geometry.scratch.of(count, height, width)
+        state = shade_vertices(geometry, camera, latents, framing, scratch)
+        launch = functools.partial(wp.launch, device=geometry.device)
+        keys, keys_wp = scratch.get("keys", (count, height, width), torch.int64, wp.int64)
+        _, facing = scratch.get("facing", (count, len(geometry.faces)), torch.uint8, wp.uint8)
         launch(
             raster_kernels(dtype).rasterize_faces,
             dim=(count, len(geometry.faces)),
-            inputs=[points, faces, intrinsics, width, height, 1, view["keys"], view["facing"]],
+            inputs=[
+                state.points,
+                geometry.faces_wp,
+                state.intrinsics,
+                width,
+                height,
+                1,
+                _filled(keys, keys_wp, NOTHING),
+                facing,
+            ],
         )
-        coverage = (buffer["keys"] != NOTHING).to(dtype)
-        log_likelihood, posterior, irradiance = (torch.empty_like(coverage) for _ in range(3))
-        maps = [warp_array(m.view(count, -1), k.real) for m in (log_likelihood, posterior, irradiance)]
-        shaded = [warp_array(state.attributes, k.row_type), warp_array(state.irradiances, k.real)]
-        basis, edges = warp_array(geometry.basis, k.row_type), warp_array(geometry.edges, wp.int32)
-        log_prior = warp_array(self.log_prior, k.vec3)
-        photo_wp = warp_array(photo.to(device, torch.int32).contiguous(), wp.int32)
+        keep, keep_wp = scratch.get("keep", size, dtype, k.real)
+        extra, extra_wp = scratch.get("extra", size, dtype, k.real)
+        row_count, row_count_wp = scratch.get("row_count", (count,), torch.int32, wp.int32)
+        row_shape = (count, height * width + BOUNDARY_ROWS, geometry.layout.width)
+        rows, rows_wp = scratch.get("rows", row_shape, dtype, k.row_type)
+        weighted, weighted_wp = scratch.get("weighted", row_shape, dtype, k.row_type)
+        flat_keys = keys_wp.reshape(size)
+        covered = keys.view(size) != NOTHING
+        coverage = covered.to(dtype)
+        shaded = [state.attributes, state.irradiances]
         scene = [
-            rotation,
-            intrinsics,
+            state.rotation,
+            state.intrinsics,
             camera.distance,
-            warp_array(latents.albedo.to(dtype).contiguous(), k.vec3),
-            view["flat_keys"],
-            warp_array(self.observed, k.vec3),
-            log_prior,
-            photo_wp,
-            warp_array(sigma.to(device, dtype).contiguous(), k.real),
+            scratch.put("albedo", latents.albedo, dtype, k.vec3),
+            flat_keys,
+            self._observed,
+            self._log_prior,
+            scratch.put("photo", photo, torch.int32, wp.int32),
+            scratch.put("sigma", sigma, dtype, k.real),
         ]
+        shared = [_filled(keep, keep_wp, 1.0), _filled(extra, extra_wp, 0.0)]
+        derived = [_filled(row_count, row_count_wp, 0), rows_wp, weighted_wp]
         if self.silhouette == "exact":
+            rim_count, rim_count_wp = scratch.get("rim_count", (count,), torch.int32, wp.int32)
+            _, rims = scratch.get("rims", (count, len(geometry.edges)), torch.int32, wp.int32)
             launch(
                 k.collect_rims,
                 dim=(count, len(geometry.edges)),
-                inputs=[edges, view["facing"], view["rim_count"], view["rims"]],
+                inputs=[geometry.edges_wp, facing, _filled(rim_count, rim_count_wp, 0), rims],
             )
             launch(
                 k.boundary,
-                dim=(count, int(buffer["rim_count"].max())),
+                dim=(count, int(rim_count.max())),
                 inputs=[
-                    points,
-                    warp_array(state.normals, k.vec3),
-                    warp_array(state.inverse_lengths, k.real),
+                    state.points,
+                    state.normals,
+                    state.inverse_lengths,
                     *shaded,
-                    warp_array(state.normal_rates, k.normal_jacobian),
-                    basis,
-                    faces,
-                    edges,
-                    *(view[name] for name in ("facing", "rim_count", "rims")),
+                    state.normal_rates,
+                    geometry.basis_wp(k.row_type),
+                    geometry.faces_wp,
+                    geometry.edges_wp,
+                    facing,
+                    rim_count_wp,
+                    rims,
                     width,
                     height,
                     *scene,
                     BOUNDARY_CURVATURE,
                     int(derivatives),
-                    view["keep"],
-                    view["extra"],
-                    warp_array(coverage.view(count, -1), k.real),
-                    *(view[name] for name in ("row_count", "rows", "weighted")),
+                    *shared,
+                    warp_array(coverage, k.real),
+                    *derived,
                 ],
             )
-        keep_extra = [view["keep"], view["extra"]]
-        pixels = [view["pixel_count"], view["pixels"]]
-        launch(
-            k.collect_pixels,
-            dim=(count, height * width),
-            inputs=[view["flat_keys"], log_prior, photo_wp, *keep_extra, *maps, *pixels],
-        )
+        background = self._background[photo.to(geometry.device).long()]
+        log_likelihood = torch.where(covered, 0.0, keep * background + extra)
+        posterior, irradiance = torch.zeros_like(coverage), torch.zeros_like(coverage)
+        pixels = covered.nonzero()
         launch(
             k.interior,
-            dim=(count, int(buffer["pixel_count"].max())),
+            dim=len(pixels),
             inputs=[
-                points,
+                state.points,
                 *shaded,
-                basis,
-                faces,
+                geometry.basis_wp(k.row_type),
+                geometry.faces_wp,
                 width,
                 *scene,
                 int(derivatives),
-                *keep_extra,
-                *pixels,
-                *maps,
-                *(view[name] for name in ("row_count", "rows", "weighted")),
+                *shared,
+                warp_array(pixels, wp.int64),
+                *(warp_array(image, k.real) for image in (log_likelihood, posterior, irradiance)),
+                *derived,
             ],
         )
-        value = log_likelihood.view(count, -1).sum(1, dtype=torch.float64)
         gradient = normal = None
         if derivatives:
-            gradient, normal = self._assemble(buffer, latents.albedo.to(dtype))
-        return Evaluation(value, gradient, normal, posterior, coverage.clamp_(0.0, 1.0), irradiance)
-
-    def _views(self, buffer: dict[str, torch.Tensor]) -> dict[str, wp.array]:
-        """The scratch as Warp sees it."""
-        k = likelihood_kernels(self.geometry.dtype, self.geometry.layout.modes)
-        kinds = {"keys": wp.int64, "facing": wp.uint8, "keep": k.real, "extra": k.real}
-        kinds |= {"rows": k.row_type, "weighted": k.row_type}
-        views = {name: warp_array(tensor, kinds.get(name, wp.int32)) for name, tensor in buffer.items()}
-        views["flat_keys"] = warp_array(buffer["keys"].view(len(buffer["keys"]), -1), wp.int64)
-        return views
-
-    def _buffers_for(self, count: int) -> tuple[dict[str, torch.Tensor], dict[str, wp.array]]:
-        """Scratch of a batch size, kept from call to call, as torch and as Warp see it."""
-        if count not in self._buffers:
-            options: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
-            size = (count, self.camera.height, self.camera.width)
-            row_count = size[1] * size[2] + BOUNDARY_ROWS
-            integer: dict[str, Any] = {"dtype": torch.int32, "device": self.geometry.device}
-            buffer = {
-                "keys": torch.empty(size, dtype=torch.int64, device=self.geometry.device),
-                "facing": torch.empty(
-                    count, len(self.geometry.faces), dtype=torch.uint8, device=self.geometry.device
-                ),
-                "keep": torch.empty(count, size[1] * size[2], **options),
-                "extra": torch.empty(count, size[1] * size[2], **options),
-                "rim_count": torch.empty(count, **integer),
-                "rims": torch.empty(count, len(self.geometry.edges), **integer),
-                "pixel_count": torch.empty(count, **integer),
-                "pixels": torch.empty(count, size[1] * size[2], **integer),
-                "row_count": torch.empty(count, **integer),
-                "rows": torch.empty(count, row_count, self.geometry.layout.width, **options),
-                "weighted": torch.empty(count, row_count, self.geometry.layout.width, **options),
-            }
-            self._buffers[count] = buffer, self._views(buffer)
-        return self._buffers[count]
+            used = row_count.clamp_max(row_shape[1])
+            gradient, normal = self._assemble(rows, weighted, used, latents.albedo.to(dtype))
+        images = (image.view(keys.shape) for image in (posterior, coverage.clamp_(0.0, 1.0), irradiance))
+        return Evaluation(log_likelihood.double().sum(1), gradient, normal, *images)
 
     def _assemble(
-        self, buffer: dict[str, torch.Tensor], albedo: torch.Tensor
+        self, rows: torch.Tensor, weighted: torch.Tensor, used: torch.Tensor, albedo: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Gradient (B, P') and normal matrix (B, P', P') of the latents and framing from the rows."""
+        """Gradient (B, P') and normal matrix (B, P', P') of the latents and framing from the rows.
+
+        A colour channel's row is albedo times the shared row, and irradiance in that channel's albedo place;
+        summed over the channels only |albedo|^2, albedo and 1 are left of them.
+        """
         layout = self.geometry.layout
-        rows, weighted = buffer["rows"], buffer["weighted"]
-        used = buffer["row_count"].clamp_max(rows.shape[1])
         products = torch.stack(
-            [
-                row[:n].T @ by_weight[:n]
-                for row, by_weight, n in zip(rows, weighted, used.tolist(), strict=True)
-            ]
+            [row[:n].T @ scaled[:n] for row, scaled, n in zip(rows, weighted, used.tolist(), strict=True)]
         )
-        # Columns of a row in the order of the latents, albedo's three places left out.
-        plain = [*range(layout.light), *range(layout.light, layout.irradiance)]
-        plain += range(layout.framing, layout.used)
-        plain_at = torch.tensor(plain, device=rows.device)
-        count, before = len(products), layout.light
-        total = len(plain) + _COLOUR_CHANNELS
-        targets = torch.tensor(
-            [i if i < before else i + _COLOUR_CHANNELS for i in range(len(plain))], device=rows.device
-        )
-        colours = torch.arange(before, before + _COLOUR_CHANNELS, device=rows.device)
-        gradient = products.new_empty(count, total)
-        gradient[:, targets] = products[:, plain_at, layout.used]
-        gradient[:, colours] = products[:, layout.irradiance, layout.used + 1 : layout.used + 4]
-        normal = products.new_zeros(count, total, total)
+        # Into the latents' order: what is before the light, albedo's three places, light and framing.
+        first, then = layout.light, layout.irradiance
         square = (albedo * albedo).sum(1).clamp_min(1e-6)
-        normal[:, targets[:, None], targets] = (
-            products[:, plain_at[:, None], plain_at] * square[:, None, None]
-        )
-        cross = products[:, plain_at, layout.irradiance][:, :, None] * albedo[:, None, :]
-        normal[:, targets[:, None], colours] = cross
-        normal[:, colours[:, None], targets] = cross.transpose(1, 2)
-        normal[:, colours, colours] = products[:, layout.irradiance, layout.irradiance][:, None]
-        return gradient, normal
+        by_irradiance = products[:, then]
+        spread = torch.diag_embed(by_irradiance[:, then, None].expand(-1, _COLOUR_CHANNELS))
+
+        def blocks(head: torch.Tensor, colour: torch.Tensor, tail: torch.Tensor, dim: int) -> torch.Tensor:
+            return torch.cat([head, colour, tail], dim=dim)
+
+        def plain(table: torch.Tensor, dim: int) -> tuple[torch.Tensor, torch.Tensor]:
+            after = [
+                table.narrow(dim, first, then - first),
+                table.narrow(dim, then + 1, layout.used - then - 1),
+            ]
+            return table.narrow(dim, 0, first), torch.cat(after, dim=dim)
+
+        scaled = products[:, : layout.used, : layout.used] * square[:, None, None]
+        cross = by_irradiance[:, : layout.used, None] * albedo[:, None, :]
+        head, tail = plain(scaled, 2)
+        with_colour = blocks(head, cross, tail, 2)
+        top, bottom = plain(with_colour, 1)
+        across, along = plain(cross, 1)
+        middle = blocks(across.mT, spread, along.mT, 2)
+        normal = blocks(top, middle, bottom, 1)
+        slope_head, slope_tail = plain(products[:, : layout.used, layout.used], 1)
+        colours = by_irradiance[:, layout.used + 1 : layout.used + 1 + _COLOUR_CHANNELS]
+        return blocks(slope_head, colours, slope_tail, 1), normal
+
+
+def _filled(tensor: torch.Tensor, view: wp.array, value: float) -> wp.array:
+    """Fill a scratch tensor and hand on its view."""
+    tensor.fill_(value)
+    return view

@@ -25,6 +25,9 @@ BEHIND_EDGE = 0.002
 BEFORE_EDGE = 0.04
 """Metres by which the edge's own surface may come forward within a pixel."""
 
+NEGLIGIBLE = 1e-9
+"""Posterior of being visible below which a pixel moves nothing: most of what is hidden."""
+
 
 @functools.cache
 def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
@@ -38,6 +41,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     modes_, gradient_at = modes, f.layout.used
     log_unit = real(3.0 * math.log(math.sqrt(2.0 * math.pi)))
     behind_edge, before_edge, near = real(BEHIND_EDGE), real(BEFORE_EDGE), real(NEAR)
+    negligible = real(NEGLIGIBLE)
     module = module_name("likelihood", dtype, modes)
 
     @wp.func
@@ -136,29 +140,6 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             front_beyond = facing[image, beyond]
         if front != front_beyond:
             rims[image, wp.atomic_add(counts, image, 1)] = edge
-
-    @wp.kernel(module=module)
-    def collect_pixels(
-        keys: wp.array2d(dtype=wp.int64),
-        log_prior: wp.array2d(dtype=vec3),
-        photo: wp.array(dtype=wp.int32),
-        keep: wp.array2d(dtype=real),
-        extra: wp.array2d(dtype=real),
-        log_likelihood: wp.array2d(dtype=real),
-        posterior: wp.array2d(dtype=real),
-        irradiance: wp.array2d(dtype=real),
-        counts: wp.array(dtype=wp.int32),
-        covered: wp.array2d(dtype=wp.int32),
-    ):
-        """List the pixels whose centre the object covers; value the others."""
-        image, at = wp.tid()
-        if keys[image, at] != wp.int64(NOTHING):
-            covered[image, wp.atomic_add(counts, image, 1)] = at
-            return
-        background = log_prior[photo[image], at][2]
-        log_likelihood[image, at] = keep[image, at] * background + extra[image, at]
-        posterior[image, at] = real(0.0)
-        irradiance[image, at] = real(0.0)
 
     @wp.kernel(module=module)
     def boundary(
@@ -457,8 +438,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         differentiate: wp.int32,
         keep: wp.array2d(dtype=real),
         extra: wp.array2d(dtype=real),
-        counts: wp.array(dtype=wp.int32),
-        covered: wp.array2d(dtype=wp.int32),
+        covered: wp.array2d(dtype=wp.int64),
         log_likelihood: wp.array2d(dtype=real),
         posterior: wp.array2d(dtype=real),
         irradiance: wp.array2d(dtype=real),
@@ -466,10 +446,9 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         rows: wp.array2d(dtype=row_type),
         weighted: wp.array2d(dtype=row_type),
     ):
-        image, index = wp.tid()
-        if index >= counts[image]:
-            return
-        at = covered[image, index]
+        index = wp.tid()
+        image = int(covered[index, 0])
+        at = int(covered[index, 1])
         y = at / width
         x = at - y * width
         which = photo[image]
@@ -486,7 +465,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         posterior[image, at] = fit[1]
         irradiance[image, at] = hit.irradiance
         weight = share * fit[1] / (s * s)
-        if differentiate == 0 or weight == real(0.0):
+        if differentiate == 0 or fit[1] < negligible:
             return
         slot = wp.atomic_add(used, image, 1)
         emit_colour(
@@ -503,7 +482,6 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     return SimpleNamespace(
         collect_rims=collect_rims,
-        collect_pixels=collect_pixels,
         boundary=boundary,
         interior=interior,
         **vars(f),

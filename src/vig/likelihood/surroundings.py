@@ -37,16 +37,23 @@ def log_colour_density(photo: torch.Tensor, weight: torch.Tensor) -> torch.Tenso
     density = torch.zeros(CELLS**3, dtype=torch.float64)
     for at, factor in zip(corners, factors, strict=True):
         density.index_add_(0, at, shares * factor)
-    density = _smooth(density.view(CELLS, CELLS, CELLS)).reshape(-1) * (CELLS - 1) ** 3
+    density = _smooth(density.view(CELLS, CELLS, CELLS) / _volume()).reshape(-1)
     looked_up = sum(density[at] * factor for at, factor in zip(corners, factors, strict=True))
     return torch.log(FLOOR + (1 - FLOOR) * torch.as_tensor(looked_up)).view(photo.shape[:2])
 
 
+def _volume() -> torch.Tensor:
+    """Volume (C, C, C) that each node of the histogram stands for: halves at a face of the colour cube."""
+    length = torch.full((CELLS,), 1 / (CELLS - 1), dtype=torch.float64)
+    length[[0, -1]] /= 2
+    return length[:, None, None] * length[:, None] * length
+
+
 def _smooth(cube: torch.Tensor) -> torch.Tensor:
-    """A binomial kernel (1, 2, 1) / 4 along each axis, borders reflected."""
+    """A binomial kernel (1, 2, 1) / 4 along each axis, borders reflected: the integral stays what it is."""
     kernel = torch.tensor([0.25, 0.5, 0.25], dtype=cube.dtype).view(1, 1, 3)
     for axis in range(3):
         moved = cube.movedim(axis, -1)
-        lines = functional.pad(moved.reshape(-1, 1, CELLS), (1, 1), mode="replicate")
+        lines = functional.pad(moved.reshape(-1, 1, CELLS), (1, 1), mode="reflect")
         cube = functional.conv1d(lines, kernel).view(moved.shape).movedim(-1, axis)
     return cube

@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from vig.errors import UserError
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
 from vig.recognition.targets import latents_of, mask_at_pixels
-from vig.scene import Latents, srgb_from_linear
+from vig.scene import Latents, ObjectClass, srgb_from_linear
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,19 @@ class Prediction:
             left.scatter_(1, near, 0.0)
         return torch.stack(weights, 1), torch.remainder(torch.stack(angles, 1), 2 * math.pi).float()
 
+    def log_mass(self, azimuth: torch.Tensor) -> torch.Tensor:
+        """Log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,), float64.
+
+        Linear between bins, and at least log 0.001, so that no view is ruled out.
+        """
+        bins = self.azimuth.shape[1]
+        smooth = sum(self.azimuth[0].double().roll(offset) for offset in range(-2, 3))
+        at = torch.remainder(azimuth.double() * bins / (2 * math.pi) - 0.5, bins)
+        low = at.floor().long() % bins
+        share = at - at.floor()
+        mass = torch.as_tensor(smooth)[low] * (1 - share) + torch.as_tensor(smooth)[(low + 1) % bins] * share
+        return mass.clamp_min(1e-3).log()
+
     def __getitem__(self, index: slice) -> Prediction:
         return Prediction(self.azimuth[index], self.numbers[index], self.deviation[index], self.mask[index])
 
@@ -80,12 +93,31 @@ class Recognizer:
                 {k: v.float() if v.is_floating_point() else v for k, v in weights.items()}
             )
             self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
+            if not len(self.mean) == len(self.deviation) == self.network.numbers.out_features // 2:
+                raise ValueError("the scale does not fit the network")
+            if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
+                raise ValueError("the weights are not finite")
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            came = "nothing" if isinstance(error, FileNotFoundError) else f"a file of no use ({reason})"
             raise UserError(
-                f"expected recognition weights at '{path}'; got {type(error).__name__}."
+                f"expected recognition weights at '{path}'; got {came}."
                 " Train them with `vig train` or take a class that has them."
             ) from error
         self.network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    @staticmethod
+    def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
+        """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
+        path = weights or (object_class.folder or Path()) / "recognition.safetensors"
+        recognizer = Recognizer(path)
+        said, modes = recognizer.network.settings.modes, object_class.shape_model.modes
+        if said != modes:
+            raise UserError(
+                f"expected weights for the {modes} shape components of class '{object_class.name}';"
+                f" '{path}' has {said}. Train them on a dataset of that class."
+            )
+        return recognizer
 
     def __call__(self, photos: torch.Tensor, batch: int = 64) -> Prediction:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150."""

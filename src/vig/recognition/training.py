@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch.nn import functional
 
@@ -71,15 +73,19 @@ def train(
     They are written to `out/recognition.safetensors`.
 
     Writes a checkpoint after each epoch into `out` and goes on from it when run again. The weights are an
-    exponential moving average over the steps. UserError when the dataset is too small.
+    exponential moving average over the steps. UserError when the dataset is too small, for settings that
+    train nothing, and when `out` holds another run's checkpoint or a damaged one.
     """
+    for name, least in (("epochs", 1), ("seed", 0)):
+        if getattr(settings, name) < least:
+            raise UserError(f"{name} must be at least {least}; got {getattr(settings, name)}")
     if len(dataset) < 2 * settings.batch:
         raise UserError(
             f"training needs at least {2 * settings.batch} images; '{dataset.folder}' has {len(dataset)}"
         )
     torch.set_num_threads(settings.threads)
     examples = Examples.of(dataset)
-    held = min(settings.validation, len(examples) // 10)
+    held = max(1, min(settings.validation, len(examples) // 10))
     count = len(examples) - held
     numbers = examples.numbers[:count]
     scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
@@ -95,11 +101,9 @@ def train(
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimizer, settings.learning_rate, total_steps=settings.epochs * steps + 1, pct_start=0.15
     )
-    checkpoint = Path(out) / "checkpoint.safetensors"
+    checkpoint, run = Path(out) / "checkpoint.safetensors", _run(settings, dataset)
     first = (
-        _resume(checkpoint, network, average, optimizer, schedule, settings, count)
-        if checkpoint.exists()
-        else 0
+        _resume(checkpoint, network, average, optimizer, schedule, steps, run) if checkpoint.exists() else 0
     )
     for epoch in range(first, settings.epochs):
         started, total = time.monotonic(), 0.0
@@ -117,7 +121,7 @@ def train(
             schedule.step()
             _follow(average, network, 0.995)
             total += loss.item()
-        _save_checkpoint(checkpoint, network, average, optimizer, epoch + 1, settings, count)
+        _save_checkpoint(checkpoint, network, average, optimizer, epoch + 1, run)
         rate = steps * settings.batch / (time.monotonic() - started)
         errors = validate(average, examples, count, scale)
         say(f"epoch {epoch + 1}/{settings.epochs}  loss {total / steps:.3f}  {errors}  {rate:.0f} images/s")
@@ -239,14 +243,13 @@ def _save_checkpoint(
     average: RecognitionNetwork,
     optimizer: torch.optim.Optimizer,
     epoch: int,
-    settings: TrainingSettings,
-    count: int,
+    run: str,
 ) -> None:
     tensors = {f"network.{k}": v for k, v in network.state_dict().items()}
     tensors |= {f"average.{k}": v for k, v in average.state_dict().items()}
     for parameter, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{parameter}.{k}": v for k, v in state.items()}
-    metadata = {"epoch": str(epoch), "run": _run(settings, count)}
+    metadata = {"epoch": str(epoch), "run": run}
     with atomic_write(path) as temporary:
         save_file({k: v.contiguous() for k, v in tensors.items()}, temporary, metadata=metadata)
 
@@ -257,37 +260,46 @@ def _resume(
     average: RecognitionNetwork,
     optimizer: torch.optim.Optimizer,
     schedule: torch.optim.lr_scheduler.LRScheduler,
-    settings: TrainingSettings,
-    count: int,
+    steps: int,
+    run: str,
 ) -> int:
     """Put a checkpoint back; returns how many epochs it has seen."""
-    from safetensors import safe_open
-
-    with safe_open(path, framework="pt") as file:
-        metadata = file.metadata()
-    if metadata["run"] != _run(settings, count):
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata()
+        epoch, said = int(metadata["epoch"]), metadata["run"]
+        tensors = load_file(path)
+    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
+        raise UserError(
+            f"the checkpoint '{path}' is damaged ({type(error).__name__}); remove it to train from the start"
+        ) from error
+    if said != run:
         raise UserError(
             f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
         )
-    tensors = load_file(path)
     for name, module in (("network", network), ("average", average)):
         prefix = f"{name}."
         module.load_state_dict(
             {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
         )
+    parameters = list(network.parameters())
     state: dict[int, dict[str, torch.Tensor]] = {}
     for key, tensor in tensors.items():
         if key.startswith("optimizer."):
             _, parameter, name = key.split(".", 2)
+            if tensor.ndim:  # the fused step walks through memory: its state must lie as the weights do
+                tensor = torch.empty_like(parameters[int(parameter)]).copy_(tensor)
             state.setdefault(int(parameter), {})[name] = tensor
     whole = optimizer.state_dict()
     whole["state"] = state
     optimizer.load_state_dict(whole)
-    epoch = int(metadata["epoch"])
-    for _ in range(epoch * (count // settings.batch)):
-        schedule.step()
+    done = epoch * steps
+    schedule.load_state_dict({"last_epoch": done - 1, "_step_count": done + 1})
+    schedule.step()
     return epoch
 
 
-def _run(settings: TrainingSettings, count: int) -> str:
-    return json.dumps(asdict(settings) | {"count": count})
+def _run(settings: TrainingSettings, dataset: Dataset) -> str:
+    """What must be alike for a checkpoint to be gone on with: the settings and the data."""
+    data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
+    return json.dumps(asdict(settings) | {"count": len(dataset), "data": data})

@@ -51,4 +51,5 @@ def scalar_type(dtype: torch.dtype) -> type:
 
 def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array:
     """A Warp view of a contiguous tensor, no copy; trailing axes become the vector type's."""
+    initialise()
     return cast(wp.array, wp.from_torch(tensor, dtype=dtype, requires_grad=False))

@@ -9,6 +9,7 @@ import torch
 import warp as wp
 
 from vig.render.device import warp_array
+from vig.render.scratch import Scratch, ScratchPool
 from vig.render.surface import RowLayout, surface_functions
 from vig.scene import Camera, Latents, ShapeModel, camera_rotation
 
@@ -68,7 +69,7 @@ def module_name(room: str, dtype: torch.dtype, modes: int) -> str:
 
 
 class Geometry:
-    """A shape model made ready for the renderer on one device: matrices, faces and edges.
+    """A shape model made ready for the renderer on one device: matrices, faces, edges, and scratch.
 
     Vertex positions are linear in the shape coefficients and area-weighted vertex normals quadratic, so
     both, and the normals' exact Jacobian, come from one matrix product each.
@@ -77,6 +78,7 @@ class Geometry:
     def __init__(self, model: ShapeModel, dtype: torch.dtype = torch.float32, device: str = "cpu"):
         self.model, self.dtype, self.device = model, dtype, device
         self.layout = RowLayout(model.modes)
+        self.scratch = ScratchPool(device)
         self.faces = torch.from_numpy(np.ascontiguousarray(model.faces, np.int32)).to(device)
         self.edges = torch.from_numpy(edges_of(model.faces)).to(device)
         stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)
@@ -86,6 +88,15 @@ class Geometry:
         padded[:, :, : model.modes] = model.basis.transpose(2, 1, 0)
         self.basis = torch.from_numpy(padded).to(device, dtype)
 
+        self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
+        self._basis_wp: wp.array | None = None
+
+    def basis_wp(self, row_type: type) -> wp.array:
+        """Warp's view of the basis as rows."""
+        if self._basis_wp is None:
+            self._basis_wp = warp_array(self.basis, row_type)
+        return self._basis_wp
+
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -94,27 +105,27 @@ class Geometry:
 
 @dataclass(frozen=True)
 class VertexState:
-    """Shaded vertices of B images; what rasterisation and the likelihood read.
+    """Shaded vertices of B images, as Warp arrays; what rasterisation and the likelihood read.
 
-    points (B, V, 3): camera frame, metres. normals (B, V, 3): unit, world frame. inverse_lengths (B, V):
-    2 / length of the unscaled normal. attributes (B, V, width): rows, see `surface`. irradiances (B, V):
-    their column of that name. normal_rates
-    (B, V, 3, K + 1): half-derivative of the unscaled normal with respect to (1, coefficients).
-    intrinsics (B, 3): focal length, cx, cy in pixels, framing applied. rotation (B, 3, 3).
+    points (B, V) vec3: camera frame, metres. normals (B, V) vec3: unit, world frame. inverse_lengths (B, V):
+    2 / length of the unscaled normal. attributes (B, V): rows, see `surface`. irradiances (B, V): their
+    column of that name. normal_rates (B, V, 3) of K + 1 numbers: half the derivative of the unscaled normal
+    with respect to (1, coefficients). intrinsics (B,) vec3: focal length, cx, cy in pixels, framing applied.
+    rotation (B,) mat33. They live in the scratch that was given: the next call overwrites them.
     """
 
-    points: torch.Tensor
-    normals: torch.Tensor
-    inverse_lengths: torch.Tensor
-    attributes: torch.Tensor
-    irradiances: torch.Tensor
-    normal_rates: torch.Tensor
-    intrinsics: torch.Tensor
-    rotation: torch.Tensor
+    points: wp.array
+    normals: wp.array
+    inverse_lengths: wp.array
+    attributes: wp.array
+    irradiances: wp.array
+    normal_rates: wp.array
+    intrinsics: wp.array
+    rotation: wp.array
 
 
 def shade_vertices(
-    geometry: Geometry, camera: Camera, latents: Latents, framing: torch.Tensor
+    geometry: Geometry, camera: Camera, latents: Latents, framing: torch.Tensor, scratch: Scratch
 ) -> VertexState:
     """Place and shade the vertices of B images.
 
@@ -122,38 +133,15 @@ def shade_vertices(
     the camera as it is.
     """
     kernels = vertex_kernels(geometry.dtype, geometry.layout.modes)
-    count, total = len(latents), geometry.vertex_count
-    coefficients = latents.shape.to(geometry.dtype).contiguous()
-    with_one = torch.cat([torch.ones_like(coefficients[:, :1]), coefficients], dim=1)
-    world = (with_one @ geometry.positions).view(count, total, 3)
-    rates = (with_one @ geometry.normal_rates).view(count, total, 3, geometry.layout.modes + 1)
-    rotation = camera_rotation(latents.azimuth, latents.elevation).to(geometry.dtype).contiguous()
-    points, normals = torch.empty_like(world), torch.empty_like(world)
-    inverse_lengths = torch.empty_like(world[..., 0])
-    attributes = world.new_empty(count, total, geometry.layout.width)
-    irradiances = torch.empty_like(inverse_lengths)
-    wp.launch(
-        kernels.shade_vertices,
-        dim=(count, total),
-        inputs=[
-            warp_array(world, kernels.vec3),
-            warp_array(rates, kernels.normal_jacobian),
-            warp_array(coefficients, kernels.real),
-            warp_array(latents.light.to(geometry.dtype).contiguous(), kernels.real),
-            warp_array(rotation, kernels.mat33),
-            kernels.vec3(0.0, 0.0, camera.target_height),
-            camera.distance,
-        ],
-        outputs=[
-            warp_array(points, kernels.vec3),
-            warp_array(normals, kernels.vec3),
-            warp_array(inverse_lengths, kernels.real),
-            warp_array(attributes, kernels.row_type),
-            warp_array(irradiances, kernels.real),
-        ],
-        device=geometry.device,
-    )
-    framing = framing.to(geometry.dtype)
+    dtype, count, total = geometry.dtype, len(latents), geometry.vertex_count
+    width = geometry.layout.modes + 1
+    with_one, _ = scratch.get("with_one", (count, width), dtype, kernels.real)
+    with_one[:, 0], with_one[:, 1:] = 1.0, latents.shape
+    world, world_wp = scratch.get("world", (count, total, 3), dtype, kernels.vec3)
+    rates, rates_wp = scratch.get("rates", (count, total, 3, width), dtype, kernels.normal_jacobian)
+    torch.mm(with_one, geometry.positions, out=world.view(count, -1))
+    torch.mm(with_one, geometry.normal_rates, out=rates.view(count, -1))
+    turned = camera_rotation(latents.azimuth, latents.elevation)
     intrinsics = torch.stack(
         [
             camera.focal * torch.exp(framing[:, 2]),
@@ -162,7 +150,33 @@ def shade_vertices(
         ],
         dim=1,
     )
-    return VertexState(points, normals, inverse_lengths, attributes, irradiances, rates, intrinsics, rotation)
+    vertices = (count, total)
+    state = VertexState(
+        points=scratch.get("points", (*vertices, 3), dtype, kernels.vec3)[1],
+        normals=scratch.get("normals", (*vertices, 3), dtype, kernels.vec3)[1],
+        inverse_lengths=scratch.get("inverse_lengths", vertices, dtype, kernels.real)[1],
+        attributes=scratch.get("attributes", (*vertices, geometry.layout.width), dtype, kernels.row_type)[1],
+        irradiances=scratch.get("irradiances", vertices, dtype, kernels.real)[1],
+        normal_rates=rates_wp,
+        intrinsics=scratch.put("intrinsics", intrinsics, dtype, kernels.vec3),
+        rotation=scratch.put("rotation", turned, dtype, kernels.mat33),
+    )
+    wp.launch(
+        kernels.shade_vertices,
+        dim=vertices,
+        inputs=[
+            world_wp,
+            rates_wp,
+            scratch.put("coefficients", latents.shape, dtype, kernels.real),
+            scratch.put("light", latents.light, dtype, kernels.real),
+            state.rotation,
+            kernels.vec3(0.0, 0.0, camera.target_height),
+            camera.distance,
+        ],
+        outputs=[state.points, state.normals, state.inverse_lengths, state.attributes, state.irradiances],
+        device=geometry.device,
+    )
+    return state
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:

@@ -31,7 +31,9 @@ def write_explanation(
     height, width = photo.shape[:2]
     amodal = window.back(explanation.amodal.float().numpy(), width, height) > 0.5
     visible = (window.back(explanation.mask.float().numpy(), width, height) > 0.5) & amodal
-    described = describe(explanation, object_class, window)
+    covered = int(amodal.sum())
+    hidden = 1 - int(visible.sum()) / covered if covered else None
+    described = describe(explanation, object_class, window, hidden)
     write_png(folder / "overlay.png", overlay(srgb8_from_linear(photo), amodal, visible))
     write_png(folder / "mask.png", np.where(visible, 255, np.where(amodal, 128, 0)).astype(np.uint8))
     write_glb(folder / "object.glb", explanation.latents, object_class)
@@ -40,13 +42,16 @@ def write_explanation(
     return described
 
 
-def describe(explanation: Explanation, object_class: ObjectClass, window: Window) -> dict[str, Any]:
-    """The explanation in plain numbers: degrees, linear RGB, millimetres; see `explanation.json`."""
+def describe(
+    explanation: Explanation, object_class: ObjectClass, window: Window, hidden: float | None
+) -> dict[str, Any]:
+    """The explanation in plain numbers: degrees, linear RGB; see `explanation.json`.
+
+    hidden: share of the object's pixels within the photo that are hidden, None when there are none.
+    """
     latents = explanation.latents
     modes = object_class.shape_model.modes
     numbers = dict(zip(Latents.names(modes), explanation.deviation.tolist(), strict=True))
-    covered = int(explanation.amodal.sum())
-    seen = int((explanation.mask & explanation.amodal).sum())
     return {
         "vig": __version__,
         "class": object_class.name,
@@ -61,7 +66,7 @@ def describe(explanation: Explanation, object_class: ObjectClass, window: Window
             "light": [_rounded(v) for k, v in numbers.items() if k.startswith("light")],
             "shape": [_rounded(v) for k, v in numbers.items() if k.startswith("shape")],
         },
-        "hidden_fraction": _rounded(1 - seen / covered) if covered else None,
+        "hidden_fraction": None if hidden is None else _rounded(hidden),
         "evidence_nats": _rounded(explanation.evidence),
         "start_evidence_nats": _rounded(explanation.start_evidence),
         "evaluations": explanation.evaluations,

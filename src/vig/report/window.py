@@ -10,8 +10,11 @@ from PIL import Image
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE
 
-WINDOW_OVER_BOX = 1.35
+WINDOW_OVER_BOX = 1.4
 """Side of the window over the longer side of the object's box, as in training images (median)."""
+
+BOX_BELOW_CENTRE = 0.033
+"""How far the box's centre lies below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
 
@@ -40,7 +43,7 @@ class Window:
                 f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}"
             )
         side = WINDOW_OVER_BOX * max(w, h)
-        return Window(x + w / 2 - side / 2, y + h / 2 - side / 2, side)
+        return Window(x + w / 2 - side / 2, y + h / 2 - (0.5 + BOX_BELOW_CENTRE) * side, side)
 
     def cut(self, photo: np.ndarray, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
         """The window resampled: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in

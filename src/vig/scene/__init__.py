@@ -3,7 +3,16 @@
 from vig.scene.camera import IMAGE_SIZE, Camera, camera_rotation
 from vig.scene.colour import linear_from_srgb, srgb8_from_linear, srgb_from_linear
 from vig.scene.latents import SHAPE_LIMIT, Latents
-from vig.scene.light import EXPOSURE_L00, exposed, grey, irradiance, project_panorama, rotate_z, sh_basis
+from vig.scene.light import (
+    EXPOSURE_L00,
+    exposed,
+    grey,
+    irradiance,
+    project_panorama,
+    rotate_z,
+    sh_basis,
+    turn_rate_z,
+)
 from vig.scene.mesh import Mesh, face_normals, vertex_normals
 from vig.scene.object_class import ObjectClass
 from vig.scene.shape_model import ShapeModel
@@ -28,5 +37,6 @@ __all__ = [
     "sh_basis",
     "srgb8_from_linear",
     "srgb_from_linear",
+    "turn_rate_z",
     "vertex_normals",
 ]

@@ -81,6 +81,13 @@ def rotate_z(light: torch.Tensor, angle: torch.Tensor | float) -> torch.Tensor:
     )
 
 
+def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
+    """d rotate_z(light, angle) / d angle at angle 0, per radian: (..., 9) to (..., 9)."""
+    l00, y, z, x, xy, yz, zz, xz, x2y2 = light.unbind(-1)
+    zero = torch.zeros_like(l00)
+    return torch.stack([zero, x, zero, -y, 2 * x2y2, xz, zero, -yz, -2 * xy], dim=-1)
+
+
 def project_panorama(radiance: np.ndarray) -> np.ndarray:
     """SH coefficients of an equirectangular panorama, per channel.
 

@@ -64,7 +64,7 @@ class ObjectClass:
     def load(name_or_folder: str | Path) -> ObjectClass:
         """Read a packaged class by name, or a class pack from a folder. UserError when it is not one."""
         folder = Path(name_or_folder)
-        if not folder.is_dir() and folder.name == str(name_or_folder):
+        if not (folder / "class.json").is_file() and folder.name == str(name_or_folder):
             folder = PACKAGED / folder
         if not (folder / "class.json").is_file():
             known = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))

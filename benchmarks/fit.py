@@ -1,0 +1,90 @@
+"""How long a fit takes on one core: `python -m benchmarks.fit [--json FILE] [--repeats N]`.
+
+Fits the packaged example photos with the default settings, kernels warm, one thread. Prints medians and
+interquartile ranges: one whole fit with all its starts, one descent from one start at full size, how often
+the objective is valued in a fit, and one valuation with gradient and normal matrix.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from vig import __version__
+from vig.examples import example_photos
+from vig.images import read_photo
+from vig.inference import ExplainSettings, LevenbergMarquardt, explain_one, objective_of
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass
+
+
+def measure(repeats: int) -> list[dict]:
+    """Time every example photo `repeats` times; metrics in DESIGN's form."""
+    torch.set_num_threads(1)
+    teapot = ObjectClass.load("teapot")
+    recognizer = Recognizer((teapot.folder or Path()) / "recognition.safetensors")
+    photos = [torch.from_numpy(read_photo(example.photo)) for example in example_photos()]
+    predictions = [recognizer(photo[None]) for photo in photos]
+    settings = ExplainSettings()
+    zero, sigma = torch.zeros(1, dtype=torch.int32), torch.tensor([settings.likelihood.sigma])
+    explain_one(photos[0], predictions[0], teapot, settings)  # compile the kernels
+    whole, single, valuation, evaluations = [], [], [], []
+    for _ in range(repeats):
+        for photo, prediction in zip(photos, predictions, strict=True):
+            started = time.perf_counter()
+            explanation = explain_one(photo, prediction, teapot, settings)
+            whole.append(1000 * (time.perf_counter() - started))
+            evaluations.append(explanation.evaluations)
+            objective = objective_of(photo, prediction, teapot, settings)
+            point = objective.point(prediction.best())
+            started = time.perf_counter()
+            LevenbergMarquardt()(objective, point, zero, settings.likelihood.sigma)
+            single.append(1000 * (time.perf_counter() - started))
+            started = time.perf_counter()
+            objective(point, zero, sigma)
+            valuation.append(1000 * (time.perf_counter() - started))
+    return [
+        metric("whole_fit_ms_per_core", whole, "ms"),
+        metric("fit_ms_per_core", single, "ms"),
+        metric("full_evaluation_ms", valuation, "ms"),
+        metric("evaluations_per_fit", evaluations, "evaluations"),
+    ]
+
+
+def metric(name: str, values: list[float], unit: str) -> dict:
+    """Median and interquartile range."""
+    low, middle, high = np.percentile(values, [25, 50, 75])
+    return {
+        "name": name,
+        "value": round(float(middle), 3),
+        "unit": unit,
+        "better": "lower",
+        "iqr": round(float(high - low), 3),
+    }
+
+
+def main() -> None:
+    """Measure, print, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--repeats", type=int, default=3)
+    arguments = parser.parse_args()
+    report = {
+        "machine": {"processor": platform.machine(), "threads": 1},
+        "versions": {"vig": __version__, "torch": torch.__version__, "python": platform.python_version()},
+        "metrics": measure(arguments.repeats),
+    }
+    for row in report["metrics"]:
+        print(f"{row['name']}: {row['value']} {row['unit']} (interquartile range {row['iqr']})")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""Methods run over a small dataset with a network that has learned nothing."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from vig.cli.main import main
+from vig.dataset import Dataset, make_dataset, read_dataset
+from vig.errors import UserError
+from vig.evaluation import evaluate
+from vig.evaluation.protocol import METHODS, gaussian_of, silhouettes, write_csv
+from vig.inference import ExplainSettings
+from vig.inference.settings import Stage
+from vig.likelihood import GAUSSIAN
+from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
+from vig.recognition.training import save_weights
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass
+
+COUNT = 4
+QUICK = ExplainSettings(stages=(Stage(2, 2),))
+POSE = {"azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm"}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Path:
+    out = tmp_path_factory.mktemp("evaluated") / "d"
+    return make_dataset(out, COUNT, 3, split="test", workers=1, progress=False, object_class=teapot)
+
+
+@pytest.fixture(scope="module")
+def dataset(made: Path) -> Dataset:
+    return read_dataset(made, "test")
+
+
+def untrained(path: Path, modes: int = 10) -> Path:
+    """Weights of a small network that says about the same of every photo."""
+    torch.manual_seed(0)
+    network = RecognitionNetwork(NetworkSettings(modes=modes, widths=(4, 4, 8, 8), features=16))
+    mean = torch.tensor([0.8, *[0.0] * modes, 0.5, 0.5, 0.5, EXPOSURE_L00, *[0.0] * 8])
+    save_weights(network, {"mean": mean, "deviation": torch.full_like(mean, 0.1)}, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return untrained(tmp_path_factory.mktemp("weights") / "recognition.safetensors")
+
+
+@pytest.fixture(scope="module")
+def results(dataset: Dataset, weights: Path, teapot: ObjectClass):
+    fitted: list[int] = []
+    found = evaluate(dataset, teapot, Recognizer(weights), settings=QUICK, advance=fitted.append)
+    assert sum(fitted) == 2 * COUNT  # gaussian and robust
+    return found
+
+
+def test_every_method_answers_every_image(results) -> None:
+    assert tuple(results) == METHODS
+    for method, result in results.items():
+        assert set(result.errors) == POSE | (set() if method == "baseline" else {"segmentation_iou"})
+        assert len(result.verdicts) == COUNT
+        for values in result.errors.values():
+            assert values.shape == (COUNT,) and np.isfinite(values).all() and (values >= 0).all()
+        fits = method in ("gaussian", "robust")
+        assert all(
+            (name in ("trusted", "reverted", "ambiguous", "failed")) == fits for name in result.verdicts
+        )
+
+
+def test_the_baseline_stands_at_azimuth_zero_and_the_mean_shape(
+    results, dataset: Dataset, teapot: ObjectClass
+) -> None:
+    degrees = np.degrees(dataset.latents[:, 10])
+    np.testing.assert_allclose(
+        results["baseline"].errors["azimuth_deg"], np.abs((degrees + 180) % 360 - 180), atol=1e-3
+    )
+    offset = np.einsum("bk,kvc->bvc", dataset.latents[:, :10], teapot.shape_model.basis)
+    np.testing.assert_allclose(
+        results["baseline"].errors["shape_mm"], 1000 * np.linalg.norm(offset, axis=-1).mean(1), rtol=1e-3
+    )
+
+
+def test_images_are_not_mixed_up_by_threads(
+    results, dataset: Dataset, weights: Path, teapot: ObjectClass
+) -> None:
+    alone = evaluate(dataset, teapot, Recognizer(weights), ("robust",), QUICK, threads=1)["robust"]
+    for metric, values in results["robust"].errors.items():
+        np.testing.assert_array_equal(alone.errors[metric], values)
+    assert alone.verdicts == results["robust"].verdicts
+
+
+def test_silhouettes_of_the_truth_are_the_datasets_masks(dataset: Dataset, teapot: ObjectClass) -> None:
+    truth = Latents.from_vector(torch.from_numpy(dataset.latents))
+    masks = silhouettes(truth, teapot)
+    assert masks.dtype == bool and masks.shape == (COUNT, 150, 150)
+    union = (masks | dataset.amodal).sum((1, 2))
+    assert ((masks & dataset.amodal).sum((1, 2)) / union > 0.97).all()
+
+
+def test_the_gaussian_method_differs_in_its_pixel_model_only() -> None:
+    assert gaussian_of(QUICK) == replace(QUICK, likelihood=GAUSSIAN)
+
+
+def test_the_csv_has_a_row_for_each_image_and_method(results, dataset: Dataset, tmp_path: Path) -> None:
+    write_csv(tmp_path / "errors.csv", dataset, results)
+    with open(tmp_path / "errors.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == COUNT * len(METHODS)
+    assert set(rows[0]) == {"image", "occlusion", "cause", "method", "verdict"} | POSE | {"segmentation_iou"}
+    for number, row in enumerate(rows):
+        method, image = METHODS[number // COUNT], number % COUNT
+        assert (row["method"], row["image"], row["cause"]) == (method, str(image), dataset.cause[image])
+        assert float(row["occlusion"]) == pytest.approx(dataset.occlusion[image], abs=1e-4)
+        error = results[method].errors["azimuth_deg"][image]
+        assert float(row["azimuth_deg"]) == pytest.approx(error, rel=1e-5)
+        assert (row["segmentation_iou"] == "") == (method == "baseline")
+
+
+@pytest.mark.parametrize(
+    ("methods", "said"), [(("robust", "magic"), "got magic"), ((), "at least one method")]
+)
+def test_methods_that_do_not_exist_are_refused(
+    methods, said: str, dataset: Dataset, weights: Path, teapot: ObjectClass
+) -> None:
+    with pytest.raises(UserError, match=said):
+        evaluate(dataset, teapot, Recognizer(weights), methods)
+
+
+def test_a_dataset_of_another_class_is_refused(dataset: Dataset, weights: Path, teapot: ObjectClass) -> None:
+    other = replace(dataset, latents=dataset.latents[:, 2:])
+    with pytest.raises(UserError, match="with 10 shape components; .* has 8"):
+        evaluate(other, teapot, Recognizer(weights))
+
+
+def run(capsys, *arguments: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main(["evaluate", *(str(argument) for argument in arguments)])
+    return ended.value.code, *capsys.readouterr()
+
+
+def test_the_command_writes_its_files_and_prints_the_folder_last(
+    capsys, made: Path, weights: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "r"
+    arguments = ("--dataset", made, "--out", out, "--weights", weights, "--methods", "baseline", "rm")
+    code, printed, _ = run(capsys, *arguments, "--max-occlusion", 1)
+    assert code == 0 and printed.splitlines()[-1] == str(out)
+    assert {path.name for path in out.iterdir()} == {"errors.csv", "table.json", "table.md"}
+    table = json.loads((out / "table.json").read_text())
+    assert table["count"] == COUNT and set(table["rows"]["azimuth_deg"]) == {"baseline", "rm"}
+
+
+@pytest.mark.parametrize("wrong", ["occlusion", "out", "split", "weights", "modes"])
+def test_mistakes_are_told_in_a_line_before_any_work(
+    capsys, wrong: str, made: Path, weights: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    given = {"--dataset": made, "--out": tmp_path / "r", "--weights": weights}
+    extra, said = {
+        "occlusion": ({"--max-occlusion": 75}, "share from 0 to 1; got 75"),
+        "out": ({"--out": tmp_path / "file" / "r"}, "cannot write"),
+        "split": ({"--split": "train"}, "has no train split; it has test"),
+        "weights": ({"--weights": tmp_path / "file"}, "expected recognition weights"),
+        "modes": ({"--weights": untrained(tmp_path / "w", modes=4)}, "10 shape components"),
+    }[wrong]
+    code, printed, error = run(capsys, *(word for pair in (given | extra).items() for word in pair))
+    assert code == 2 and printed == "" and said in error and error.count("\n") == 1
+    assert not (tmp_path / "r").exists() or not any((tmp_path / "r").iterdir())

@@ -1,0 +1,78 @@
+"""The density of a photo's own colours, in place of the uniform one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from vig.likelihood import log_colour_density
+from vig.likelihood.surroundings import CELLS, FLOOR
+
+
+def density_on_cube(colours: torch.Tensor, per_cell: int = 2) -> torch.Tensor:
+    """Density, relative to uniform, at midpoints of a grid over the colour cube, given surroundings (n, 3).
+
+    The grid's colours enter the photo with weight 0: they are looked up, not counted.
+    """
+    count = per_cell * (CELLS - 1)
+    axis = (torch.arange(count) + 0.5) / count
+    grid = torch.cartesian_prod(axis, axis, axis)
+    photo = torch.cat([colours, grid])[None].float()
+    weight = torch.cat([torch.ones(len(colours)), torch.zeros(len(grid))])[None]
+    return log_colour_density(photo, weight)[0, len(colours) :].exp()
+
+
+@pytest.mark.parametrize("colour", [None, (0.0, 0.0, 0.0), (1.0, 0.4, 0.0), (0.5, 0.3, 0.7)])
+def test_it_is_a_density(colour: tuple[float, float, float] | None) -> None:
+    """Its mean over the cube is 1, even where all colours sit on a face or in a corner of the cube.
+
+    Within a cell the density is linear along each axis, so midpoints of half cells sum it exactly.
+    """
+    rng = np.random.default_rng(0)
+    shown = torch.from_numpy(rng.uniform(0, 1, (500, 3))) if colour is None else torch.tensor([colour])
+    assert density_on_cube(shown).mean().item() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_colours_of_the_surroundings_are_likely_and_others_have_the_floor() -> None:
+    photo = torch.full((10, 20, 3), 0.3)
+    photo[:, 10:] = torch.tensor([0.8, 0.1, 0.1])
+    weight = torch.zeros(10, 20)
+    weight[:, :10] = 1
+    density = log_colour_density(photo, weight)
+    assert density.shape == (10, 20) and density.dtype == torch.float64
+    assert (density[:, :10] > math.log(500)).all()  # 22 cells a side, spread over about three
+    torch.testing.assert_close(density[:, 10:], torch.full((10, 10), math.log(FLOOR), dtype=torch.float64))
+
+
+def test_a_region_of_weight_zero_is_ignored_whatever_it_shows() -> None:
+    rng = np.random.default_rng(1)
+    photo = torch.from_numpy(rng.uniform(0, 1, (20, 20, 3))).float()
+    weight = torch.ones(20, 20)
+    weight[5:15, 5:15] = 0
+    other = photo.clone()
+    other[5:15, 5:15] = torch.from_numpy(rng.uniform(0, 1, (10, 10, 3))).float()
+    outside = weight > 0
+    first, second = log_colour_density(photo, weight), log_colour_density(other, weight)
+    assert torch.equal(first[outside], second[outside])
+
+
+def test_only_the_proportions_of_the_weights_count() -> None:
+    photo = torch.from_numpy(np.random.default_rng(2).uniform(0, 1, (12, 12, 3))).float()
+    weight = torch.from_numpy(np.random.default_rng(3).uniform(0, 1, (12, 12))).float()
+    torch.testing.assert_close(log_colour_density(photo, weight), log_colour_density(photo, 0.1 * weight))
+
+
+def test_many_different_colours_are_near_uniform() -> None:
+    photo = torch.from_numpy(np.random.default_rng(4).uniform(0, 1, (400, 400, 3))).float()
+    density = log_colour_density(photo, torch.ones(400, 400)).exp()
+    assert density.mean().item() == pytest.approx(1.0, abs=0.05)
+    assert 0.3 < density.min() and density.max() < 3
+
+
+def test_colours_outside_the_cube_count_as_on_its_border() -> None:
+    inside, outside = torch.ones(4, 4, 3), torch.full((4, 4, 3), 1.2)
+    weight = torch.ones(4, 4)
+    torch.testing.assert_close(log_colour_density(outside, weight), log_colour_density(inside, weight))

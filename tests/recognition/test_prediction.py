@@ -1,0 +1,90 @@
+"""Peaks of a distribution over azimuth."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from vig.recognition import Prediction
+from vig.recognition.targets import azimuth_labels
+
+BINS = 72
+WIDTH = 360 / BINS
+
+
+def of_azimuth(*rows: torch.Tensor) -> Prediction:
+    azimuth = torch.stack(rows)
+    count = len(azimuth)
+    return Prediction(azimuth, torch.zeros(count, 23), torch.ones(count, 23), torch.zeros(count, 2, 2, 3))
+
+
+def bump(degrees: float, weight: float = 1.0) -> torch.Tensor:
+    return weight * azimuth_labels(torch.tensor([math.radians(degrees)]), BINS)[0]
+
+
+def turn(a: torch.Tensor, degrees: float) -> float:
+    return abs((math.degrees(float(a)) - degrees + 180) % 360 - 180)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 0.4, 2.5, 91.3, 179.9, 357.5, 359.6])
+def test_one_peak_is_found_within_a_fraction_of_a_bin(degrees: float) -> None:
+    weights, angles = of_azimuth(bump(degrees)).modes(1)
+    assert weights.shape == angles.shape == (1, 1)
+    assert turn(angles[0, 0], degrees) < 0.5 < WIDTH  # also across north, where bin 71 meets bin 0
+    assert 0 <= angles[0, 0] <= 2 * math.pi
+    assert weights[0, 0].exp() > 0.95
+
+
+def test_peaks_come_by_weight_and_apart() -> None:
+    prediction = of_azimuth(bump(200, 0.3) + bump(20, 0.5) + bump(290, 0.2))
+    weights, angles = prediction.modes(3)
+    for angle, expected in zip(angles[0], (20, 200, 290), strict=True):
+        assert turn(angle, expected) < 1.5
+    torch.testing.assert_close(
+        weights[0].exp(), torch.tensor([0.5, 0.3, 0.2], dtype=torch.float64), atol=0.02, rtol=0
+    )
+
+
+def test_a_bins_mass_counts_once() -> None:
+    """What a peak has taken is gone: no peak is found twice and the weights add up to no more than 1."""
+    weights, angles = of_azimuth(torch.full((BINS,), 1 / BINS)).modes(10)
+    assert weights[0].exp().sum() <= 1 + 1e-6
+    gaps = torch.rad2deg(angles[0]).sort().values.diff()
+    assert (gaps > 4.9 * WIDTH).all()
+
+
+def test_a_peak_of_one_bin_leaves_nothing_for_the_next() -> None:
+    weights, angles = of_azimuth(torch.nn.functional.one_hot(torch.tensor(7), BINS).float()).modes(2)
+    assert turn(angles[0, 0], 7.5 * WIDTH) < 1e-3
+    assert weights[0, 1] == pytest.approx(math.log(1e-9))
+    assert torch.isfinite(angles).all()
+
+
+def test_rows_are_independent() -> None:
+    rows = [bump(40), 0.6 * bump(300) + 0.4 * bump(120)]
+    _, angles = of_azimuth(*rows).modes(2)
+    for i, row in enumerate(rows):
+        assert torch.equal(angles[i], of_azimuth(row).modes(2)[1][0])
+
+
+def test_the_best_guess_stands_at_the_heaviest_peak_within_bounds() -> None:
+    prediction = of_azimuth(0.6 * bump(300) + 0.4 * bump(120))
+    prediction.numbers[0] = torch.tensor([2.0, *[5.0] * 10, 1.2, 0.4, -0.1, 2.0, 1.0, *[0.0] * 7])
+    best = prediction.best()
+    assert len(best) == 1 and turn(best.azimuth[0], 300) < 0.5
+    assert best.elevation[0] == pytest.approx(math.pi / 2)
+    assert (best.shape == 3).all()
+    torch.testing.assert_close(best.albedo, torch.tensor([[1.0, 0.4, 0.0]]))
+    # Light along +y in the heading frame: turned with the azimuth, (l, m) = (1, -1) is y and (1, 1) is x.
+    angle = best.azimuth[0]
+    expected = torch.stack([torch.tensor(2.0), angle.cos(), torch.tensor(0.0), -angle.sin()])
+    torch.testing.assert_close(best.light[0, :4], expected, atol=1e-5, rtol=0)
+
+
+def test_a_slice_is_a_prediction_of_those_photos() -> None:
+    prediction = of_azimuth(bump(10), bump(20), bump(30))
+    part = prediction[1:3]
+    assert len(prediction) == 3 and len(part) == 2
+    assert torch.equal(part.azimuth, prediction.azimuth[1:])

@@ -1,0 +1,168 @@
+"""Training runs, goes on where it stopped as if it never had, and refuses what it cannot use."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from vig.dataset import Dataset
+from vig.errors import UserError
+from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer, TrainingSettings, train
+from vig.recognition.training import save_weights
+
+SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)
+COUNT = 40
+
+
+def tiny_dataset(folder: Path, count: int = COUNT) -> Dataset:
+    """Photos of a bright disc whose place follows azimuth, half of it hidden."""
+    rng = np.random.default_rng(0)
+    latents = rng.normal(size=(count, 24)).astype(np.float32)
+    latents[:, 10] = rng.uniform(0, 2 * math.pi, count)
+    y, x = np.mgrid[:150, :150]
+    centre = 75 + 30 * np.stack([np.cos(latents[:, 10]), np.sin(latents[:, 10])])
+    amodal = (x - centre[0, :, None, None]) ** 2 + (y - centre[1, :, None, None]) ** 2 < 25**2
+    visible = amodal & (x < centre[0, :, None, None])
+    images = rng.integers(0, 80, (count, 150, 150, 3), np.uint8)
+    images[visible] += 150
+    zeros = np.zeros(count, np.float32)
+    dataset = Dataset(folder, latents, (), zeros, zeros, ("none",) * count, zeros > 0)
+    dataset.__dict__.update(images=images, amodal=amodal, visible=visible)  # instead of files
+    return dataset
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return tiny_dataset(tmp_path_factory.mktemp("tiny"))
+
+
+@pytest.fixture(scope="module")
+def trained(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """Weights of an uninterrupted run, and what it said."""
+    said: list[str] = []
+    return train(dataset, tmp_path_factory.mktemp("whole"), SETTINGS, said.append), said
+
+
+def test_a_run_says_one_line_an_epoch_and_writes_weights_that_can_be_read(trained, dataset: Dataset) -> None:
+    path, said = trained
+    assert path.name == "recognition.safetensors"
+    assert [line.split()[1] for line in said] == ["1/3", "2/3", "3/3"]
+    assert all("nan" not in line for line in said)
+    prediction = Recognizer(path)(torch.rand(2, 150, 150, 3))
+    assert prediction.azimuth.shape == (2, 72) and prediction.mask.shape == (2, 150, 150, 3)
+    torch.testing.assert_close(prediction.azimuth.sum(1), torch.ones(2))
+    torch.testing.assert_close(prediction.mask.sum(-1), torch.ones(2, 150, 150))
+    assert (prediction.deviation > 0).all()
+
+
+def test_the_loss_falls(trained) -> None:
+    losses = [float(line.split("loss ")[1].split()[0]) for line in trained[1]]
+    assert losses[-1] < losses[0]
+
+
+@pytest.mark.filterwarnings("error::UserWarning")
+def test_an_interrupted_run_ends_with_the_same_bytes(trained, dataset: Dataset, tmp_path: Path) -> None:
+    def interrupt(line: str) -> None:
+        if line.startswith("epoch 1/"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(dataset, tmp_path, SETTINGS, interrupt)
+    assert not (tmp_path / "recognition.safetensors").exists()
+    said: list[str] = []
+    resumed = train(dataset, tmp_path, SETTINGS, said.append)
+    assert [line.split()[1] for line in said] == ["2/3", "3/3"]
+    first, second = load_file(trained[0]), load_file(resumed)
+    assert first.keys() == second.keys()
+    assert [name for name in first if not torch.equal(first[name], second[name])] == []
+
+
+def test_a_finished_run_is_not_trained_again(trained, dataset: Dataset) -> None:
+    path, _ = trained
+    before, said = path.read_bytes(), []
+    assert train(dataset, path.parent, SETTINGS, said.append) == path
+    assert said == [] and path.read_bytes() == before
+
+
+def test_another_runs_checkpoint_is_not_continued(trained, dataset: Dataset) -> None:
+    folder = trained[0].parent
+    before = (folder / "checkpoint.safetensors").read_bytes()
+    with pytest.raises(UserError, match="another training run"):
+        train(dataset, folder, dataclasses.replace(SETTINGS, epochs=5))
+    assert (folder / "checkpoint.safetensors").read_bytes() == before
+
+
+@pytest.mark.parametrize("keep", [0, 40, -100])
+def test_a_damaged_checkpoint_is_told(keep: int, trained, dataset: Dataset, tmp_path: Path) -> None:
+    whole = (trained[0].parent / "checkpoint.safetensors").read_bytes()
+    (tmp_path / "checkpoint.safetensors").write_bytes(whole[:keep])
+    with pytest.raises(UserError, match="checkpoint"):
+        train(dataset, tmp_path, SETTINGS)
+
+
+def test_a_checkpoint_that_is_none_of_ours_is_told(dataset: Dataset, tmp_path: Path) -> None:
+    save_file({"a": torch.zeros(1)}, tmp_path / "checkpoint.safetensors")
+    with pytest.raises(UserError, match="checkpoint"):
+        train(dataset, tmp_path, SETTINGS)
+
+
+def test_too_small_a_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="at least 16 images; .* has 15"):
+        train(tiny_dataset(tmp_path, 15), tmp_path, SETTINGS)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("wrong", [{"epochs": 0}, {"epochs": -1}, {"seed": -1}])
+def test_impossible_settings_are_refused(wrong: dict[str, int], dataset: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=f"{next(iter(wrong))} must be at least"):
+        train(dataset, tmp_path, dataclasses.replace(SETTINGS, **wrong))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    """Untrained weights of a small network."""
+    torch.manual_seed(0)
+    path = tmp_path / "recognition.safetensors"
+    scale = {"mean": torch.zeros(23), "deviation": torch.ones(23)}
+    save_weights(RecognitionNetwork(NetworkSettings(widths=(4, 4, 8, 8), features=16)), scale, path)
+    return path
+
+
+def test_weights_are_read_back_with_their_settings(weights: Path) -> None:
+    assert Recognizer(weights).network.settings == NetworkSettings(widths=(4, 4, 8, 8), features=16)
+
+
+@pytest.mark.parametrize("keep", [0, 30, -1])
+def test_truncated_weights_are_refused(weights: Path, keep: int) -> None:
+    weights.write_bytes(weights.read_bytes()[:keep])
+    with pytest.raises(UserError, match="expected recognition weights at"):
+        Recognizer(weights)
+
+
+def test_missing_foreign_and_non_finite_weights_are_refused(weights: Path, tmp_path: Path) -> None:
+    for path in (tmp_path / "nothing.safetensors", tmp_path):
+        with pytest.raises(UserError, match="expected recognition weights at"):
+            Recognizer(path)
+    tensors = load_file(weights)
+    save_file(tensors, tmp_path / "foreign.safetensors")  # no settings
+    with pytest.raises(UserError, match="expected recognition weights at"):
+        Recognizer(tmp_path / "foreign.safetensors")
+    from safetensors import safe_open
+
+    with safe_open(weights, framework="pt") as file:
+        metadata = file.metadata()
+    for name in ("network.azimuth.bias", "scale.mean"):
+        bad = tensors | {name: torch.full_like(tensors[name], math.nan)}
+        save_file(bad, tmp_path / "bad.safetensors", metadata=metadata)
+        with pytest.raises(UserError, match="not finite"):
+            Recognizer(tmp_path / "bad.safetensors")
+    save_file(tensors | {"scale.mean": torch.zeros(3)}, tmp_path / "bad.safetensors", metadata=metadata)
+    with pytest.raises(UserError, match="expected recognition weights at"):
+        Recognizer(tmp_path / "bad.safetensors")
