@@ -42,9 +42,9 @@ class ExplainSettings:
 
     likelihood: PixelModel = ROBUST
     stages: tuple[Stage, ...] = (
-        Stage(16, 6, sigma=4.0, scale=0.5, tolerance=10.0),
-        Stage(5, 10, sigma=4.0, scale=0.5, tolerance=3.0),
-        Stage(3, 30),
+        Stage(16, 6, sigma=4.0, scale=0.5, tolerance=20.0),
+        Stage(4, 8, sigma=4.0, scale=0.5, tolerance=5.0),
+        Stage(2, 25, tolerance=1.0),
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
