@@ -88,3 +88,15 @@ def test_a_slice_is_a_prediction_of_those_photos() -> None:
     part = prediction[1:3]
     assert len(prediction) == 3 and len(part) == 2
     assert torch.equal(part.azimuth, prediction.azimuth[1:])
+
+
+def test_log_mass_is_that_of_the_bins_round_an_angle_and_never_rules_a_view_out():
+    azimuth = torch.full((1, 72), 0.0)
+    azimuth[0, [9, 10, 11]] = torch.tensor([0.2, 0.5, 0.1])
+    azimuth[0, 71] = 0.2
+    numbers = torch.zeros(1, 23)
+    prediction = Prediction(azimuth, numbers, torch.ones(1, 23), torch.full((1, 4, 4, 3), 1 / 3))
+    centre_of_10 = torch.deg2rad(torch.tensor([52.5, 357.5, 2.5, 200.0]))
+    mass = prediction.log_mass(centre_of_10).exp()
+    expected = torch.tensor([0.8, 0.2, 0.2, 0.001], dtype=torch.float64)
+    torch.testing.assert_close(mass, expected, atol=1e-6, rtol=0)

@@ -24,10 +24,13 @@ from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, Explanation, explain_one, geometry_of
 from vig.likelihood import GAUSSIAN, ROBUST, Likelihood, Photos
-from vig.recognition import Prediction, Recognizer
+from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
 
 METHODS = (BASELINE, "rm", "gaussian", "robust")
+
+MASK_HEAD = "rm mask head"
+"""What "rm" is shown beside: the network's own word on the visible pixels, no silhouette."""
 
 _MEAN_ELEVATION = np.pi / 4
 _MEAN_ALBEDO = 0.5
@@ -53,8 +56,9 @@ def evaluate(
     """Run methods over all images; `advance` is told how many were fitted since the last call.
 
     "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
-    silhouette as mask (as in the paper), "gaussian" and "robust" the fits from it. Raises UserError for an
-    unknown method, for none, and for a dataset of another class.
+    silhouette as mask (as in the paper; the mask that it predicts is listed as a method of its own),
+    "gaussian" and "robust" the fits from it. Raises UserError for an unknown method, for none, and for a
+    dataset of another class.
     """
     if not methods:
         raise UserError(f"expected at least one method among {', '.join(METHODS)}; got none")
@@ -83,6 +87,9 @@ def evaluate(
                 "segmentation_iou": segmentation_iou(masks, dataset.visible)
             }
             results[method] = MethodResult(errors, [""] * len(dataset))
+            said = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
+            head = {"segmentation_iou": segmentation_iou(said, dataset.visible)}
+            results[MASK_HEAD] = MethodResult(head, [""] * len(dataset))
         else:
             chosen = settings if method == "robust" else gaussian_of(settings)
             fits = list(_fits(photos, prediction, object_class, chosen, threads, advance))
