@@ -11,7 +11,7 @@ import torch
 from vig.errors import UserError
 from vig.images import read_photo
 from vig.inference import ConjugateGradient, ExplainSettings, Explanation, LevenbergMarquardt, explain
-from vig.likelihood import GAUSSIAN, ROBUST
+from vig.likelihood import GAUSSIAN, ROBUST, load_kernels
 from vig.recognition import Recognizer
 from vig.report import write_explanation
 from vig.report.window import Window
@@ -29,6 +29,7 @@ class Explainer:
         torch.set_num_threads(1)  # a fit's matrices are small: threads cost more than they bring
         self.object_class = ObjectClass.load(object_class)
         self.recognizer = Recognizer.of_class(self.object_class)
+        load_kernels(torch.float32, self.object_class.shape_model.modes)
         self.likelihood, self.optimizer = LIKELIHOODS[likelihood], OPTIMIZERS[optimizer]()
 
     def __call__(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ class Fit:
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     likelihood: Literal["robust", "gaussian"] = "robust"
-    """The pixel model: does anything stand before the object?"""
+    """The pixel model: robust allows for occluders, gaussian takes all of the object as visible."""
     optimizer: Literal["lm", "cg"] = "lm"
     """Levenberg-Marquardt, or the paper's nonlinear conjugate gradient."""
     framing: Literal["auto", "fixed", "free"] = "auto"
@@ -157,6 +158,9 @@ def main(arguments: list[str] | None = None) -> None:
     except UserError as error:
         print(f"vig: {error}", file=sys.stderr)
         sys.exit(2)
+    except BrokenPipeError:  # whoever read the output has gone, as `| head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except KeyboardInterrupt:
         print("vig: interrupted; what is finished stays", file=sys.stderr)
         sys.exit(130)

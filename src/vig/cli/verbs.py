@@ -53,7 +53,7 @@ def fit(settings: Fit) -> int:
             print(_line(image.name, described, time.monotonic() - started))
     if settings.json:
         print(json.dumps({"results": results, "folder": str(settings.out)}, indent=2))
-    else:
+    elif results:
         print(settings.out)
     return 2 if failures else 0
 

@@ -91,7 +91,7 @@ def read_dataset(path: str | Path, split: str = "train") -> Dataset:
     splits = read_info(root)["splits"]
     if split not in splits:
         held = ", ".join(splits) or "none"
-        raise UserError(f"'{root}' has no {split} split; it has {held}. Make it first.")
+        raise UserError(f"'{root}' has no {split} split; it has {held}. Choose it or make it.")
     if not splits[split]["complete"]:
         raise UserError(f"the {split} split of '{root}' is not complete; run the command that made it again.")
     table_path = root / split / "latents.parquet"

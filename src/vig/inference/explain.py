@@ -13,7 +13,7 @@ from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Optimizer
 from vig.inference.posterior import objectives_of
 from vig.inference.settings import ExplainSettings, Stage
-from vig.inference.starts import starts
+from vig.inference.starts import starts, strewn_framing
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
 
@@ -47,7 +47,9 @@ def explain_one(
     scales = {stage.scale for stage in settings.stages} | {1.0}
     objectives = objectives_of(photo, prediction, object_class, settings, scales, known)
     objective = objectives[1.0]
-    points = objective.point(starts(prediction, settings.stages[0].starts))
+    count = settings.stages[0].starts
+    framing = strewn_framing(count) if settings.free_framing else None
+    points = objective.point(starts(prediction, count), framing)
     scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations = 0
     for stage in settings.stages:

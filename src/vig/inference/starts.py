@@ -7,6 +7,7 @@ import math
 import numpy as np
 import torch
 
+from vig.inference.prior import FRAMING_SD
 from vig.recognition import Prediction
 from vig.recognition.targets import latents_of
 from vig.scene import Latents
@@ -39,6 +40,14 @@ def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
     noise = torch.from_numpy(rng.standard_normal((count, 2 + modes)).astype(np.float32) * strewn)
     numbers[:, : 1 + modes] += SPREAD * prediction.deviation[:, : 1 + modes] * noise[:, 1:]
     return latents_of(numbers, azimuth + SPREAD_AZIMUTH * noise[:, 0])
+
+
+def strewn_framing(count: int, seed: int = 0) -> torch.Tensor:
+    """Framings (count, 3) for as many starts, the first 0, the others strewn by the prior's deviations."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
+    noise = rng.standard_normal((count, len(FRAMING_SD))).astype(np.float32)
+    noise[0] = 0.0
+    return torch.from_numpy(noise * np.array(FRAMING_SD, np.float32))
 
 
 def _allot(share: np.ndarray, count: int) -> list[int]:

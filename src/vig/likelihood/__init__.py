@@ -2,6 +2,7 @@
 
 from vig.likelihood.evaluate import FRAMING_COUNT, Evaluation, Likelihood, Photos
 from vig.likelihood.gaussian import GAUSSIAN
+from vig.likelihood.kernels import load_kernels
 from vig.likelihood.pixel import NEVER, PixelModel, mixture
 from vig.likelihood.robust import ROBUST
 from vig.likelihood.surroundings import log_colour_density
@@ -15,6 +16,7 @@ __all__ = [
     "Likelihood",
     "Photos",
     "PixelModel",
+    "load_kernels",
     "log_colour_density",
     "mixture",
 ]

@@ -15,8 +15,8 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.render.geometry import module_name
-from vig.render.raster import NEAR, NOTHING
+from vig.render.geometry import module_name, vertex_kernels
+from vig.render.raster import NEAR, NOTHING, raster_kernels
 from vig.render.surface import surface_functions
 
 BEHIND_EDGE = 0.002
@@ -486,3 +486,10 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         interior=interior,
         **vars(f),
     )
+
+
+def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
+    """Compile or load all kernels of a fit at once, two modules side by side; else each does at first use."""
+    first = vertex_kernels(dtype, modes).shade_vertices, raster_kernels(dtype).rasterize_faces
+    kernels = (*first, likelihood_kernels(dtype, modes).interior)
+    wp.force_load(device, modules=[kernel.module for kernel in kernels], max_workers=2)
