@@ -130,6 +130,7 @@ def train(settings: Train) -> int:
 def evaluate(settings: Evaluate) -> int:
     """`vig evaluate`."""
     from vig.dataset import read_dataset
+    from vig.dataset.format import read_info
     from vig.evaluation import build_table, markdown_table, rich_table, save_table
     from vig.evaluation import evaluate as run_methods
     from vig.evaluation.protocol import write_csv
@@ -156,7 +157,7 @@ def evaluate(settings: Evaluate) -> int:
     table = build_table(
         {method: result.errors for method, result in results.items()},
         dataset.occlusion,
-        "raster",
+        read_info(settings.dataset)["splits"][settings.split]["tier"],
         np.random.default_rng(0),
         settings.max_occlusion,
     )
@@ -168,9 +169,14 @@ def evaluate(settings: Evaluate) -> int:
         return 0
     Console(width=None if sys.stdout.isatty() else 140).print(rich_table(table))
     for method, result in results.items():
-        counts = {name: result.verdicts.count(name) for name in sorted(set(result.verdicts)) if name}
+        said = np.array(result.verdicts)[dataset.occlusion <= settings.max_occlusion]
+        counts = {name: int((said == name).sum()) for name in sorted(set(said.tolist())) if name}
         if counts:
             print(f"{method}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+        if "trusted" in counts:
+            azimuth = result.errors["azimuth_deg"][dataset.occlusion <= settings.max_occlusion]
+            share = (azimuth[said == "trusted"] < 15).mean()
+            print(f"{method}: {share:.1%} of the trusted are within 15 degrees of azimuth")
     print(settings.out)
     return 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -50,10 +51,12 @@ def evaluate(
     recognizer: Recognizer,
     methods: tuple[str, ...] = METHODS,
     settings: ExplainSettings | None = None,
-    threads: int = 2,
+    threads: int | None = None,
     advance: Callable[[int], None] = lambda done: None,
 ) -> dict[str, MethodResult]:
-    """Run methods over all images; `advance` is told how many were fitted since the last call.
+    """Run methods over all images, `threads` fits at a time, one per CPU by default.
+
+    `advance` is told how many were fitted since the last call.
 
     "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
     silhouette as mask (as in the paper; the mask that it predicts is listed as a method of its own),
@@ -72,6 +75,7 @@ def evaluate(
     if unknown:
         raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
     settings = settings or ExplainSettings()
+    threads = threads or os.cpu_count() or 1
     truth = Latents.from_vector(torch.from_numpy(dataset.latents))
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
     results = {}

@@ -1,11 +1,12 @@
 """Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
 
-from vig.likelihood.evaluate import FRAMING_COUNT, Evaluation, Likelihood, Photos
+from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
 from vig.likelihood.gaussian import GAUSSIAN
 from vig.likelihood.kernels import load_kernels
 from vig.likelihood.pixel import NEVER, PixelModel, mixture
 from vig.likelihood.robust import ROBUST
 from vig.likelihood.surroundings import log_colour_density
+from vig.render.surface import FRAMING_COUNT
 
 __all__ = [
     "FRAMING_COUNT",

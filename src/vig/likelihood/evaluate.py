@@ -12,7 +12,6 @@ from vig.likelihood.kernels import likelihood_kernels
 from vig.render import NOTHING, Geometry, raster_kernels, shade_vertices, warp_array
 from vig.scene import Camera, Latents
 
-FRAMING_COUNT = 3
 BOUNDARY_ROWS = 8192
 """Rows kept for occlusion edges, beyond one row for each pixel."""
 
@@ -56,7 +55,7 @@ class Evaluation:
     value (B,): log-likelihood in nats, float64. gradient (B, P'), normal (B, P', P'): its derivative and its
     negative Gauss-Newton Hessian; None when not asked for. posterior (B, H, W): of a covered pixel being
     visible. coverage (B, H, W): of the silhouette, in [0, 1]. irradiance (B, H, W): rendered colour is
-    albedo times this. depth key (B, H, W): below NOTHING where the object covers the pixel's centre.
+    albedo times this.
     """
 
     value: torch.Tensor

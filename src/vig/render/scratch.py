@@ -1,4 +1,4 @@
-"""Tensors kept from call to call, with Warp's views of them: nothing is allocated in a fit's loop."""
+"""Tensors kept from call to call, with Warp's views of them: a fit's loop allocates little."""
 
 from __future__ import annotations
 
