@@ -42,10 +42,12 @@ class Studio:
         vector = latents.to_vector()
         return Latents.from_vector(vector + torch.from_numpy(rng.normal(size=vector.shape) * spread))
 
-    def likelihood(self, photos: torch.Tensor, silhouette: str = "exact") -> Likelihood:
+    def likelihood(
+        self, photos: torch.Tensor, silhouette: str = "exact", stride: int | None = None
+    ) -> Likelihood:
         """Robust likelihood of photos (N, H, W, 3)."""
         log_prior = ROBUST.log_prior(self.camera.height, self.camera.width).expand(photos.shape)
-        return Likelihood(self.geometry, self.camera, Photos(photos, log_prior), silhouette)
+        return Likelihood(self.geometry, self.camera, Photos(photos, log_prior), silhouette, stride)
 
     def render(
         self, latents: Latents, framing: torch.Tensor | None = None

@@ -71,7 +71,7 @@ def test_at_the_truth_the_interiors_normal_matrix_is_gauss_newtons(studio, seed:
     latents = studio.latents(rng)
     point = torch.cat([latents.to_vector(), torch.zeros(1, 3, dtype=torch.float64)], dim=1)
     photo = studio.photo(rng, latents, occluded=False)
-    likelihood = studio.likelihood(photo, "paper")
+    likelihood = studio.likelihood(photo, "paper", stride=1)
     found = likelihood(latents, point[:, -3:], *studio.whose(1))
     inside = found.coverage[0] > 0.5
     columns = []

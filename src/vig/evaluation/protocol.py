@@ -128,6 +128,7 @@ def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
             torch.full((count,), ROBUST.sigma),
             derivatives=False,
         )
+        assert valued.coverage is not None
         masks.append((valued.coverage >= 0.5).numpy())
     return np.concatenate(masks)
 

@@ -56,6 +56,7 @@ def judge(
                 reason = f"the recognition model sees it turned by {other_view:.0f} degrees"
     at_fit = objective(chosen, zero, sigma)
     shown = objective(chosen, zero, torch.tensor([MASK_SIGMA]), derivatives=False).evaluation
+    assert shown.coverage is not None and shown.posterior is not None
     amodal = shown.coverage[0] >= 0.5
     visible = torch.where(amodal, shown.posterior[0], 0.0)
     mask = visible > 0.5

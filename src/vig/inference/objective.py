@@ -74,10 +74,8 @@ class Objective:
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
     ) -> Valuation:
-        """Value points (B, P') of photos (B,) under noise sigma (B,)."""
-        evaluation = self.likelihood(
-            self.latents(points), points[:, -FRAMING_COUNT:], photo, sigma, derivatives
-        )
+        """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
+        evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         value = evaluation.value + self.prior.value(points)
         if evaluation.gradient is None or evaluation.normal is None:
             return Valuation(value, None, None, evaluation)

@@ -14,48 +14,39 @@ from vig.render.surface import surface_functions
 def likelihood_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The surface's device functions and the likelihood's, for one scalar type and number of components."""
     f = surface_functions(dtype, modes)
-    real, vec2, vec3, row_type = f.real, f.vec2, f.vec3, f.row_type
-    gradient_at = f.layout.used
+    real, vec2, vec3 = f.real, f.vec2, f.vec3
     log_unit = real(3.0 * math.log(math.sqrt(2.0 * math.pi)))
+    # Beyond it the less likely of two components is lost in rounding.
+    clear = real(-math.log(torch.finfo(dtype).eps))
+
+    @wp.struct
+    class Noise:
+        """The Gaussian of a covered pixel: one over twice its variance, and its log normaliser."""
+
+        half_precision: real
+        log_normaliser: real
 
     @wp.func
-    def explained(observed: vec3, rendered: vec3, log_prior: vec3, sigma: real):
+    def noise_of(sigma: real):
+        noise = Noise()
+        noise.half_precision = real(0.5) / (sigma * sigma)
+        noise.log_normaliser = real(-3.0) * wp.log(sigma) - log_unit
+        return noise
+
+    @wp.func
+    def explained(observed: vec3, rendered: vec3, log_prior: vec3, noise: Noise):
         """(log-likelihood of a covered pixel, posterior of its being visible), Eq. 3."""
         error = observed - rendered
-        inlier = (
-            log_prior[0]
-            - wp.dot(error, error) / (real(2.0) * sigma * sigma)
-            - real(3.0) * wp.log(sigma)
-            - log_unit
-        )
+        inlier = log_prior[0] + noise.log_normaliser - wp.dot(error, error) * noise.half_precision
         gap = inlier - log_prior[1]
-        if gap > real(0.0):
-            ratio = wp.exp(-gap)
-            return vec2(inlier + wp.log(real(1.0) + ratio), real(1.0) / (real(1.0) + ratio))
-        ratio = wp.exp(gap)
-        return vec2(log_prior[1] + wp.log(real(1.0) + ratio), ratio / (real(1.0) + ratio))
+        if gap > clear:
+            return vec2(inlier, real(1.0))
+        if gap < -clear:
+            return vec2(log_prior[1], real(0.0))
+        ratio = wp.exp(-wp.abs(gap))
+        share = real(1.0) / (real(1.0) + ratio)
+        if gap < real(0.0):
+            share = ratio * share
+        return vec2(wp.max(inlier, log_prior[1]) + wp.log(real(1.0) + ratio), share)
 
-    @wp.func
-    def emit_colour(
-        slot: int,
-        image: int,
-        row: row_type,
-        weight: real,
-        irradiance: real,
-        observed: vec3,
-        albedo: vec3,
-        rows: wp.array2d(dtype=row_type),
-        weighted: wp.array2d(dtype=row_type),
-    ):
-        """A row of irradiance: weight is the posterior over sigma squared, times signed coverage."""
-        error = observed - albedo * irradiance
-        scaled = row * wp.abs(weight)
-        scaled[gradient_at] = weight * wp.dot(albedo, error)
-        scaled[gradient_at + 1] = weight * error[0]
-        scaled[gradient_at + 2] = weight * error[1]
-        scaled[gradient_at + 3] = weight * error[2]
-        if slot < rows.shape[1]:
-            rows[image, slot] = row
-            weighted[image, slot] = scaled
-
-    return SimpleNamespace(explained=explained, emit_colour=emit_colour, **vars(f))
+    return SimpleNamespace(Noise=Noise, noise_of=noise_of, explained=explained, **vars(f))

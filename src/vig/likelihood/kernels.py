@@ -1,4 +1,4 @@
-"""Kernels of Eq. 4: those of the object's interior here, those of its occlusion edges from `boundary`."""
+"""All kernels of one evaluation of Eq. 4, and those that put its parts together."""
 
 import functools
 from types import SimpleNamespace
@@ -7,91 +7,100 @@ import torch
 import warp as wp
 
 from vig.likelihood.boundary import boundary_kernels
-from vig.likelihood.functions import likelihood_functions
-from vig.render.geometry import module_name, vertex_kernels
+from vig.likelihood.interior import interior_kernels
 from vig.render.raster import raster_kernels
+from vig.render.vertices import module_name, vertex_kernels
 
-NEGLIGIBLE = 1e-9
-"""Posterior of being visible below which a pixel moves nothing: most of what is hidden."""
+PARTS = 32
+"""Pieces into which the vertices and the rims of one image are cut, one thread each."""
 
 
 @functools.cache
 def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
-    """The likelihood's kernels, all in one module, for one scalar type and number of shape components."""
-    f = likelihood_functions(dtype, modes)
-    real, vec2, vec3, mat33, row_type = f.real, f.vec2, f.vec3, f.mat33, f.row_type
-    view_of, hit_of, hit_row = f.view_of, f.hit_of, f.hit_row
-    explained, emit_colour = f.explained, f.emit_colour
-    negligible = real(NEGLIGIBLE)
-    module = module_name("likelihood", dtype, modes)
+    """The kernels for one scalar type and number of shape components."""
+    interior = interior_kernels(dtype, modes)
+    real, vec3, rest_row = interior.real, interior.vec3, interior.rest_row
+    irradiance_at = interior.layout.shape + interior.irradiance_at
+    albedo_from = modes + 2
+    module = module_name("assembly", dtype, modes)
 
     @wp.kernel(module=module)
-    def interior(
-        points: wp.array2d(dtype=vec3),
-        attributes: wp.array2d(dtype=row_type),
-        irradiances: wp.array2d(dtype=real),
-        basis: wp.array2d(dtype=row_type),
-        faces: wp.array2d(dtype=wp.int32),
-        width: wp.int32,
-        rotation: wp.array(dtype=mat33),
-        intrinsics: wp.array(dtype=vec3),
-        distance: real,
-        albedo: wp.array(dtype=vec3),
-        keys: wp.array2d(dtype=wp.int64),
-        observed: wp.array2d(dtype=vec3),
-        log_prior: wp.array2d(dtype=vec3),
+    def add_values(
+        lines: wp.array2d(dtype=real),
+        edges: wp.array2d(dtype=real),
+        background: wp.array(dtype=wp.float64),
         photo: wp.array(dtype=wp.int32),
-        sigma: wp.array(dtype=real),
-        differentiate: wp.int32,
-        keep: wp.array2d(dtype=real),
-        extra: wp.array2d(dtype=real),
-        covered: wp.array2d(dtype=wp.int64),
-        log_likelihood: wp.array2d(dtype=real),
-        posterior: wp.array2d(dtype=real),
-        irradiance: wp.array2d(dtype=real),
-        used: wp.array(dtype=wp.int32),
-        rows: wp.array2d(dtype=row_type),
-        weighted: wp.array2d(dtype=row_type),
+        value: wp.array(dtype=wp.float64),
     ):
-        index = wp.tid()
-        image = int(covered[index, 0])
-        at = int(covered[index, 1])
-        y = at / width
-        x = at - y * width
-        which = photo[image]
-        key = keys[image, at]
-        share = keep[image, at]
-        view = view_of(rotation[image], distance, intrinsics[image], width)
-        pixel = vec2(real(x) + real(0.5), real(y) + real(0.5))
-        hit = hit_of(view, image, int(key & wp.int64(0xFFFFFFFF)), pixel, points, irradiances, faces)
-        seen = observed[which, at]
-        colour = albedo[image]
-        s = sigma[image]
-        fit = explained(seen, colour * hit.irradiance, log_prior[which, at], s)
-        log_likelihood[image, at] = share * fit[0] + extra[image, at]
-        posterior[image, at] = fit[1]
-        irradiance[image, at] = hit.irradiance
-        weight = share * fit[1] / (s * s)
-        if differentiate == 0 or fit[1] < negligible:
-            return
-        slot = wp.atomic_add(used, image, 1)
-        emit_colour(
-            slot,
-            image,
-            hit_row(view, image, hit, pixel, attributes, basis),
-            weight,
-            hit.irradiance,
-            seen,
-            colour,
-            rows,
-            weighted,
-        )
+        image = wp.tid()
+        total = background[photo[image]]
+        for i in range(lines.shape[1]):
+            total = total + wp.float64(lines[image, i])
+        for i in range(edges.shape[1]):
+            total = total + wp.float64(edges[image, i])
+        value[image] = total
 
-    return SimpleNamespace(interior=interior, **vars(boundary_kernels(dtype, modes)), **vars(f))
+    @wp.kernel(module=module)
+    def assemble(
+        columns: wp.array(dtype=wp.int32),
+        shape_gradient: wp.array2d(dtype=real),
+        sums: wp.array2d(dtype=rest_row),
+        line_albedo: wp.array2d(dtype=vec3),
+        edge_albedo: wp.array2d(dtype=vec3),
+        albedo: wp.array(dtype=vec3),
+        products: wp.array3d(dtype=real),
+        gradient: wp.array2d(dtype=real),
+        normal: wp.array3d(dtype=real),
+    ):
+        """One of a point's numbers: its gradient, and its line of the normal matrix.
+
+        A colour channel's row is albedo times the shared row, and irradiance in that channel's albedo place;
+        summed over the channels only |albedo|^2, albedo and 1 are left of them.
+        """
+        image, i = wp.tid()
+        column = columns[i]
+        colour = albedo[image]
+        channel = i - albedo_from
+        painted = channel >= 0 and channel < 3
+        slope = real(0.0)
+        if i < modes:
+            slope = shape_gradient[image, i]
+        elif painted:
+            for part in range(line_albedo.shape[1]):
+                slope = slope + line_albedo[image, part][channel]
+            for part in range(edge_albedo.shape[1]):
+                slope = slope + edge_albedo[image, part][channel]
+        else:
+            lane = column - (irradiance_at - 11)
+            for part in range(sums.shape[1]):
+                slope = slope + sums[image, part][lane]
+        gradient[image, i] = slope
+        for j in range(columns.shape[0]):
+            other = j - albedo_from
+            factor = wp.dot(colour, colour)
+            if painted:
+                factor = colour[channel]
+                if other >= 0 and other < 3:
+                    factor = real(0.0)
+                    if other == channel:
+                        factor = real(1.0)
+            elif other >= 0 and other < 3:
+                factor = colour[other]
+            normal[image, i, j] = factor * products[image, column, columns[j]]
+
+    return SimpleNamespace(
+        add_values=add_values,
+        assemble=assemble,
+        **vars(vertex_kernels(dtype, modes)),
+        **{name: getattr(boundary_kernels(dtype, modes), name) for name in ("collect_rims", "boundary")},
+        interior=interior.interior,
+        interior_rows=interior.interior_rows,
+        rasterize_faces=raster_kernels(dtype).rasterize_faces,
+    )
 
 
 def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
     """Compile or load all kernels of a fit at once, two modules side by side; else each does at first use."""
-    first = vertex_kernels(dtype, modes).shade_vertices, raster_kernels(dtype).rasterize_faces
-    kernels = (*first, likelihood_kernels(dtype, modes).interior)
-    wp.force_load(device, modules=[kernel.module for kernel in kernels], max_workers=2)
+    kernels = likelihood_kernels(dtype, modes)
+    used = kernels.place, kernels.rasterize_faces, kernels.interior, kernels.boundary, kernels.assemble
+    wp.force_load(device, modules=[kernel.module for kernel in used], max_workers=2)

@@ -1,16 +1,16 @@
 """The differentiable renderer: rasterisation, shading, coverage, Jacobians."""
 
 from vig.render.device import warp_array
-from vig.render.geometry import Geometry, VertexState, shade_vertices
+from vig.render.geometry import Geometry
 from vig.render.raster import NOTHING, Fragments, raster_kernels, rasterize
+from vig.render.threads import run_on_threads
 
 __all__ = [
     "NOTHING",
     "Fragments",
     "Geometry",
-    "VertexState",
     "raster_kernels",
     "rasterize",
-    "shade_vertices",
+    "run_on_threads",
     "warp_array",
 ]

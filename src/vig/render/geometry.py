@@ -1,182 +1,47 @@
-"""From latents to shaded vertices in the camera frame, with exact Jacobians."""
+"""A shape model made ready for the renderer: matrices, faces, edges, rings."""
 
-import functools
-from dataclasses import dataclass
-from types import SimpleNamespace
+from __future__ import annotations
 
 import numpy as np
 import torch
 import warp as wp
 
 from vig.render.device import warp_array
-from vig.render.scratch import Scratch, ScratchPool
 from vig.render.surface import RowLayout, surface_functions
-from vig.scene import Camera, Latents, ShapeModel, camera_rotation
-
-
-@functools.cache
-def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
-    """The kernel that shades vertices, compiled at first use."""
-    f = surface_functions(dtype, modes)
-    real, vec3, mat33, row_type, normal_jacobian = f.real, f.vec3, f.mat33, f.row_type, f.normal_jacobian
-    shade = f.shade
-    modes_, irradiance_at = modes, f.layout.irradiance
-
-    @wp.kernel(module=module_name("vertices", dtype, modes))
-    def shade_vertices(
-        world: wp.array2d(dtype=vec3),
-        normal_rates: wp.array3d(dtype=normal_jacobian),
-        coefficients: wp.array2d(dtype=real),
-        light: wp.array2d(dtype=real),
-        rotation: wp.array(dtype=mat33),
-        target: vec3,
-        distance: real,
-        points: wp.array2d(dtype=vec3),
-        normals: wp.array2d(dtype=vec3),
-        inverse_lengths: wp.array2d(dtype=real),
-        attributes: wp.array2d(dtype=row_type),
-        irradiances: wp.array2d(dtype=real),
-    ):
-        image, vertex = wp.tid()
-        point = rotation[image] * (world[image, vertex] - target)
-        points[image, vertex] = vec3(point[0], point[1], point[2] + distance)
-        dn_x = normal_rates[image, vertex, 0]
-        dn_y = normal_rates[image, vertex, 1]
-        dn_z = normal_rates[image, vertex, 2]
-        # The unscaled normal is a quadratic form in (1, coefficients), the rates half its derivative.
-        normal = vec3(dn_x[0], dn_y[0], dn_z[0])
-        for mode in range(modes_):
-            c = coefficients[image, mode]
-            normal = normal + vec3(dn_x[mode + 1], dn_y[mode + 1], dn_z[mode + 1]) * c
-        length = wp.length(normal)
-        inverse = real(0.0)
-        if length > real(0.0):
-            inverse = real(1.0) / length
-        normal = normal * inverse
-        inverse = inverse * real(2.0)
-        normals[image, vertex] = normal
-        inverse_lengths[image, vertex] = inverse
-        attribute = shade(normal, inverse, light, image, dn_x, dn_y, dn_z)
-        attributes[image, vertex] = attribute
-        irradiances[image, vertex] = attribute[irradiance_at]
-
-    return SimpleNamespace(shade_vertices=shade_vertices, **vars(f))
-
-
-def module_name(room: str, dtype: torch.dtype, modes: int) -> str:
-    """The name under which kernels of this scalar type and width are cached."""
-    return f"vig_{room}_{str(dtype).removeprefix('torch.')}_{modes}"
+from vig.scene import ShapeModel
 
 
 class Geometry:
-    """A shape model made ready for the renderer on one device: matrices, faces, edges, and scratch.
+    """A shape model on one device, in one precision.
 
-    Vertex positions are linear in the shape coefficients and area-weighted vertex normals quadratic, so
-    both, and the normals' exact Jacobian, come from one matrix product each.
+    positions (K + 1, V * 3): mean and components, so that (1, coefficients) @ positions are the vertices.
+    faces (F, 3), edges (E, 5), ring_start (V + 1,) and ring (R, 3), all int32: see `edges_of`, `rings_of`.
+    basis (V, 3, padded K): the components again, one row per vertex and axis.
     """
 
     def __init__(self, model: ShapeModel, dtype: torch.dtype = torch.float32, device: str = "cpu"):
         self.model, self.dtype, self.device = model, dtype, device
         self.layout = RowLayout(model.modes)
-        self.scratch = ScratchPool(device)
-        self.faces = torch.from_numpy(np.ascontiguousarray(model.faces, np.int32)).to(device)
-        self.edges = torch.from_numpy(edges_of(model.faces)).to(device)
         stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)
         self.positions = torch.from_numpy(stack.reshape(len(stack), -1)).to(device, dtype).contiguous()
-        self.normal_rates = torch.from_numpy(_normal_rates(stack, model.faces)).to(device, dtype)
-        padded = np.zeros((3, len(model.mean), self.layout.width))
-        padded[:, :, : model.modes] = model.basis.transpose(2, 1, 0)
+        padded = np.zeros((len(model.mean), 3, self.layout.shape))
+        padded[:, :, : model.modes] = model.basis.transpose(1, 2, 0)
         self.basis = torch.from_numpy(padded).to(device, dtype)
-
+        faces = np.ascontiguousarray(model.faces, np.int32)
+        start, ring = rings_of(faces, len(model.mean))
+        self.faces, self.edges, self.ring_start, self.ring = (
+            torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
+        )
+        shape_row = surface_functions(dtype, model.modes).shape_row
+        self.basis_wp = warp_array(self.basis, shape_row)
         self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
-        self._basis_wp: wp.array | None = None
-
-    def basis_wp(self, row_type: type) -> wp.array:
-        """Warp's view of the basis as rows."""
-        if self._basis_wp is None:
-            self._basis_wp = warp_array(self.basis, row_type)
-        return self._basis_wp
+        self.ring_start_wp = warp_array(self.ring_start, wp.int32)
+        self.ring_wp = warp_array(self.ring, wp.int32)
 
     @property
     def vertex_count(self) -> int:
         """V."""
         return len(self.model.mean)
-
-
-@dataclass(frozen=True)
-class VertexState:
-    """Shaded vertices of B images, as Warp arrays; what rasterisation and the likelihood read.
-
-    points (B, V) vec3: camera frame, metres. normals (B, V) vec3: unit, world frame. inverse_lengths (B, V):
-    2 / length of the unscaled normal. attributes (B, V): rows, see `surface`. irradiances (B, V): their
-    column of that name. normal_rates (B, V, 3) of K + 1 numbers: half the derivative of the unscaled normal
-    with respect to (1, coefficients). intrinsics (B,) vec3: focal length, cx, cy in pixels, framing applied.
-    rotation (B,) mat33. They live in the scratch that was given: the next call overwrites them.
-    """
-
-    points: wp.array
-    normals: wp.array
-    inverse_lengths: wp.array
-    attributes: wp.array
-    irradiances: wp.array
-    normal_rates: wp.array
-    intrinsics: wp.array
-    rotation: wp.array
-
-
-def shade_vertices(
-    geometry: Geometry, camera: Camera, latents: Latents, framing: torch.Tensor, scratch: Scratch
-) -> VertexState:
-    """Place and shade the vertices of B images.
-
-    framing (B, 3): the image's horizontal and vertical shift in widths and log magnification; zero is
-    the camera as it is.
-    """
-    kernels = vertex_kernels(geometry.dtype, geometry.layout.modes)
-    dtype, count, total = geometry.dtype, len(latents), geometry.vertex_count
-    width = geometry.layout.modes + 1
-    with_one, _ = scratch.get("with_one", (count, width), dtype, kernels.real)
-    with_one[:, 0], with_one[:, 1:] = 1.0, latents.shape
-    world, world_wp = scratch.get("world", (count, total, 3), dtype, kernels.vec3)
-    rates, rates_wp = scratch.get("rates", (count, total, 3, width), dtype, kernels.normal_jacobian)
-    torch.mm(with_one, geometry.positions, out=world.view(count, -1))
-    torch.mm(with_one, geometry.normal_rates, out=rates.view(count, -1))
-    turned = camera_rotation(latents.azimuth, latents.elevation)
-    intrinsics = torch.stack(
-        [
-            camera.focal * torch.exp(framing[:, 2]),
-            camera.cx + framing[:, 0] * camera.width,
-            camera.cy + framing[:, 1] * camera.width,
-        ],
-        dim=1,
-    )
-    vertices = (count, total)
-    state = VertexState(
-        points=scratch.get("points", (*vertices, 3), dtype, kernels.vec3)[1],
-        normals=scratch.get("normals", (*vertices, 3), dtype, kernels.vec3)[1],
-        inverse_lengths=scratch.get("inverse_lengths", vertices, dtype, kernels.real)[1],
-        attributes=scratch.get("attributes", (*vertices, geometry.layout.width), dtype, kernels.row_type)[1],
-        irradiances=scratch.get("irradiances", vertices, dtype, kernels.real)[1],
-        normal_rates=rates_wp,
-        intrinsics=scratch.put("intrinsics", intrinsics, dtype, kernels.vec3),
-        rotation=scratch.put("rotation", turned, dtype, kernels.mat33),
-    )
-    wp.launch(
-        kernels.shade_vertices,
-        dim=vertices,
-        inputs=[
-            world_wp,
-            rates_wp,
-            scratch.put("coefficients", latents.shape, dtype, kernels.real),
-            scratch.put("light", latents.light, dtype, kernels.real),
-            state.rotation,
-            kernels.vec3(0.0, 0.0, camera.target_height),
-            camera.distance,
-        ],
-        outputs=[state.points, state.normals, state.inverse_lengths, state.attributes, state.irradiances],
-        device=geometry.device,
-    )
-    return state
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
@@ -197,26 +62,31 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
                 rows.append((a, b, face, -1, -1))
             elif a < b:
                 rows.append((a, b, face, *beyond[min(index, len(beyond) - 1)]))
-    return np.array(rows, np.int32)
+    return np.array(rows, np.int32).reshape(-1, 5)
 
 
-def _normal_rates(stack: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """T such that (1, c) @ T is half the Jacobian of area-weighted normals: (K+1, V * 3 * (K+1)).
+def rings_of(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbours of each of `count` vertices: start (count + 1,) and ring (R, 3), both int32.
 
-    With positions sum_k c_k S_k the normal at a vertex is sum_kl c_k c_l M_kl, M_kl the sum over adjacent
-    faces of cross(first edge of S_k, second edge of S_l); T_kl = (M_kl + M_lk) / 2.
+    Rows start[v] to start[v + 1] are (neighbour, next, previous): faces (v, neighbour, next) and (v,
+    previous, neighbour). Where there is no such face, v itself stands for the missing corner, so that the
+    sum of cross(neighbour - v, next - v) is the area-weighted normal of any mesh, and its derivative with
+    respect to a neighbour is cross(next - previous, .), whether or not the faces close round v.
     """
-    count, total = stack.shape[:2]
-    a, b, c = (stack[:, faces[:, i]] for i in range(3))
-    first, second = b - a, c - a
-    rates = np.empty((count, total, 3, count))
-    for k in range(count):
-        for m in range(k, count):
-            face_part = (np.cross(first[k], second[m]) + np.cross(first[m], second[k])) / 2
-            at_vertex = np.zeros((total, 3))
-            for corner in range(3):
-                for axis in range(3):
-                    at_vertex[:, axis] += np.bincount(faces[:, corner], face_part[:, axis], minlength=total)
-            rates[k, :, :, m] = at_vertex
-            rates[m, :, :, k] = at_vertex
-    return rates.reshape(count, -1)
+    following: list[list[tuple[int, int]]] = [[] for _ in range(count)]
+    for a, b, c in faces.tolist():
+        following[a].append((b, c))
+        following[b].append((c, a))
+        following[c].append((a, b))
+    start, rows = [0], []
+    for vertex, pairs in enumerate(following):
+        before: dict[int, list[int]] = {}
+        for first, then in pairs:
+            before.setdefault(then, []).append(first)
+        for first, then in pairs:
+            previous = before.get(first)
+            rows.append((first, then, previous.pop() if previous else vertex))
+        for then, left in before.items():
+            rows += [(then, vertex, first) for first in left]
+        start.append(len(rows))
+    return np.array(start, np.int32), np.array(rows, np.int32).reshape(-1, 3)

@@ -1,8 +1,12 @@
-"""Device functions of the visible surface: its shading at a pixel, and how that moves with each latent.
+"""Device functions of the visible surface in screen space: what is seen at a pixel, and how it pulls back.
 
-A *row* is the derivative of one number with respect to every latent but albedo, one padded Warp vector:
-K shape coefficients, azimuth, elevation, 9 light coefficients, then the irradiance itself (with it albedo's
-derivative is made, as the colour is albedo times irradiance), then the three framing numbers.
+A vertex on the screen is (x, y, q): its pixel coordinates and one over its depth. Over a face, q and q
+times irradiance are affine in the pixel, and their ratio is the perspective-correct irradiance. So a pixel
+costs two dot products and a division, and all pixels of a face together pull back through six sums.
+
+A *row* is the derivative of one number with respect to every latent but albedo: its shape part and the rest,
+each a padded Warp vector. The rest is azimuth, elevation, 9 light coefficients, the irradiance itself (with
+it albedo's derivative is made, as the colour is albedo times irradiance), then the three framing numbers.
 """
 
 import functools
@@ -18,42 +22,39 @@ from vig.scene.light import COSINE_LOBE, L_COUNT, Y00, Y1, Y2, Y20
 FRAMING_COUNT = 3
 """Horizontal and vertical shift of the image in widths, log of its magnification."""
 
+LANES = 16
+"""Numbers in a padded vector: whole registers."""
+
+AZIMUTH, ELEVATION, LIGHT, IRRADIANCE, FRAMING = 0, 1, 2, 2 + L_COUNT, 3 + L_COUNT
+"""Columns of the rest of a row."""
+
 
 @dataclass(frozen=True)
 class RowLayout:
-    """Which column of a row is which, for K shape components."""
+    """How wide a row is, for K shape components, and where a point's numbers stand in it."""
 
     modes: int
 
     @property
-    def azimuth(self) -> int:
-        return self.modes
-
-    @property
-    def elevation(self) -> int:
-        return self.modes + 1
-
-    @property
-    def light(self) -> int:
-        return self.modes + 2
-
-    @property
-    def irradiance(self) -> int:
-        return self.light + L_COUNT
-
-    @property
-    def framing(self) -> int:
-        return self.irradiance + 1
-
-    @property
-    def used(self) -> int:
-        """Columns that hold a derivative; in the weighted copy of a row four more follow."""
-        return self.framing + FRAMING_COUNT
+    def shape(self) -> int:
+        """Columns of the shape part."""
+        return -(-self.modes // LANES) * LANES
 
     @property
     def width(self) -> int:
-        """Columns with padding to whole vector registers."""
-        return -(-(self.used + 4) // 16) * 16
+        """Columns in all."""
+        return self.shape + LANES
+
+    @property
+    def size(self) -> int:
+        """P', numbers of a point: latents in their order, then framing."""
+        return self.modes + 5 + L_COUNT + FRAMING_COUNT
+
+    def columns(self) -> list[int]:
+        """The column of each of a point's numbers; the three of albedo share the irradiance's."""
+        rest = [AZIMUTH, ELEVATION, *[IRRADIANCE] * 3, *range(LIGHT, LIGHT + L_COUNT)]
+        rest += range(FRAMING, FRAMING + FRAMING_COUNT)
+        return [*range(self.modes), *(self.shape + column for column in rest)]
 
 
 @functools.cache
@@ -62,20 +63,19 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     initialise()
     real = scalar_type(dtype)
     layout = RowLayout(modes)
-    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    vec2, vec3, vec4 = (wp.types.vector(length, real) for length in (2, 3, 4))
     mat33 = wp.types.matrix((3, 3), real)
-    row_type = wp.types.vector(layout.width, real)
-    normal_jacobian = wp.types.vector(modes + 1, real)
-    modes_, azimuth, elevation = layout.modes, layout.azimuth, layout.elevation
-    light_at, irradiance_at, framing = layout.light, layout.irradiance, layout.framing
+    shape_row, rest_row = wp.types.vector(layout.shape, real), wp.types.vector(LANES, real)
+    azimuth, elevation, light_at, irradiance_at = AZIMUTH, ELEVATION, LIGHT, IRRADIANCE
+    framing = FRAMING
     flat = real(COSINE_LOBE[0] * Y00)
     linear = real(COSINE_LOBE[1] * Y1)
     product = real(COSINE_LOBE[4] * Y2)
     polar = real(COSINE_LOBE[6] * Y20)
 
     @wp.struct
-    class View:
-        """One image's camera."""
+    class Eye:
+        """One image's camera; world: rows of camera_from_world's rotation."""
 
         rotation: mat33
         distance: real
@@ -85,199 +85,238 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         width: real
 
     @wp.func
-    def view_of(rotation: mat33, distance: real, intrinsics: vec3, width: int):
-        view = View()
-        view.rotation = rotation
-        view.distance = distance
-        view.focal = intrinsics[0]
-        view.cx = intrinsics[1]
-        view.cy = intrinsics[2]
-        view.width = real(width)
-        return view
+    def eye_of(rotation: mat33, distance: real, intrinsics: vec3, width: int):
+        eye = Eye()
+        eye.rotation = rotation
+        eye.distance = distance
+        eye.focal = intrinsics[0]
+        eye.cx = intrinsics[1]
+        eye.cy = intrinsics[2]
+        eye.width = real(width)
+        return eye
 
     @wp.func
-    def project(view: View, point: vec3):
+    def camera_point(eye: Eye, screen: vec3):
+        """Where a point on the screen is in the camera's frame, metres."""
+        depth = real(1.0) / screen[2]
+        scale = depth / eye.focal
+        return vec3((screen[0] - eye.cx) * scale, (screen[1] - eye.cy) * scale, depth)
+
+    @wp.func
+    def camera_cotangent(eye: Eye, screen: vec3, on_screen: vec3):
+        """Pull a cotangent on (x, y, q) back to the camera's frame."""
+        scale = eye.focal * screen[2]
+        along = on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy)
+        return vec3(
+            scale * on_screen[0],
+            scale * on_screen[1],
+            -screen[2] * (along + screen[2] * on_screen[2]),
+        )
+
+    @wp.func
+    def turned(eye: Eye, cotangent: vec3, arm: vec3):
+        """What a cotangent on a vector that turns with the camera's rotation says of azimuth, elevation."""
+        up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
         return vec2(
-            view.focal * point[0] / point[2] + view.cx,
-            view.focal * point[1] / point[2] + view.cy,
+            -wp.dot(cotangent, wp.cross(up, arm)),
+            cotangent[2] * arm[1] - cotangent[1] * arm[2],
         )
 
     @wp.func
-    def screen_cotangent(view: View, point: vec3, on_screen: vec2):
-        """Pull a cotangent on a point's pixel coordinates back to its camera coordinates."""
-        scale = view.focal / point[2]
-        x = on_screen[0] * scale
-        y = on_screen[1] * scale
-        return vec3(x, y, -(x * point[0] + y * point[1]) / point[2])
-
-    @wp.func
-    def add_motion(
-        row: row_type,
-        view: View,
-        cotangent: vec3,
-        point: vec3,
-        basis_x: row_type,
-        basis_y: row_type,
-        basis_z: row_type,
-    ):
-        """Add cotangent . d(point) / d(latents), all in the camera frame; basis in the world frame."""
-        world = wp.transpose(view.rotation) * cotangent
-        result = row + basis_x * world[0] + basis_y * world[1] + basis_z * world[2]
-        arm = vec3(point[0], point[1], point[2] - view.distance)
-        up = vec3(view.rotation[0, 2], view.rotation[1, 2], view.rotation[2, 2])
-        result[azimuth] = result[azimuth] - wp.dot(cotangent, wp.cross(up, arm))
-        result[elevation] = result[elevation] + cotangent[2] * arm[1] - cotangent[1] * arm[2]
-        return result
-
-    @wp.func
-    def add_framing(row: row_type, view: View, on_screen: vec2, pixel: vec2):
-        """Add on_screen . d(pixel) / d(framing)."""
-        row[framing] = row[framing] + on_screen[0] * view.width
-        row[framing + 1] = row[framing + 1] + on_screen[1] * view.width
-        row[framing + 2] = (
-            row[framing + 2] + on_screen[0] * (pixel[0] - view.cx) + on_screen[1] * (pixel[1] - view.cy)
+    def framed(eye: Eye, on_screen: vec3, screen: vec3):
+        """What a cotangent on pixel coordinates says of the framing."""
+        return vec3(
+            on_screen[0] * eye.width,
+            on_screen[1] * eye.width,
+            on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy),
         )
-        return row
 
     @wp.struct
-    class Hit:
-        """The surface seen along one ray."""
+    class Surface:
+        """A face on the screen. From its first corner, its other two weights grow by by_second, by_third a
+        pixel; q by slope from base; q times irradiance by lit_slope from lit_base."""
 
         i: wp.int32
         j: wp.int32
         k: wp.int32
-        barycentric: vec3
-        point: vec3
-        irradiance: real
-        screen_gradient: vec2
+        origin: vec2
+        by_second: vec2
+        by_third: vec2
+        lit_base: real
+        lit_slope: vec2
+        base: real
+        slope: vec2
 
     @wp.func
-    def hit_of(
-        view: View,
+    def surface_of(
         image: int,
         face: int,
-        pixel: vec2,
-        points: wp.array2d(dtype=vec3),
-        irradiances: wp.array2d(dtype=real),
         faces: wp.array2d(dtype=wp.int32),
+        screen: wp.array2d(dtype=vec3),
+        irradiances: wp.array2d(dtype=real),
     ):
-        hit = Hit()
-        hit.i = faces[face, 0]
-        hit.j = faces[face, 1]
-        hit.k = faces[face, 2]
-        a = points[image, hit.i]
-        b = points[image, hit.j]
-        c = points[image, hit.k]
-        ea = wp.cross(b, c)
-        eb = wp.cross(c, a)
-        ec = wp.cross(a, b)
-        ray = vec3((pixel[0] - view.cx) / view.focal, (pixel[1] - view.cy) / view.focal, real(1.0))
-        weights = vec3(wp.dot(ray, ea), wp.dot(ray, eb), wp.dot(ray, ec))
-        inverse = real(1.0) / (weights[0] + weights[1] + weights[2])
-        hit.barycentric = weights * inverse
-        hit.point = ray * (wp.dot(a, ea) * inverse)
-        irr = vec3(
-            irradiances[image, hit.i],
-            irradiances[image, hit.j],
-            irradiances[image, hit.k],
+        s = Surface()
+        s.i = faces[face, 0]
+        s.j = faces[face, 1]
+        s.k = faces[face, 2]
+        a = screen[image, s.i]
+        b = screen[image, s.j]
+        c = screen[image, s.k]
+        bx = b[0] - a[0]
+        by = b[1] - a[1]
+        cx = c[0] - a[0]
+        cy = c[1] - a[1]
+        inverse = real(1.0) / (bx * cy - by * cx)
+        s.origin = vec2(a[0], a[1])
+        s.by_second = vec2(cy * inverse, -cx * inverse)
+        s.by_third = vec2(-by * inverse, bx * inverse)
+        lit_a = a[2] * irradiances[image, s.i]
+        s.lit_base = lit_a
+        s.lit_slope = s.by_second * (b[2] * irradiances[image, s.j] - lit_a) + s.by_third * (
+            c[2] * irradiances[image, s.k] - lit_a
         )
-        hit.irradiance = wp.dot(hit.barycentric, irr)
-        change = vec3(irr[0] - hit.irradiance, irr[1] - hit.irradiance, irr[2] - hit.irradiance)
-        scale = inverse / view.focal
-        hit.screen_gradient = vec2(
-            (ea[0] * change[0] + eb[0] * change[1] + ec[0] * change[2]) * scale,
-            (ea[1] * change[0] + eb[1] * change[1] + ec[1] * change[2]) * scale,
-        )
-        return hit
+        s.base = a[2]
+        s.slope = s.by_second * (b[2] - a[2]) + s.by_third * (c[2] - a[2])
+        return s
 
     @wp.func
-    def hit_row(
-        view: View,
+    def seen_at(s: Surface, pixel: vec2):
+        """(irradiance, 1 / depth) of the surface at a pixel."""
+        off = pixel - s.origin
+        q = s.base + wp.dot(s.slope, off)
+        return vec2((s.lit_base + wp.dot(s.lit_slope, off)) / q, q)
+
+    @wp.func
+    def pull_corner(
         image: int,
-        hit: Hit,
+        vertex: wp.int32,
+        lit: real,
+        depth: real,
+        s: Surface,
+        screen: wp.array2d(dtype=vec3),
+        irradiances: wp.array2d(dtype=real),
+        on_corner: wp.array2d(dtype=vec4),
+    ):
+        moved = s.lit_slope * lit + s.slope * depth
+        by_q = irradiances[image, vertex] * lit + depth
+        pulled = vec4(-moved[0], -moved[1], by_q, screen[image, vertex][2] * lit)
+        wp.atomic_add(on_corner, image, vertex, pulled)
+
+    @wp.func
+    def pull_surface(
+        image: int,
+        s: Surface,
+        lit: real,
+        lit_off: vec2,
+        depth: real,
+        depth_off: vec2,
+        screen: wp.array2d(dtype=vec3),
+        irradiances: wp.array2d(dtype=real),
+        on_corner: wp.array2d(dtype=vec4),
+    ):
+        """Pull sums of cotangents on q times irradiance (lit) and on q (depth) back to the corners.
+
+        lit, depth: summed over a face's pixels; lit_off, depth_off: each times the pixel's place from the
+        first corner.
+        """
+        lit_b = wp.dot(s.by_second, lit_off)
+        lit_c = wp.dot(s.by_third, lit_off)
+        depth_b = wp.dot(s.by_second, depth_off)
+        depth_c = wp.dot(s.by_third, depth_off)
+        lit_a = lit - lit_b - lit_c
+        depth_a = depth - depth_b - depth_c
+        pull_corner(image, s.i, lit_a, depth_a, s, screen, irradiances, on_corner)
+        pull_corner(image, s.j, lit_b, depth_b, s, screen, irradiances, on_corner)
+        pull_corner(image, s.k, lit_c, depth_c, s, screen, irradiances, on_corner)
+
+    @wp.func
+    def pull_pixel(
+        image: int,
+        s: Surface,
         pixel: vec2,
-        attributes: wp.array2d(dtype=row_type),
-        basis: wp.array2d(dtype=row_type),
+        seen: vec2,
+        on_seen: real,
+        screen: wp.array2d(dtype=vec3),
+        irradiances: wp.array2d(dtype=real),
+        on_corner: wp.array2d(dtype=vec4),
     ):
-        """d irradiance at a fixed pixel: what its material point changes, less what slides past."""
-        u = hit.barycentric[0]
-        v = hit.barycentric[1]
-        w = hit.barycentric[2]
-        row = attributes[image, hit.i] * u + attributes[image, hit.j] * v + attributes[image, hit.k] * w
-        slide = -hit.screen_gradient
-        row = add_motion(
-            row,
-            view,
-            screen_cotangent(view, hit.point, slide),
-            hit.point,
-            basis[0, hit.i] * u + basis[0, hit.j] * v + basis[0, hit.k] * w,
-            basis[1, hit.i] * u + basis[1, hit.j] * v + basis[1, hit.k] * w,
-            basis[2, hit.i] * u + basis[2, hit.j] * v + basis[2, hit.k] * w,
-        )
-        return add_framing(row, view, slide, pixel)
+        """Pull a cotangent on the irradiance seen at one pixel back to the corners."""
+        lit = on_seen / seen[1]
+        depth = -lit * seen[0]
+        off = pixel - s.origin
+        pull_surface(image, s, lit, off * lit, depth, off * depth, screen, irradiances, on_corner)
 
     @wp.func
-    def shade(
-        normal: vec3,
-        inverse_length: real,
-        light: wp.array2d(dtype=real),
-        image: int,
-        dn_x: normal_jacobian,
-        dn_y: normal_jacobian,
-        dn_z: normal_jacobian,
-    ):
-        """A vertex's attribute: d irradiance / d shape and light, and the irradiance (Eq. 1 with SH)."""
-        x = normal[0]
-        y = normal[1]
-        z = normal[2]
-        row = row_type()
+    def lobes(n: vec3):
+        """A_l Y_lm(n) in a row's light columns."""
+        row = rest_row()
         row[light_at + 0] = flat
-        row[light_at + 1] = linear * y
-        row[light_at + 2] = linear * z
-        row[light_at + 3] = linear * x
-        row[light_at + 4] = product * x * y
-        row[light_at + 5] = product * y * z
-        row[light_at + 6] = polar * (real(3.0) * z * z - real(1.0))
-        row[light_at + 7] = product * x * z
-        row[light_at + 8] = real(0.5) * product * (x * x - y * y)
-        total = real(0.0)
-        for i in range(9):
-            total = total + row[light_at + i] * light[image, i]
-        if total <= real(0.0):
-            return row_type()
-        row[irradiance_at] = total
-        gradient = vec3(
-            linear * light[image, 3]
-            + product * (light[image, 4] * y + light[image, 7] * z + light[image, 8] * x),
-            linear * light[image, 1]
-            + product * (light[image, 4] * x + light[image, 5] * z - light[image, 8] * y),
-            linear * light[image, 2]
-            + product * (light[image, 5] * y + light[image, 7] * x)
-            + real(6.0) * polar * light[image, 6] * z,
+        row[light_at + 1] = linear * n[1]
+        row[light_at + 2] = linear * n[2]
+        row[light_at + 3] = linear * n[0]
+        row[light_at + 4] = product * n[0] * n[1]
+        row[light_at + 5] = product * n[1] * n[2]
+        row[light_at + 6] = polar * (real(3.0) * n[2] * n[2] - real(1.0))
+        row[light_at + 7] = product * n[0] * n[2]
+        row[light_at + 8] = real(0.5) * product * (n[0] * n[0] - n[1] * n[1])
+        return row
+
+    @wp.func
+    def light_slope(light: rest_row, n: vec3):
+        """d irradiance / d normal, the normal free in space; light stands in a row's light columns."""
+        return vec3(
+            linear * light[light_at + 3]
+            + product
+            * (light[light_at + 4] * n[1] + light[light_at + 7] * n[2] + light[light_at + 8] * n[0]),
+            linear * light[light_at + 1]
+            + product
+            * (light[light_at + 4] * n[0] + light[light_at + 5] * n[2] - light[light_at + 8] * n[1]),
+            linear * light[light_at + 2]
+            + product * (light[light_at + 5] * n[1] + light[light_at + 7] * n[0])
+            + real(6.0) * polar * light[light_at + 6] * n[2],
         )
-        tangent = (gradient - normal * wp.dot(gradient, normal)) * inverse_length
-        for mode in range(modes_):
-            row[mode] = (
-                tangent[0] * dn_x[mode + 1] + tangent[1] * dn_y[mode + 1] + tangent[2] * dn_z[mode + 1]
-            )
+
+    @wp.func
+    def moved(
+        row: rest_row,
+        eye: Eye,
+        on_screen: vec3,
+        screen: vec3,
+    ):
+        """Add what a cotangent on a screen point says of pose and framing to a row's rest."""
+        point = camera_point(eye, screen)
+        arm = vec3(point[0], point[1], point[2] - eye.distance)
+        pose = turned(eye, camera_cotangent(eye, screen, on_screen), arm)
+        shift = framed(eye, on_screen, screen)
+        row[azimuth] = row[azimuth] + pose[0]
+        row[elevation] = row[elevation] + pose[1]
+        row[framing] = row[framing] + shift[0]
+        row[framing + 1] = row[framing + 1] + shift[1]
+        row[framing + 2] = row[framing + 2] + shift[2]
         return row
 
     return SimpleNamespace(
         real=real,
         vec2=vec2,
         vec3=vec3,
+        vec4=vec4,
         mat33=mat33,
-        row_type=row_type,
-        normal_jacobian=normal_jacobian,
+        shape_row=shape_row,
+        rest_row=rest_row,
         layout=layout,
-        View=View,
-        Hit=Hit,
-        view_of=view_of,
-        project=project,
-        screen_cotangent=screen_cotangent,
-        add_motion=add_motion,
-        add_framing=add_framing,
-        hit_of=hit_of,
-        hit_row=hit_row,
-        shade=shade,
+        Eye=Eye,
+        Surface=Surface,
+        eye_of=eye_of,
+        camera_point=camera_point,
+        camera_cotangent=camera_cotangent,
+        turned=turned,
+        framed=framed,
+        surface_of=surface_of,
+        seen_at=seen_at,
+        pull_surface=pull_surface,
+        pull_pixel=pull_pixel,
+        lobes=lobes,
+        light_slope=light_slope,
+        moved=moved,
+        irradiance_at=irradiance_at,
     )
