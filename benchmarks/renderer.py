@@ -109,13 +109,18 @@ def metrics_of(times: Mapping[str, np.ndarray], ending: str) -> list[Metric]:
 
 
 def losses(metrics: list[Metric]) -> list[str]:
-    """One line for each ratio below 1, and for each bar of the standard case that is missed."""
+    """One line for each ratio below 1, each bar of the standard case missed, and threads that do not help."""
     ratios = [row for row in metrics if row["unit"] == "x"]
     lines = [f"slower than the peer: {row['name']} = {row['value']}" for row in ratios if row["value"] < 1]
     for row in ratios:
         bar = BARS.get(row["name"], 0.0)
         if row["value"] < bar:
             lines.append(f"below the bar of {bar:g} x: {row['name']} = {row['value']}")
+    times = {row["name"]: row["value"] for row in metrics if row["name"].startswith(f"{FULL}_ms")}
+    for name, value in times.items():
+        alone = times.get(name.removesuffix(f"_{SECOND_THREADS}_threads"), value)
+        if value > alone:
+            lines.append(f"slower on {SECOND_THREADS} threads than on one: {name} = {value} against {alone}")
     return lines
 
 
@@ -163,9 +168,11 @@ def main() -> None:
     peers = tuple(peer for peer, reason in reasons.items() if reason is None)
     metrics = measure(peers, arguments.repeats)
     found = report.report(metrics, 1, [peer.package for peer in peers])
+    if MITSUBA in peers:
+        found["versions"]["llvm"] = MITSUBA.load().compiler()
     print("where we lose:")
-    nowhere = ["nowhere in these measurements" if peers else "no peer to compare with"]
-    for line in losses(metrics) or nowhere:
+    lost = losses(metrics) if peers else ["no peer to compare with", *losses(metrics)]
+    for line in lost or ["nowhere in these measurements"]:
         print(f"  {line}")
     print(", ".join(f"{name} {version}" for name, version in found["versions"].items()))
     if arguments.json:

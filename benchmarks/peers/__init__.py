@@ -37,8 +37,10 @@ class Peer:
         trial = subprocess.run([sys.executable, "-m", self.module], capture_output=True, text=True)
         if trial.returncode == 0:
             return None
-        last = (trial.stderr.strip().splitlines() or ["no message"])[-1]
-        return f"{self.title} is installed but does not run here ({last}); try: {self.hint}"
+        said = trial.stderr.strip().splitlines() or ["no message"]
+        aborted = trial.returncode < 0  # then the message comes first, else the exception comes last
+        why = said[0] if aborted else said[-1]
+        return f"{self.title} is installed but does not run here ({why}); try: {self.hint}"
 
     def version(self) -> str:
         """Of the installed package."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drjit.detail import llvm_version
 
 from benchmarks.case import Case
 from benchmarks.peers import try_out
@@ -24,6 +25,11 @@ LIGHTS = ("sky.radiance.value", "sun.irradiance.value")
 def set_threads(count: int) -> None:
     """How many threads it uses from now on."""
     dr.set_thread_count(count)
+
+
+def compiler() -> str:
+    """Version of the LLVM that compiles its kernels."""
+    return ".".join(str(part) for part in llvm_version())
 
 
 class Mitsuba:

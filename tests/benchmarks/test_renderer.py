@@ -26,16 +26,18 @@ def test_where_we_lose_is_said() -> None:
     def ratio(name: str, value: float) -> dict:
         return {"name": name, "value": value, "unit": "x", "better": "higher", "iqr": 0.0}
 
+    times = {"": 0.5, "_2_threads": 0.7, "_5252_faces_75_px": 0.4, "_5252_faces_75_px_2_threads": 0.3}
     rows = [
         ratio("full_evaluation_vs_deodr", 4.0),
         ratio("full_evaluation_vs_deodr_5252_faces_300_px", 4.0),
         ratio("forward_vs_mitsuba", 0.5),
         ratio("full_evaluation_vs_mitsuba", 120.0),
-        {"name": "forward_ms", "value": 0.1, "unit": "ms", "better": "lower", "iqr": 0.0},
+        *(renderer.report.metric(f"full_evaluation_ms{end}", [ms], "ms") for end, ms in times.items()),
     ]
     assert renderer.losses(rows) == [
         "slower than the peer: forward_vs_mitsuba = 0.5",
         "below the bar of 5 x: full_evaluation_vs_deodr = 4.0",
+        "slower on 2 threads than on one: full_evaluation_ms_2_threads = 0.7 against 0.5",
     ]
 
 
