@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-LEAST_SECONDS = 0.02
+LEAST_SECONDS = 0.1
 WARM_UP = 3
 """Calls before any is timed; Mitsuba compiles a second set of kernels at the second one."""
 
