@@ -8,15 +8,12 @@ the objective is valued in a fit, and one valuation with gradient and normal mat
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import time
 from pathlib import Path
 
-import numpy as np
 import torch
 
-from vig import __version__
+from benchmarks.report import metric, report, write
 from vig.examples import example_photos
 from vig.images import read_photo
 from vig.inference import ExplainSettings, LevenbergMarquardt, explain_one, objective_of
@@ -57,33 +54,17 @@ def measure(repeats: int) -> list[dict]:
     ]
 
 
-def metric(name: str, values: list[float], unit: str) -> dict:
-    """Median and interquartile range."""
-    low, middle, high = np.percentile(values, [25, 50, 75])
-    return {
-        "name": name,
-        "value": round(float(middle), 3),
-        "unit": unit,
-        "better": "lower",
-        "iqr": round(float(high - low), 3),
-    }
-
-
 def main() -> None:
     """Measure, print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
-    report = {
-        "machine": {"processor": platform.machine(), "threads": 1},
-        "versions": {"vig": __version__, "torch": torch.__version__, "python": platform.python_version()},
-        "metrics": measure(arguments.repeats),
-    }
-    for row in report["metrics"]:
+    found = report(measure(arguments.repeats), threads=1)
+    for row in found["metrics"]:
         print(f"{row['name']}: {row['value']} {row['unit']} (interquartile range {row['iqr']})")
     if arguments.json:
-        arguments.json.write_text(json.dumps(report, indent=2) + "\n")
+        write(found, arguments.json)
 
 
 if __name__ == "__main__":

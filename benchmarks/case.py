@@ -1,0 +1,116 @@
+"""What every renderer is given: a mesh before a camera, guesses a little apart, and a photo to explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from vig.likelihood import ROBUST, Likelihood, Photos
+from vig.render import Geometry, rasterize
+from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel
+
+SIZES = (75, 150, 300)
+STANDARD_SIZE = 150
+GUESSES = 8
+MAGNIFICATION = 1.25
+"""Focal length over the paper's: the object then covers about 8 k of 150 x 150 pixels."""
+
+AZIMUTH, ELEVATION = 0.9, 0.4
+BACKDROP_CELLS = 15
+
+
+@dataclass(frozen=True)
+class Case:
+    """One mesh at one image size.
+
+    truth: the latents (B = 1) behind the photo. guesses: latents of `GUESSES` valuations in a row, float32.
+    photo: (H, W, 3) float64 linear RGB, the teapot in front of clutter and behind an occluder.
+    """
+
+    model: ShapeModel
+    camera: Camera
+    truth: Latents
+    guesses: tuple[Latents, ...]
+    photo: np.ndarray
+
+    @property
+    def label(self) -> str:
+        """Such as "5252 faces, 150 x 150"."""
+        return f"{len(self.model.faces)} faces, {self.camera.width} x {self.camera.height}"
+
+    def points(self) -> list[np.ndarray]:
+        """Vertices (V, 3) of each guess in the camera's frame, metres, float64: what a peer is given."""
+        placed = []
+        for guess in self.guesses:
+            rotation, translation = self.camera.pose(guess.azimuth.double(), guess.elevation.double())
+            vertices = self.model.vertices(guess.shape.double())
+            placed.append((vertices[0] @ rotation[0].T + translation[0]).numpy())
+        return placed
+
+    def covered(self) -> int:
+        """Pixels whose centre lies on the object at the first guess."""
+        still, origin = np.eye(3), np.zeros(3)
+        fragments = rasterize(self.points()[0], self.model.faces, still, origin, self.camera, cull=True)
+        return int((fragments.face >= 0).sum())
+
+
+def make_case(size: int, subdivisions: int = 0, seed: int = 0) -> Case:
+    """The packaged teapot, each face split in four `subdivisions` times, in an image of `size` pixels."""
+    teapot = ObjectClass.load("teapot")
+    model = teapot.shape_model
+    for _ in range(subdivisions):
+        model = subdivided(model)
+    camera = Camera.standard(size, teapot.target_height)
+    camera = replace(camera, focal=camera.focal * MAGNIFICATION)
+    rng = np.random.default_rng(seed)
+    light = np.concatenate([[EXPOSURE_L00, 0.0, 1.0, 0.0], np.zeros(5)]) + rng.normal(0, 0.2, 9)
+    shape = rng.normal(0, 0.5, model.modes)
+    truth = torch.from_numpy(np.concatenate([shape, [AZIMUTH, ELEVATION], [0.6, 0.4, 0.3], light]))[None]
+    spread = np.array([0.2] * model.modes + [0.02] * 2 + [0.02] * 3 + [0.05] * 9)
+    guesses = truth + torch.from_numpy(rng.normal(size=(GUESSES, truth.shape[1])) * spread)
+    return Case(
+        model,
+        camera,
+        Latents.from_vector(truth),
+        tuple(Latents.from_vector(guess[None].float()) for guess in guesses),
+        _photo(model, camera, Latents.from_vector(truth), rng),
+    )
+
+
+def _photo(model: ShapeModel, camera: Camera, truth: Latents, rng: np.random.Generator) -> np.ndarray:
+    """The truth in front of coloured blocks, a fifth of the width hidden by others, with a little noise."""
+    blank = torch.zeros(1, camera.height, camera.width, 3, dtype=torch.float64)
+    photos = Photos(blank, ROBUST.log_prior(camera.height, camera.width)[None])
+    likelihood = Likelihood(Geometry(model, torch.float64), camera, photos)
+    framing, photo = torch.zeros(1, 3, dtype=torch.float64), torch.zeros(1, dtype=torch.int32)
+    sigma = torch.tensor([ROBUST.sigma], dtype=torch.float64)
+    seen = likelihood(truth, framing, photo, sigma, derivatives=False)
+    colour = (seen.irradiance[0, ..., None] * truth.albedo[0]).numpy()
+    block = np.ones((camera.height // BACKDROP_CELLS, camera.width // BACKDROP_CELLS, 1))
+    cells = rng.uniform(0.1, 0.9, (2, BACKDROP_CELLS, BACKDROP_CELLS, 3))
+    behind, before = np.kron(cells[0], block), np.kron(cells[1], block)
+    image = np.where(seen.coverage[0, ..., None].numpy() > 0.5, colour, behind)
+    hidden = slice(camera.width * 3 // 10, camera.width // 2)
+    image[camera.height * 4 // 10 :, hidden] = before[camera.height * 4 // 10 :, hidden]
+    return (image + rng.normal(0, 0.01, image.shape)).clip(0, 1)
+
+
+def subdivided(model: ShapeModel) -> ShapeModel:
+    """The same surface with every face split in four at its edges' midpoints; modes and parts go along."""
+    corners = np.concatenate([model.faces[:, [0, 1]], model.faces[:, [1, 2]], model.faces[:, [2, 0]]])
+    edges, place = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    count = len(model.mean)
+    ab, bc, ca = (count + place.reshape(3, -1)).astype(np.int32)
+    a, b, c = model.faces.T
+    quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    stack = np.concatenate([model.mean[None], model.basis])
+    stack = np.concatenate([stack, stack[:, edges].mean(2)], axis=1)
+    return replace(
+        model,
+        mean=stack[0],
+        basis=stack[1:],
+        faces=np.concatenate([np.stack(quarter, axis=1) for quarter in quarters]),
+        parts=np.concatenate([model.parts, model.parts[edges[:, 0]]]),
+    )

@@ -1,0 +1,183 @@
+"""Our evaluation beside other differentiable renderers: `python -m benchmarks.renderer [--json FILE]`.
+
+The same teapot, camera and image size for all, in one process, on one thread and then on two, two meshes and
+three image sizes, the measurements interleaved. What is compared and what is not: docs/benchmarks.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import ours, report
+from benchmarks.case import SIZES, STANDARD_SIZE, Case, make_case
+from benchmarks.peers import DEODR, MITSUBA, Peer
+from benchmarks.timing import interleaved
+
+SUBDIVISIONS = (0, 1)
+SECOND_THREADS = 2
+FULL = "full_evaluation"
+
+TITLES = {
+    "forward": "vig: objective",
+    FULL: "vig: objective, gradient, normal matrix",
+    "deodr_forward": "DEODR: forward",
+    "deodr_gradient": "DEODR: forward + gradient",
+    "deodr_rasterizer": "DEODR: compiled rasteriser alone, both ways",
+    "mitsuba_forward": "Mitsuba: forward",
+    "mitsuba_gradient": "Mitsuba: forward + gradient",
+}
+RATIOS = {
+    "full_evaluation_vs_deodr": ("deodr_gradient", FULL),
+    "full_evaluation_vs_deodr_rasterizer": ("deodr_rasterizer", FULL),
+    "full_evaluation_vs_mitsuba": ("mitsuba_gradient", FULL),
+    "forward_vs_deodr": ("deodr_forward", "forward"),
+    "forward_vs_mitsuba": ("mitsuba_forward", "forward"),
+}
+"""Their time over ours: above 1 we are faster."""
+
+BARS = {"full_evaluation_vs_deodr": 5.0, "full_evaluation_vs_mitsuba": 100.0}
+"""What the project asks of the standard case."""
+
+Calls = dict[str, Callable[[int], object]]
+Metric = dict[str, Any]
+
+
+def contenders(case: Case, peers: tuple[Peer, ...], threads: int) -> Calls:
+    """What is timed, checked: every side covers the same pixels and has a gradient that is not zero."""
+    ours.set_threads(threads)
+    mine = ours.Ours(case)
+    calls: Calls = {"forward": mine.forward, FULL: mine.full}
+    gradients: dict[str, Any] = {FULL: mine.full(0).gradient}
+    pixels = {FULL: mine.covered()}
+    if DEODR in peers and threads == 1:  # it knows no threads
+        adapter = DEODR.load()
+        whole, core = adapter.Deodr(case), adapter.DeodrRasterizer(case)
+        calls |= {
+            "deodr_forward": whole.forward,
+            "deodr_gradient": whole.gradient,
+            "deodr_rasterizer": core.gradient,
+        }
+        gradients |= {"deodr_gradient": whole.gradient(0), "deodr_rasterizer": core.gradient(0)}
+        pixels["deodr_gradient"] = whole.covered()
+    if MITSUBA in peers:
+        adapter = MITSUBA.load()
+        adapter.set_threads(threads)
+        peer = adapter.Mitsuba(case)
+        calls |= {"mitsuba_forward": peer.forward, "mitsuba_gradient": peer.gradient}
+        gradients["mitsuba_gradient"] = peer.gradient(0)
+        pixels["mitsuba_gradient"] = peer.covered()
+    check(case.covered(), pixels, gradients)
+    return calls
+
+
+def check(expected: int, pixels: Mapping[str, int], gradients: Mapping[str, Any]) -> None:
+    """RuntimeError unless all cover the expected pixels within 1 % and every gradient is finite, not zero."""
+    for name, count in pixels.items():
+        if abs(count - expected) > 0.01 * expected:
+            raise RuntimeError(f"{name} covers {count} pixels where {expected} are expected: unfair")
+    for name, found in gradients.items():
+        for part, values in found.items() if isinstance(found, dict) else [("all", found)]:
+            array = np.asarray(values)
+            if not np.isfinite(array).all() or not array.any():
+                raise RuntimeError(f"{name}: the gradient of {part} is zero or not finite")
+
+
+def suffix(case: Case, threads: int) -> str:
+    """What is appended to a metric's name; nothing for the standard case on one thread."""
+    standard = case.camera.width == STANDARD_SIZE and len(case.model.faces) == standard_faces()
+    place = "" if standard else f"_{len(case.model.faces)}_faces_{case.camera.width}_px"
+    return place + ("" if threads == 1 else f"_{threads}_threads")
+
+
+def standard_faces() -> int:
+    """How many faces the packaged teapot has."""
+    return len(make_case(STANDARD_SIZE).model.faces)
+
+
+def metrics_of(times: Mapping[str, np.ndarray], ending: str) -> list[Metric]:
+    """Times, and ratios of the rounds' pairs, of one case; `ending` is appended to the names."""
+    found = [report.metric(f"{name}_ms{ending}", values, "ms") for name, values in times.items()]
+    for name, (theirs, mine) in RATIOS.items():
+        if theirs in times:
+            found.append(report.metric(name + ending, times[theirs] / times[mine], "x", "higher"))
+    return found
+
+
+def losses(metrics: list[Metric]) -> list[str]:
+    """One line for each ratio below 1, each bar of the standard case missed, and threads that do not help."""
+    ratios = [row for row in metrics if row["unit"] == "x"]
+    lines = [f"slower than the peer: {row['name']} = {row['value']}" for row in ratios if row["value"] < 1]
+    for row in ratios:
+        bar = BARS.get(row["name"], 0.0)
+        if row["value"] < bar:
+            lines.append(f"below the bar of {bar:g} x: {row['name']} = {row['value']}")
+    times = {row["name"]: row["value"] for row in metrics if row["name"].startswith(f"{FULL}_ms")}
+    for name, value in times.items():
+        alone = times.get(name.removesuffix(f"_{SECOND_THREADS}_threads"), value)
+        if value > alone:
+            lines.append(f"slower on {SECOND_THREADS} threads than on one: {name} = {value} against {alone}")
+    return lines
+
+
+def table(case: Case, threads: int, metrics: list[Metric], ending: str) -> str:
+    """The metrics of one case for people."""
+    found = {row["name"]: row for row in metrics}
+    lines = [f"{case.label}, {case.covered()} object pixels, {threads} thread{'s'[: threads - 1]}"]
+    for name, title in TITLES.items():
+        row = found.get(f"{name}_ms{ending}")
+        if row:
+            lines.append(f"  {title:<45} {row['value']:>9.3f} ms   interquartile range {row['iqr']:.3f}")
+    for name in RATIOS:
+        row = found.get(name + ending)
+        if row:
+            lines.append(f"  {name:<45} {row['value']:>9.2f} x    interquartile range {row['iqr']:.2f}")
+    return "\n".join(lines)
+
+
+def measure(peers: tuple[Peer, ...], rounds: int) -> list[Metric]:
+    """Time every case, printing each when it is done; on two threads the packaged mesh only."""
+    everything: list[Metric] = []
+    for threads in (1, SECOND_THREADS):
+        for subdivisions in SUBDIVISIONS if threads == 1 else (0,):
+            for size in SIZES:
+                case = make_case(size, subdivisions)
+                times = interleaved(contenders(case, peers, threads), rounds)
+                ending = suffix(case, threads)
+                found = metrics_of(times, ending)
+                print(table(case, threads, found, ending), end="\n\n", flush=True)
+                everything += found
+                if not ending:
+                    everything.append(report.metric("object_pixels", [case.covered()], "pixels", "higher"))
+    return everything
+
+
+def main() -> None:
+    """Measure, print, say where we lose, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--repeats", type=int, default=15)
+    arguments = parser.parse_args()
+    reasons = {peer: peer.available() for peer in (DEODR, MITSUBA)}
+    for reason in filter(None, reasons.values()):
+        print(reason)
+    peers = tuple(peer for peer, reason in reasons.items() if reason is None)
+    metrics = measure(peers, arguments.repeats)
+    found = report.report(metrics, 1, [peer.package for peer in peers])
+    if MITSUBA in peers:
+        found["versions"]["llvm"] = MITSUBA.load().compiler()
+    print("where we lose:")
+    lost = losses(metrics) if peers else ["no peer to compare with", *losses(metrics)]
+    for line in lost or ["nowhere in these measurements"]:
+        print(f"  {line}")
+    print(", ".join(f"{name} {version}" for name, version in found["versions"].items()))
+    if arguments.json:
+        report.write(found, arguments.json)
+
+
+if __name__ == "__main__":
+    main()
