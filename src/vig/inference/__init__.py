@@ -5,7 +5,7 @@ from vig.inference.explain import explain, explain_one
 from vig.inference.explanation import Explanation, Verdict
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.objective import Objective, Valuation
-from vig.inference.optimizer import Descent, Optimizer
+from vig.inference.optimizer import Budget, Descent, Optimizer, Problem
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings, Stage
@@ -13,6 +13,7 @@ from vig.inference.starts import starts
 
 __all__ = [
     "Belief",
+    "Budget",
     "ConjugateGradient",
     "Descent",
     "ExplainSettings",
@@ -20,6 +21,7 @@ __all__ = [
     "LevenbergMarquardt",
     "Objective",
     "Optimizer",
+    "Problem",
     "Stage",
     "Valuation",
     "Verdict",

@@ -8,8 +8,7 @@ import numpy as np
 import torch
 from scipy.optimize import minimize
 
-from vig.inference.objective import Objective
-from vig.inference.optimizer import Descent
+from vig.inference.optimizer import Budget, Descent, Problem
 
 
 @dataclass(frozen=True)
@@ -19,13 +18,13 @@ class ConjugateGradient:
     Outside its bounds the objective is that of the nearest point within, so bounds hold in the result.
     """
 
-    iterations: int = 50
-
     def __call__(
-        self, objective: Objective, starts: torch.Tensor, photo: torch.Tensor, sigma: float
+        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        results = [self._one(objective, start, photo[i : i + 1], sigma) for i, start in enumerate(starts)]
+        results = [
+            self._one(objective, start, photo[i : i + 1], sigma, budget) for i, start in enumerate(starts)
+        ]
         points, values, evaluations, converged = zip(*results, strict=True)
         return Descent(
             torch.stack(points),
@@ -35,7 +34,7 @@ class ConjugateGradient:
         )
 
     def _one(
-        self, objective: Objective, start: torch.Tensor, photo: torch.Tensor, sigma: float
+        self, objective: Problem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> tuple[torch.Tensor, float, int, bool]:
         noise = torch.full((1,), sigma, dtype=objective.dtype, device=objective.device)
         best: list = [-np.inf, start]
@@ -52,5 +51,5 @@ class ConjugateGradient:
             return -value, -gradient.double().cpu().numpy()
 
         first = start.double().cpu().numpy()
-        found = minimize(negative, first, jac=True, method="CG", options={"maxiter": self.iterations})
+        found = minimize(negative, first, jac=True, method="CG", options={"maxiter": budget.iterations})
         return best[1], best[0], int(found.nfev), bool(found.success)
