@@ -80,7 +80,7 @@ class Optimizer(Protocol):
     def __call__(
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget, /
     ) -> Descent:
-        """starts (B, P') within the bounds, left alone; photo (B,) int; sigma: standard deviation of the noise.
+        """starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
 
         A search that begins where the problem has no finite value ends there, not converged.
         """
