@@ -1,9 +1,9 @@
 """Every optimiser on the same photos: `python -m benchmarks.optimizers [--count N] [--json FILE]`.
 
 One descent each, at full size, from the recognition model's best guess, one thread, kernels warm. The photos
-are made by the raster generator (test split), or are the last ones of `--dataset DIR`. Prints a table: by how many
-nats the end is lower than the best that any optimiser found for that photo, errors of azimuth, elevation and
-shape, evaluations, and milliseconds; medians, with the interquartile range behind +-.
+are made by the raster generator (test split), or are the last ones of `--dataset DIR`. Prints a table: by how
+many nats the end is lower than the best that any optimiser found for that photo, errors of azimuth, elevation
+and shape, evaluations, milliseconds; medians, with the interquartile range behind +-.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import re
 import time
 from pathlib import Path
 
@@ -46,12 +47,20 @@ OPTIMIZERS: dict[str, tuple[Optimizer, Budget]] = {
     "lbfgs": (LBFGS(), Budget(200)),
     "bfgs": (BFGS(), Budget(200)),
     "cg": (ConjugateGradient(), Budget(50)),
-    "gd, momentum 0.9": (GradientDescent(), Budget(500)),
-    "gd": (GradientDescent(momentum=0.0), Budget(500)),
+    "cg, unscaled (the paper's)": (ConjugateGradient(scaled=False), Budget(50)),
+    "gd": (GradientDescent(), Budget(500)),
     "gd, decay 0.01": (GradientDescent(decay=0.01), Budget(500)),
+    "gd, no momentum": (GradientDescent(momentum=0.0), Budget(500)),
     "lm, annealed": (Annealed(LevenbergMarquardt()), Budget(75)),
+    "dogleg, annealed": (Annealed(Dogleg()), Budget(75)),
+    "lbfgs, annealed": (Annealed(LBFGS()), Budget(300)),
+    "cg, annealed": (Annealed(ConjugateGradient()), Budget(75)),
     "lm, closed form first": (Alternating(LevenbergMarquardt(), descended=50), Budget(54)),
     "lm, closed form in turns": (Alternating(LevenbergMarquardt()), Budget(60)),
+    "lm, annealed, closed form first": (
+        Annealed(Alternating(LevenbergMarquardt(), descended=25)),
+        Budget(87),
+    ),
 }
 COLUMNS = {
     "short_of_best": "nats",
@@ -134,7 +143,7 @@ def main() -> None:
     print("| optimiser | " + " | ".join(head) + " |\n" + "|---" * (1 + len(head)) + "|")
     metrics = []
     for name, rows in table.items():
-        slug = name.replace(", ", "_").replace(" ", "_")
+        slug = re.sub(r"\W+", "_", name.split(" (")[0])
         found = [
             metric(f"{slug}_{column}_{unit}", rows[:, place].tolist(), unit)
             for place, (column, unit) in enumerate(COLUMNS.items())

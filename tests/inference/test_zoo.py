@@ -23,6 +23,7 @@ OPTIMIZERS: dict[str, Optimizer] = {
     "levenberg_marquardt": LevenbergMarquardt(),
     "dogleg": Dogleg(),
     "conjugate_gradient": ConjugateGradient(),
+    "unscaled": ConjugateGradient(scaled=False),
     "bfgs": BFGS(),
     "lbfgs": LBFGS(),
     "momentum": GradientDescent(),
@@ -31,7 +32,7 @@ OPTIMIZERS: dict[str, Optimizer] = {
 }
 FIRST_ORDER = ("momentum", "gradient_descent")
 
-PER_STEP = {"conjugate_gradient": 20, "bfgs": 20, "lbfgs": 20}
+PER_STEP = {"conjugate_gradient": 20, "unscaled": 20, "bfgs": 20, "lbfgs": 20}
 """Evaluations that a step may take, where it is more than one."""
 
 BUDGET, LONG = Budget(50, 1e-4), Budget(600, 1e-4)
@@ -46,7 +47,7 @@ MISSING = {
     ("gradient_descent", "cliff_infinite"): 0.01,
     ("momentum", "photo"): 0.1,
     ("gradient_descent", "photo"): 0.1,
-    ("conjugate_gradient", "photo"): 0.2,
+    ("unscaled", "photo"): 0.2,
     ("annealed", "photo"): 0.1,
 }
 """Share of what there is to gain that may be missing in the end, instead of `CLOSE` nats; in these cases

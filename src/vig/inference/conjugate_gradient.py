@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.inference.bounds import held_by_bounds
+from vig.inference.bounds import held_by_bounds, scales
 from vig.inference.optimizer import Budget, Descent, Problem
 
 SUFFICIENT, CURVATURE = 1e-4, 0.1
@@ -18,13 +18,15 @@ EXTRAPOLATION, GROWTH = 3.0, 10.0
 
 @dataclass(frozen=True)
 class ConjugateGradient:
-    """Settings: at most `evaluations` of each line search; the budget's iterations are line searches.
+    """Settings. The budget's iterations are line searches.
 
-    The paper's budget is 50 line searches of 20 evaluations, without scaling. A line that meets a bound goes
-    on along it.
+    evaluations: of each line search at most. scaled: each parameter is counted in its own standard
+    deviations, by the normal matrix's diagonal at the start (`scales`). The paper's budget is 50 line
+    searches of 20 evaluations, unscaled. A line that meets a bound goes on along it.
     """
 
     evaluations: int = 20
+    scaled: bool = True
 
     def __call__(
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
@@ -34,6 +36,7 @@ class ConjugateGradient:
         noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
         line = _Lines(problem, photo, noise, starts.clone())
         active = torch.isfinite(line.value).nonzero()[:, 0]
+        unit = 1 / scales(line.normal) if self.scaled else torch.ones_like(line.points)
         converged = torch.zeros(count, dtype=torch.bool)
         direction, before = torch.zeros_like(line.points), torch.zeros_like(line.points)
         slope, step = torch.ones_like(noise), torch.zeros_like(noise)
@@ -42,7 +45,7 @@ class ConjugateGradient:
             if not len(active):
                 break
             held = held_by_bounds(line.points[active], line.gradient[active], problem)
-            uphill = torch.where(held, 0.0, line.gradient[active])
+            uphill = torch.where(held, 0.0, line.gradient[active] * unit[active])
             last = before[active]
             turned = (uphill * (uphill - last)).sum(1) / (last * last).sum(1).clamp_min(1e-30)
             turned = torch.where(steepest[active], 0.0, turned.clamp_min(0.0))
@@ -54,7 +57,7 @@ class ConjugateGradient:
             first = step[active] * (slope[active] / rise.clamp_min(1e-30)).clamp_max(GROWTH)
             # Without a step to go by, the first gains one nat if the slope stays.
             first = torch.where(step[active] > 0, first, 1 / (1 + rise))
-            gain, step[active] = line.search(active, along, first, self.evaluations)
+            gain, step[active] = line.search(active, along * unit[active], first, self.evaluations)
             direction[active], before[active], slope[active] = along, uphill, rise
             # A direction that leads nowhere is followed by the steepest, and that by nothing.
             failed = gain <= 0
@@ -71,7 +74,8 @@ class _Lines:
     def __init__(self, problem: Problem, photo: torch.Tensor, noise: torch.Tensor, points: torch.Tensor):
         self.problem, self.photo, self.noise, self.points = problem, photo, noise, points
         start = problem(points, photo, noise)
-        assert start.gradient is not None
+        assert start.gradient is not None and start.normal is not None
+        self.normal = start.normal.nan_to_num()
         self.value, self.gradient = start.value.clone(), start.gradient.clone()
         self.evaluations = torch.ones(len(points), dtype=torch.int64)
 
