@@ -8,11 +8,33 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import Budget, ConjugateGradient, Descent, LevenbergMarquardt, Objective, Optimizer
+from vig.inference import (
+    BFGS,
+    LBFGS,
+    Alternating,
+    Annealed,
+    Budget,
+    ConjugateGradient,
+    Descent,
+    Dogleg,
+    GradientDescent,
+    LevenbergMarquardt,
+    Objective,
+    Optimizer,
+)
 from vig.scene import Latents, ObjectClass
 
 SIGMA = 0.03
-OPTIMIZERS = {"levenberg_marquardt": LevenbergMarquardt(), "conjugate_gradient": ConjugateGradient()}
+OPTIMIZERS: dict[str, Optimizer] = {
+    "levenberg_marquardt": LevenbergMarquardt(),
+    "dogleg": Dogleg(),
+    "lbfgs": LBFGS(),
+    "bfgs": BFGS(),
+    "conjugate_gradient": ConjugateGradient(),
+    "gradient_descent": GradientDescent(),
+    "annealed": Annealed(LevenbergMarquardt()),
+    "alternating": Alternating(LevenbergMarquardt()),
+}
 BUDGET = Budget(15)
 
 

@@ -47,6 +47,7 @@ MISSING = {
     ("gradient_descent", "cliff_infinite"): 0.01,
     ("momentum", "photo"): 0.1,
     ("gradient_descent", "photo"): 0.1,
+    ("conjugate_gradient", "photo"): 0.1,
     ("unscaled", "photo"): 0.2,
     ("annealed", "photo"): 0.1,
 }
