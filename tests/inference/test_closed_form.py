@@ -47,6 +47,10 @@ def test_one_step_solves_one_block_and_leaves_the_others(least_squares, basis: t
     torch.testing.assert_close(end.points[0, :3], solution)
     assert torch.equal(end.points[0, 3:], start[0, 3:])
     assert end.evaluations.item() == 2
+    both = ClosedForm((FIRST, SECOND))
+    once, twice = (both(problem, start, NONE, 0.1, Budget(count, 0.0)).points for count in (1, 2))
+    torch.testing.assert_close(once, end.points)
+    assert torch.equal(twice[:, FIRST], once[:, FIRST]) and not torch.equal(twice[:, SECOND], once[:, SECOND])
 
 
 def test_albedo_rests_on_its_bound(least_squares, basis: torch.Tensor) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -145,6 +146,40 @@ def test_each_search_of_a_batch_is_alone(name: str, zoo) -> None:
         )
         torch.testing.assert_close(alone.points[0], together.points[i], atol=1e-8, rtol=0)
         assert alone.evaluations[0] == together.evaluations[i]
+
+
+class Lying:
+    """Its value falls to both sides of 0, its gradient promises the contrary."""
+
+    dtype, device = torch.float64, "cpu"
+    lower, upper = torch.full((2,), -math.inf), torch.full((2,), math.inf)
+
+    def __call__(self, points, photo, sigma, derivatives=True) -> SimpleNamespace:
+        slope = torch.where(points >= 0, 50.0, -50.0)
+        normal = torch.eye(2, dtype=torch.float64).expand(len(points), 2, 2)
+        return SimpleNamespace(value=-points.abs().sum(1), gradient=slope, normal=normal)
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_a_gradient_that_lies_spends_no_more_than_the_budget(name: str, watch) -> None:
+    watched, start = watch(Lying()), torch.zeros(1, 2, dtype=torch.float64)
+    end = OPTIMIZERS[name](watched, start, torch.zeros(1, dtype=torch.int64), 1.0, Budget(2))
+    assert torch.equal(end.points, start) and end.value.item() == 0
+    assert end.evaluations.item() == watched.counted(1).item() <= 4 + PER_STEP.get(name, 1) * 2
+
+
+@pytest.mark.parametrize("optimizer", [Dogleg(), LevenbergMarquardt(damping=1e-9)], ids=["dogleg", "lm"])
+def test_a_step_that_meets_a_bound_is_solved_again_along_it(optimizer: Optimizer, least_squares) -> None:
+    """-1/2 |A (x - m)|^2 with A' A = [[1, 0.5], [0.5, 1]], m = (3, 0), x_0 <= 1.
+
+    Unbounded it leads to m; on x_0 = 1 the slope in x_1 is -0.5 (1 - 3) - x_1: one step ends at (1, 1).
+    """
+    root = torch.tensor([[1.0, 0.5], [0.0, math.sqrt(0.75)]], dtype=torch.float64)
+    mean = torch.tensor([3.0, 0.0], dtype=torch.float64)
+    problem = least_squares(lambda x: root @ (x - mean), [-5.0, -5.0], [1.0, 5.0])
+    start, none = torch.zeros(1, 2, dtype=torch.float64), torch.zeros(1, dtype=torch.int64)
+    end = optimizer(problem, start, none, 1.0, Budget(1))
+    torch.testing.assert_close(end.points, torch.ones_like(start))
 
 
 @pytest.mark.parametrize("numbers", [(-1, 0.1), (3, -0.1), (3, math.nan)])
