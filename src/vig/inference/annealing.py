@@ -31,14 +31,14 @@ class Annealed:
         count, rounds = len(starts), len(self.sigmas)
         noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
         first = problem(starts, photo, noise, derivatives=False).value
-        evaluations = torch.ones(count, dtype=torch.int64)
+        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
         points = starts
         for number, multiple in enumerate(self.sigmas):
             share = budget.iterations * (number + 1) // rounds - budget.iterations * number // rounds
             end = self.optimizer(problem, points, photo, sigma * multiple, Budget(share, budget.tolerance))
             evaluations += end.evaluations
             points = end.points
-        back = ~(end.value.to(first.device) >= first)
+        back = ~(end.value >= first)
         points = torch.where(back[:, None], starts, points)
-        value = torch.where(back, first, end.value.to(first.device))
-        return Descent(points, value, evaluations, end.converged & ~back.to(end.converged.device))
+        value = torch.where(back, first, end.value)
+        return Descent(points, value, evaluations, end.converged & ~back)

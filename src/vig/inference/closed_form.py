@@ -38,8 +38,8 @@ class ClosedForm:
         start = problem(points, photo, noise)
         assert start.gradient is not None and start.normal is not None
         value, gradient, normal = start.value.clone(), start.gradient.clone(), start.normal.clone()
-        evaluations = torch.ones(count, dtype=torch.int64)
-        converged = torch.zeros(count, dtype=torch.bool)
+        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
+        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
         earlier = value.clone()
         active = torch.isfinite(value).nonzero()[:, 0]
         for number in range(budget.iterations):
@@ -85,10 +85,10 @@ class Alternating:
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
         count, left = len(starts), budget.iterations
-        points, active = starts.clone(), torch.arange(count)
-        value = torch.full((count,), -torch.inf, dtype=torch.float64)
-        evaluations = torch.zeros(count, dtype=torch.int64)
-        converged = torch.zeros(count, dtype=torch.bool)
+        points, active = starts.clone(), torch.arange(count, device=problem.device)
+        value = torch.full((count,), -torch.inf, dtype=torch.float64, device=problem.device)
+        evaluations = torch.zeros(count, dtype=torch.int64, device=problem.device)
+        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
         parts = ((self.closed_form, self.solved), (self.optimizer, self.descended))
         while len(active):
             before = value[active]
@@ -100,9 +100,9 @@ class Alternating:
                 end = optimizer(
                     problem, points[active], photo[active], sigma, Budget(share, budget.tolerance)
                 )
-                points[active], value[active] = end.points, end.value.cpu()
+                points[active], value[active] = end.points, end.value
                 evaluations[active] += end.evaluations
-                converged[active] = end.converged.cpu()
+                converged[active] = end.converged
             if not left:
                 break
             done = ~(value[active] - before >= budget.tolerance)

@@ -37,7 +37,7 @@ class ConjugateGradient:
         line = _Lines(problem, photo, noise, starts.clone())
         active = torch.isfinite(line.value).nonzero()[:, 0]
         unit = 1 / scales(line.normal) if self.scaled else torch.ones_like(line.points)
-        converged = torch.zeros(count, dtype=torch.bool)
+        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
         direction, before = torch.zeros_like(line.points), torch.zeros_like(line.points)
         slope, step = torch.ones_like(noise), torch.zeros_like(noise)
         steepest = torch.ones(count, dtype=torch.bool, device=problem.device)
@@ -77,7 +77,7 @@ class _Lines:
         assert start.gradient is not None and start.normal is not None
         self.normal = start.normal.nan_to_num()
         self.value, self.gradient = start.value.clone(), start.gradient.clone()
-        self.evaluations = torch.ones(len(points), dtype=torch.int64)
+        self.evaluations = torch.ones(len(points), dtype=torch.int64, device=problem.device)
 
     def search(
         self, active: torch.Tensor, along: torch.Tensor, first: torch.Tensor, limit: int

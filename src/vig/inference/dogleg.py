@@ -33,8 +33,8 @@ class Dogleg:
         assert start.gradient is not None and start.normal is not None
         value, gradient, normal = start.value.clone(), start.gradient.clone(), start.normal.clone()
         radius = torch.full_like(noise, self.radius)
-        evaluations = torch.ones(count, dtype=torch.int64)
-        converged = torch.zeros(count, dtype=torch.bool)
+        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
+        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
         active = torch.isfinite(value).nonzero()[:, 0]
         for _ in range(budget.iterations):
             if not len(active):

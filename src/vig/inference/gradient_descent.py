@@ -45,8 +45,8 @@ class GradientDescent:
         value, gradient = start.value.clone(), start.gradient.clone()
         scale = scales(start.normal.nan_to_num())
         velocity, rate = torch.zeros_like(points), torch.full_like(noise, self.rate)
-        evaluations = torch.ones(count, dtype=torch.int64)
-        converged = torch.zeros(count, dtype=torch.bool)
+        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
+        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
         earlier = value.clone()
         active = torch.isfinite(value).nonzero()[:, 0]
         for number in range(budget.iterations):

@@ -35,7 +35,7 @@ class LevenbergMarquardt:
         value, gradient, normal = start.value, start.gradient.clone(), start.normal.clone()
         damping = torch.full((count,), self.damping, dtype=objective.dtype, device=objective.device)
         growth = torch.full_like(damping, 3.0)
-        evaluations = torch.ones(count, dtype=torch.int64)
+        evaluations = torch.ones(count, dtype=torch.int64, device=objective.device)
         active = torch.isfinite(value).nonzero()[:, 0]
         for _ in range(budget.iterations):
             if not len(active):

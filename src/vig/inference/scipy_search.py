@@ -109,7 +109,7 @@ def search_each(
         searches.append(search)
     return Descent(
         torch.stack([search.point for search in searches]),
-        torch.tensor([search.value for search in searches], dtype=torch.float64),
-        torch.tensor([search.evaluations for search in searches]),
-        torch.tensor([search.converged for search in searches]),
+        torch.tensor([search.value for search in searches], dtype=torch.float64, device=problem.device),
+        torch.tensor([search.evaluations for search in searches], device=problem.device),
+        torch.tensor([search.converged for search in searches], dtype=torch.bool, device=problem.device),
     )
