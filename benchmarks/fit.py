@@ -16,7 +16,7 @@ import torch
 from benchmarks.report import metric, report, write
 from vig.examples import example_photos
 from vig.images import read_photo
-from vig.inference import ExplainSettings, LevenbergMarquardt, explain_one, objective_of
+from vig.inference import Budget, ExplainSettings, LevenbergMarquardt, explain_one, objective_of
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 
@@ -41,7 +41,7 @@ def measure(repeats: int) -> list[dict]:
             objective = objective_of(photo, prediction, teapot, settings)
             point = objective.point(prediction.best())
             started = time.perf_counter()
-            LevenbergMarquardt()(objective, point, zero, settings.likelihood.sigma)
+            LevenbergMarquardt()(objective, point, zero, settings.likelihood.sigma, Budget())
             single.append(1000 * (time.perf_counter() - started))
             started = time.perf_counter()
             objective(point, zero, sigma)

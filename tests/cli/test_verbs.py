@@ -5,12 +5,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from vig.cli.main import main
+from vig.cli.explaining import OPTIMIZERS
+from vig.cli.main import Fit, main
 
 
 def refused(capsys, *arguments: object) -> str:
@@ -47,6 +49,15 @@ def test_unknown_class(capsys, photo, tmp_path):
 
 def test_no_photo_at_all(capsys, tmp_path):
     assert "photo" in refused(capsys, "fit", "--out", tmp_path / "out")
+
+
+def test_every_optimizer_that_help_offers_is_there():
+    assert set(get_args(get_type_hints(Fit)["optimizer"])) == set(OPTIMIZERS)
+
+
+def test_an_unknown_optimizer_is_refused(capsys, photo, tmp_path):
+    error = refused(capsys, "fit", photo, "--optimizer", "adam", "--out", tmp_path / "out")
+    assert "lbfgs" in error
 
 
 def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):

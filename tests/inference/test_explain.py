@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import Descent, ExplainSettings, Objective, Verdict, explain, explain_one
+from vig.inference import Budget, Descent, ExplainSettings, Objective, Verdict, explain, explain_one
 from vig.inference.judging import AMBIGUOUS_NATS
 from vig.inference.posterior import belief_of, objective_of, objectives_of, pixel_prior
 from vig.inference.settings import Stage
@@ -72,7 +72,9 @@ class Answers:
 
     points: object
 
-    def __call__(self, objective: Objective, starts: torch.Tensor, photo: torch.Tensor, sigma: float):
+    def __call__(
+        self, objective: Objective, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
         ends = self.points(objective, starts)
         count = len(ends)
         noise = torch.full((count,), sigma, dtype=objective.dtype)

@@ -8,11 +8,34 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import ConjugateGradient, Descent, LevenbergMarquardt, Objective, Optimizer
+from vig.inference import (
+    BFGS,
+    LBFGS,
+    Alternating,
+    Annealed,
+    Budget,
+    ConjugateGradient,
+    Descent,
+    Dogleg,
+    GradientDescent,
+    LevenbergMarquardt,
+    Objective,
+    Optimizer,
+)
 from vig.scene import Latents, ObjectClass
 
 SIGMA = 0.03
-OPTIMIZERS = {"levenberg_marquardt": LevenbergMarquardt(), "conjugate_gradient": ConjugateGradient(15)}
+OPTIMIZERS: dict[str, Optimizer] = {
+    "levenberg_marquardt": LevenbergMarquardt(),
+    "dogleg": Dogleg(),
+    "lbfgs": LBFGS(),
+    "bfgs": BFGS(),
+    "conjugate_gradient": ConjugateGradient(),
+    "gradient_descent": GradientDescent(),
+    "annealed": Annealed(LevenbergMarquardt()),
+    "alternating": Alternating(LevenbergMarquardt()),
+}
+BUDGET = Budget(15)
 
 
 def start_near(studio, rng: np.random.Generator, truth: Latents) -> Latents:
@@ -30,7 +53,13 @@ def degrees_off(objective: Objective, points: torch.Tensor, truth: Latents) -> t
 
 
 def search(
-    studio, teapot: ObjectClass, optimizer: Optimizer, seed: int, occluded: bool, **photo: torch.Tensor
+    studio,
+    teapot: ObjectClass,
+    optimizer: Optimizer,
+    seed: int,
+    occluded: bool,
+    budget: Budget = BUDGET,
+    **photo: torch.Tensor,
 ) -> tuple[Objective, torch.Tensor, Latents, Descent]:
     """An objective of a photo with noise of 0.01, the start, the truth and where the search ended."""
     rng = np.random.default_rng(seed)
@@ -38,7 +67,7 @@ def search(
     shown = studio.photo(rng, truth, occluded=occluded, noise=0.01, **photo)
     objective = Objective(studio.likelihood(shown), teapot, free_framing=bool(photo))
     start = objective.point(start_near(studio, rng, truth))
-    return objective, start, truth, optimizer(objective, start, studio.whose(1)[0], SIGMA)
+    return objective, start, truth, optimizer(objective, start, studio.whose(1)[0], SIGMA, budget)
 
 
 @pytest.mark.parametrize("occluded", [False, True], ids=["whole", "occluded"])
@@ -58,7 +87,7 @@ def test_one_descent_mostly_finds_a_teapot_seen_whole(studio, teapot: ObjectClas
     """Three in four do; the others stall short of the truth's own value (DESIGN section 3)."""
     off, short = [], []
     for seed in range(8):
-        objective, _, truth, end = search(studio, teapot, LevenbergMarquardt(), seed, occluded=False)
+        objective, _, truth, end = search(studio, teapot, LevenbergMarquardt(), seed, False, Budget())
         off.append(max(degrees_off(objective, end.points, truth)))
         at_truth = objective(objective.point(truth), *studio.whose(1)).value.item()
         short.append(at_truth - end.value.item())
@@ -80,7 +109,7 @@ def test_the_best_of_several_descents_finds_an_occluded_teapot(
     objective = Objective(studio.likelihood(studio.photo(rng, truth, noise=0.01)), teapot)
     eight = truth[torch.zeros(8, dtype=torch.int64)]
     starts = objective.point(start_near(studio, rng, eight))
-    end = LevenbergMarquardt()(objective, starts, studio.whose(8)[0], SIGMA)
+    end = LevenbergMarquardt()(objective, starts, studio.whose(8)[0], SIGMA, Budget())
     best = int(end.value.argmax())
     azimuth, elevation = degrees_off(objective, end.points[best : best + 1], truth)
     at_truth = objective(objective.point(truth), *studio.whose(1)).value.item()
@@ -90,7 +119,9 @@ def test_the_best_of_several_descents_finds_an_occluded_teapot(
 
 def test_a_free_framing_finds_a_shift_of_two_pixels(studio, teapot: ObjectClass) -> None:
     shift = torch.tensor([[2 / 150, -2 / 150, 0.0]], dtype=torch.float64)
-    objective, start, truth, end = search(studio, teapot, LevenbergMarquardt(), 1, False, framing=shift)
+    objective, start, truth, end = search(
+        studio, teapot, LevenbergMarquardt(), 1, False, Budget(), framing=shift
+    )
     assert not start[:, -3:].any()
     at_truth = objective(objective.point(truth, shift), *studio.whose(1)).value.item()
     assert end.value.item() > at_truth - 20
@@ -104,16 +135,17 @@ def test_levenberg_marquardt_treats_each_search_of_a_batch_alone(studio, teapot:
     photos = torch.cat([studio.photo(rng, truth[i : i + 1], noise=0.01) for i in range(2)])
     objective = Objective(studio.likelihood(photos), teapot)
     starts = objective.point(start_near(studio, rng, truth))
-    short = LevenbergMarquardt(iterations=6)  # few steps: rounding grows along a longer way
-    together = short(objective, starts, torch.tensor([0, 1]), SIGMA)
+    short = LevenbergMarquardt()
+    few = Budget(6)  # rounding grows along a longer way
+    together = short(objective, starts, torch.tensor([0, 1]), SIGMA, few)
     for i in range(2):
-        alone = short(objective, starts[i : i + 1], torch.tensor([i]), SIGMA)
+        alone = short(objective, starts[i : i + 1], torch.tensor([i]), SIGMA, few)
         torch.testing.assert_close(alone.points[0], together.points[i], atol=1e-6, rtol=0)
         assert alone.evaluations[0] == together.evaluations[i]
 
 
 def test_a_budget_that_ends_is_told(studio, teapot: ObjectClass) -> None:
-    _, _, _, end = search(studio, teapot, LevenbergMarquardt(iterations=2), 0, True)
+    _, _, _, end = search(studio, teapot, LevenbergMarquardt(), 0, True, Budget(2))
     assert not end.converged.item() and end.evaluations.item() == 3
 
 
@@ -125,7 +157,7 @@ def test_a_start_on_a_bound_may_leave_it_and_none_is_passed(studio, teapot: Obje
     vector = truth.to_vector()
     vector[:, :3], vector[:, 12] = 9.0, -1.0  # clamped to 3 sd and to black
     start = objective.point(Latents.from_vector(vector))
-    end = OPTIMIZERS[name](objective, start, studio.whose(1)[0], SIGMA)
+    end = OPTIMIZERS[name](objective, start, studio.whose(1)[0], SIGMA, BUDGET)
     assert (end.points >= objective.lower).all() and (end.points <= objective.upper).all()
     assert end.value.item() > objective(start, *studio.whose(1)).value.item()
     assert end.points[0, 12] > 0.1  # the red came back
@@ -138,5 +170,5 @@ def test_the_callers_starts_are_left_alone(studio, teapot: ObjectClass, name: st
     objective = Objective(studio.likelihood(studio.photo(rng, truth)), teapot)
     start = objective.point(start_near(studio, rng, truth))
     kept = start.clone()
-    OPTIMIZERS[name](objective, start, studio.whose(1)[0], SIGMA)
+    OPTIMIZERS[name](objective, start, studio.whose(1)[0], SIGMA, BUDGET)
     assert torch.equal(start, kept)

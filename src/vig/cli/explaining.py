@@ -10,7 +10,18 @@ import torch
 
 from vig.errors import UserError
 from vig.images import read_photo
-from vig.inference import ConjugateGradient, ExplainSettings, Explanation, LevenbergMarquardt, explain
+from vig.inference import (
+    BFGS,
+    LBFGS,
+    ConjugateGradient,
+    Dogleg,
+    ExplainSettings,
+    Explanation,
+    GradientDescent,
+    LevenbergMarquardt,
+    Optimizer,
+    explain,
+)
 from vig.likelihood import GAUSSIAN, ROBUST, load_kernels
 from vig.recognition import Recognizer
 from vig.report import write_explanation
@@ -18,7 +29,14 @@ from vig.report.window import Window
 from vig.scene import ObjectClass
 
 Box = tuple[float, float, float, float]
-OPTIMIZERS = {"lm": LevenbergMarquardt, "cg": ConjugateGradient}
+OPTIMIZERS: dict[str, Optimizer] = {
+    "lm": LevenbergMarquardt(),
+    "dogleg": Dogleg(),
+    "lbfgs": LBFGS(),
+    "bfgs": BFGS(),
+    "cg": ConjugateGradient(),
+    "gd": GradientDescent(),
+}
 LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN}
 
 
@@ -30,7 +48,7 @@ class Explainer:
         self.object_class = ObjectClass.load(object_class)
         self.recognizer = Recognizer.of_class(self.object_class)
         load_kernels(torch.float32, self.object_class.shape_model.modes)
-        self.likelihood, self.optimizer = LIKELIHOODS[likelihood], OPTIMIZERS[optimizer]()
+        self.likelihood, self.optimizer = LIKELIHOODS[likelihood], OPTIMIZERS[optimizer]
 
     def __call__(
         self, image: Path, folder: Path, box: Box | None = None, framing: str = "auto"

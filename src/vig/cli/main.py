@@ -26,8 +26,9 @@ class Fit:
     """A packaged class or the folder of a class pack."""
     likelihood: Literal["robust", "gaussian"] = "robust"
     """The pixel model: robust allows for occluders, gaussian takes all of the object as visible."""
-    optimizer: Literal["lm", "cg"] = "lm"
-    """Levenberg-Marquardt, or the paper's nonlinear conjugate gradient."""
+    optimizer: Literal["lm", "dogleg", "lbfgs", "bfgs", "cg", "gd"] = "lm"
+    """Levenberg-Marquardt, Powell's dogleg, L-BFGS, BFGS, nonlinear conjugate gradient, gradient descent with
+    momentum; docs/choosing.md compares them."""
     framing: Literal["auto", "fixed", "free"] = "auto"
     """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
     out: Path = Path("vig-fit")

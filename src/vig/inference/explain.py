@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import torch
 
 from vig.inference.explanation import Explanation
 from vig.inference.judging import DISTINCT_AZIMUTH, judge, turn
-from vig.inference.levenberg_marquardt import LevenbergMarquardt
-from vig.inference.optimizer import Optimizer
 from vig.inference.posterior import objectives_of
-from vig.inference.settings import ExplainSettings, Stage
+from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
@@ -54,11 +51,12 @@ def explain_one(
     evaluations = 0
     for stage in settings.stages:
         points = points[going_on(objective.latents(points).azimuth, scores, stage.starts)]
-        descent = _with_budget(settings.optimizer, stage)(
+        descent = settings.optimizer(
             objectives[stage.scale],
             points,
             torch.zeros(len(points), dtype=torch.int32),
             settings.likelihood.sigma * stage.sigma,
+            stage.budget,
         )
         points = descent.points
         support = prediction.log_mass(objective.latents(points).azimuth)
@@ -81,9 +79,3 @@ def going_on(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.T
             chosen.append(index)
     chosen += [index for index in order if index not in chosen][: count - len(chosen)]
     return torch.tensor(chosen)
-
-
-def _with_budget(optimizer: Optimizer, stage: Stage) -> Optimizer:
-    if isinstance(optimizer, LevenbergMarquardt):
-        return replace(optimizer, iterations=stage.iterations, tolerance=stage.tolerance)
-    return optimizer

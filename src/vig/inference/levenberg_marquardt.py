@@ -10,25 +10,21 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.inference.objective import Objective
-from vig.inference.optimizer import Descent
+from vig.inference.optimizer import Budget, Descent, Problem
 
 
 @dataclass(frozen=True)
 class LevenbergMarquardt:
     """Settings.
 
-    iterations: steps at most, tried or taken. tolerance: nats; a search ends when a taken step gains less.
     damping: first multiple of the normal matrix's diagonal. give_up: the damping at which a search ends.
     """
 
-    iterations: int = 30
-    tolerance: float = 0.1
     damping: float = 1e-2
     give_up: float = 1e4
 
     def __call__(
-        self, objective: Objective, starts: torch.Tensor, photo: torch.Tensor, sigma: float
+        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
         count = len(starts)
@@ -39,9 +35,9 @@ class LevenbergMarquardt:
         value, gradient, normal = start.value, start.gradient.clone(), start.normal.clone()
         damping = torch.full((count,), self.damping, dtype=objective.dtype, device=objective.device)
         growth = torch.full_like(damping, 3.0)
-        evaluations = torch.ones(count, dtype=torch.int64)
-        active = torch.arange(count)
-        for _ in range(self.iterations):
+        evaluations = torch.ones(count, dtype=torch.int64, device=objective.device)
+        active = torch.isfinite(value).nonzero()[:, 0]
+        for _ in range(budget.iterations):
             if not len(active):
                 break
             step, predicted = self._step(
@@ -63,10 +59,10 @@ class LevenbergMarquardt:
             taken = active[better]
             points[taken], value[taken] = trial[better], tried.value[better]
             gradient[taken], normal[taken] = tried.gradient[better], tried.normal[better]
-            done = (better & (gain < self.tolerance)) | (damping[active] > self.give_up)
-            done |= predicted < 0.1 * self.tolerance
+            done = (better & (gain < budget.tolerance)) | (damping[active] > self.give_up)
+            done |= predicted < 0.1 * budget.tolerance
             active = active[~done]
-        converged = torch.ones(count, dtype=torch.bool)
+        converged = torch.isfinite(value)
         converged[active] = False
         return Descent(points, value, evaluations, converged)
 
@@ -76,7 +72,7 @@ class LevenbergMarquardt:
         gradient: torch.Tensor,
         normal: torch.Tensor,
         damping: torch.Tensor,
-        objective: Objective,
+        objective: Problem,
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Damped step (B, P') within the bounds, and the gain that the quadratic model promises (B,)."""
         lower, upper = objective.lower, objective.upper

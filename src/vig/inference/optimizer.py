@@ -1,4 +1,4 @@
-"""What every optimiser is and returns."""
+"""What every optimiser is given and returns."""
 
 from __future__ import annotations
 
@@ -7,16 +7,65 @@ from typing import Protocol
 
 import torch
 
-from vig.inference.objective import Objective
+
+class Valued(Protocol):
+    """An objective at B points.
+
+    value (B,) float64, NaN or -inf where there is none; gradient (B, P'); normal (B, P', P'), the negative
+    Gauss-Newton Hessian. The last two are None where they were not asked for.
+    """
+
+    @property
+    def value(self) -> torch.Tensor: ...
+
+    @property
+    def gradient(self) -> torch.Tensor | None: ...
+
+    @property
+    def normal(self) -> torch.Tensor | None: ...
+
+
+class Problem(Protocol):
+    """A function to be maximised over points (B, P') with lower <= point <= upper, (P',) each.
+
+    `vig.inference.Objective` is one: optimisers know nothing else of photos.
+    """
+
+    lower: torch.Tensor
+    upper: torch.Tensor
+    dtype: torch.dtype
+    device: str
+
+    def __call__(
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+    ) -> Valued:
+        """Value points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When a search ends at the latest.
+
+    iterations: steps at most, tried or taken; line searches, where there are any. tolerance: nats; a search
+    has converged when a step that was taken gains less.
+    """
+
+    iterations: int = 30
+    tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.iterations < 0 or not self.tolerance >= 0:
+            raise ValueError(f"a budget's numbers must not be negative; got {self}")
 
 
 @dataclass(frozen=True)
 class Descent:
     """Where B searches ended.
 
-    points (B, P'); value (B,) float64, the objective there (higher is better); evaluations (B,) int, how
-    many times the objective was valued for each; converged (B,) bool: it stopped because nothing was gained,
-    not because its budget ended.
+    points (B, P'): of all points that a search valued, the best. value (B,) float64, the objective there
+    (higher is better); evaluations (B,) int, how many times the objective was valued for each; converged
+    (B,) bool: it stopped because nothing was gained, not because its budget ended.
     """
 
     points: torch.Tensor
@@ -26,10 +75,13 @@ class Descent:
 
 
 class Optimizer(Protocol):
-    """Maximises an objective from B starts within its bounds."""
+    """Maximises a problem from B starts within its bounds."""
 
     def __call__(
-        self, objective: Objective, starts: torch.Tensor, photo: torch.Tensor, sigma: float
+        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget, /
     ) -> Descent:
-        """starts (B, P') within the bounds; photo (B,) int; sigma: the noise's standard deviation."""
+        """starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
+
+        A search that begins where the problem has no finite value ends there, not converged.
+        """
         ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
-from vig.inference.optimizer import Optimizer
+from vig.inference.optimizer import Budget, Optimizer
 from vig.likelihood import ROBUST, PixelModel
 
 
@@ -22,13 +22,17 @@ class Stage:
     scale: float = 1.0
     tolerance: float = 0.5
 
+    @property
+    def budget(self) -> Budget:
+        """What the stage gives its optimiser."""
+        return Budget(self.iterations, self.tolerance)
+
 
 @dataclass(frozen=True)
 class ExplainSettings:
     """How to fit.
 
-    likelihood: the pixel model. stages: in turn, see `Stage`; only `LevenbergMarquardt` heeds their steps,
-    another optimiser has a budget of its own.
+    likelihood: the pixel model. stages: in turn, see `Stage`. optimizer: runs them, within their budgets.
     mask_weight: how far the recognition model's word on each pixel (object, occluder, neither) enters the
     likelihood's prior; 0 is the paper's constant alpha, 1 takes it fully.
     surroundings: how far the photo's own colours outside the object replace the uniform density, 0 to 1.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -115,7 +116,7 @@ class Pass:
             ],
         )
 
-        def program(derivatives: int, shown: int) -> list:
+        def program(derivatives: bool, shown: bool) -> list:
             steps = [
                 record(
                     k.place,
@@ -263,7 +264,7 @@ class Pass:
             steps.append(record(k.add_values, count, [line_values, edge_values, background, photo, value]))
             return steps
 
-        self._programs = {(d, i): program(int(d), int(i)) for d in (False, True) for i in (False, True)}
+        self._program = functools.cache(program)
         self._assemble = record(
             k.assemble,
             (count, layout.size),
@@ -297,7 +298,7 @@ class Pass:
             cleared.zero_()
         self._look.launch()
         torch.mm(self.inputs[:, : modes + 1], self.geometry.positions, out=self.world.view(self.count, -1))
-        for launch in self._programs[derivatives, images]:
+        for launch in self._program(derivatives, images):
             launch.launch()
         if derivatives:
             on_world = self.on_world.view(self.count, -1)

@@ -188,7 +188,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_corner(
-        image: int,
+        image: wp.int32,
         vertex: wp.int32,
         lit: real,
         depth: real,
@@ -204,7 +204,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_surface(
-        image: int,
+        image: wp.int32,
         s: Surface,
         lit: real,
         lit_off: vec2,
@@ -231,7 +231,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_pixel(
-        image: int,
+        image: wp.int32,
         s: Surface,
         pixel: vec2,
         seen: vec2,
