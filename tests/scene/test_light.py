@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from vig.scene import EXPOSURE_L00, exposed, grey, irradiance, project_panorama, rotate_z, sh_basis
+from vig.scene import (
+    EXPOSURE_L00,
+    exposed,
+    grey,
+    irradiance,
+    project_panorama,
+    rotate_z,
+    rotations_z,
+    sh_basis,
+)
 
 
 def sphere(rows: int, columns: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -167,3 +176,11 @@ def test_grey_is_rec_709_luminance() -> None:
 def test_a_panorama_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="panorama must be"):
         project_panorama(np.zeros(shape))
+
+
+def test_rotation_matrices_turn_as_rotate_z() -> None:
+    rng = np.random.default_rng(9)
+    angle = torch.from_numpy(rng.uniform(-7, 7, 20))
+    light = torch.from_numpy(rng.normal(size=(20, 9)))
+    turned = (rotations_z(angle) @ light[:, :, None])[:, :, 0]
+    torch.testing.assert_close(turned, rotate_z(light, angle), rtol=0, atol=1e-13)

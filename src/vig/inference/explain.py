@@ -11,7 +11,9 @@ from vig.inference.judging import DISTINCT_AZIMUTH, judge, turn
 from vig.inference.posterior import objectives_of
 from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
+from vig.likelihood import load_kernels
 from vig.recognition import Prediction, Recognizer
+from vig.render import map_on_threads
 from vig.scene import ObjectClass
 
 
@@ -22,15 +24,19 @@ def explain(
     settings: ExplainSettings | None = None,
     known: torch.Tensor | None = None,
 ) -> Iterator[Explanation]:
-    """Explain photos (N, 150, 150, 3) linear RGB, one after the other.
+    """Explain photos (N, 150, 150, 3) linear RGB in their order, as many at once as torch has threads.
 
     known (N, 150, 150) bool: pixels that were photographed at all; others (padding) count for nothing.
     """
-    settings = settings or ExplainSettings()
+    chosen = settings or ExplainSettings()
     prediction = recognizer(photos)
-    for index in range(len(photos)):
+    load_kernels(torch.float32, object_class.shape_model.modes)
+
+    def one(index: int) -> Explanation:
         here = None if known is None else known[index]
-        yield explain_one(photos[index], prediction[index : index + 1], object_class, settings, here)
+        return explain_one(photos[index], prediction[index : index + 1], object_class, chosen, here)
+
+    yield from map_on_threads(one, range(len(photos)))
 
 
 def explain_one(

@@ -76,23 +76,22 @@ class LevenbergMarquardt:
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Damped step (B, P') within the bounds, and the gain that the quadratic model promises (B,)."""
         lower, upper = objective.lower, objective.upper
-        held = (
-            ((points <= lower) & (gradient <= 0)) | ((points >= upper) & (gradient >= 0)) | (lower == upper)
-        )
+        held = ((points <= lower) & (gradient <= 0)) | ((points >= upper) & (gradient >= 0))
+        held |= lower == upper
         step = torch.zeros_like(points)
         diagonal = torch.diagonal(normal, dim1=1, dim2=2)
         floor = 1e-6 * diagonal.amax(1, keepdim=True)
-        identity = torch.eye(points.shape[1], dtype=points.dtype, device=points.device)
+        damped = damping[:, None] * (diagonal + floor) + 1e-9 * floor
         for _ in range(3):
             free = (~held).to(points.dtype)
-            matrix = normal * free[:, :, None] * free[:, None, :]
-            matrix = matrix + torch.diag_embed(damping[:, None] * (diagonal + floor) * free)
-            matrix = matrix + torch.diag_embed(1 - free) + 1e-9 * floor[:, :, None] * identity
-            right = (gradient - torch.einsum("bij,bj->bi", normal, step * held)) * free
+            matrix = normal * (free[:, :, None] * free[:, None, :])
+            torch.diagonal(matrix, dim1=1, dim2=2).add_(damped * free + (1 - free))
+            right = (gradient - (normal @ (step * held)[:, :, None])[:, :, 0]) * free
             factor, failed = torch.linalg.cholesky_ex(matrix)
             solved = torch.cholesky_solve(right[:, :, None], factor)[:, :, 0]
             usable = (failed == 0)[:, None] & torch.isfinite(solved)
-            solved = torch.where(usable, solved, gradient / (diagonal + floor) * 0.1) * free
+            if not usable.all():
+                solved = torch.where(usable, solved, gradient / (diagonal + floor) * 0.1)
             step = torch.where(held, step, solved)
             over = ((points + step < lower) | (points + step > upper)) & ~held
             if not over.any():
@@ -101,5 +100,5 @@ class LevenbergMarquardt:
             step = torch.where(over, (points + step).clamp(lower, upper) - points, step)
             held = held | over
         step = (points + step).clamp(lower, upper) - points
-        predicted = (gradient * step).sum(1) - 0.5 * torch.einsum("bi,bij,bj->b", step, normal, step)
-        return step, predicted
+        curved = (normal @ step[:, :, None])[:, :, 0]
+        return step, ((gradient - 0.5 * curved) * step).sum(1)

@@ -8,8 +8,7 @@ from typing import Any
 import torch
 
 from vig.likelihood import FRAMING_COUNT
-from vig.scene import ObjectClass, rotate_z, turn_rate_z
-from vig.scene.light import L_COUNT
+from vig.scene import ObjectClass, rotations_z, turn_rate_z
 
 FRAMING_SD = (0.04, 0.04, 0.12)
 """Prior of a free framing: shift in widths, log magnification."""
@@ -56,30 +55,34 @@ class Prior:
             self.heading_mean = belief.mean[first:].to(**place)
             self.heading_precision = belief.precision[first:].to(**place)
         self.mean, self.precision = mean.to(**place), precision.to(**place)
+        places = [self.azimuth, *range(self.light.start, self.light.stop)]
+        self._places = torch.tensor(places, device=place.get("device"))
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
         """log p(z): (B, P') to (B,) float64."""
         off = points - self.mean
-        value = -0.5 * torch.einsum("bi,ij,bj->b", off, self.precision, off)
+        value = -0.5 * (off * (off @ self.precision)).sum(1)
         if self.heading_mean is not None:
-            heading = rotate_z(points[:, self.light], -points[:, self.azimuth])
+            _, heading = self._heading(points)
             value = value - 0.5 * ((heading - self.heading_mean) ** 2 * self.heading_precision).sum(1)
         return value.double()
 
     def derivatives(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Gradient (B, P') and Gauss-Newton matrix of -log p (B, P', P')."""
-        gradient = -(points - self.mean) @ self.precision
+        gradient = (self.mean - points) @ self.precision
         normal = self.precision.expand(len(points), -1, -1)
         if self.heading_mean is None:
             return gradient, normal
-        identity = torch.eye(L_COUNT, dtype=points.dtype, device=points.device)
-        # jacobian[b, i]: d heading / d latent i, first azimuth, then the light in the world frame.
-        turned = rotate_z(identity.expand(len(points), -1, -1), -points[:, self.azimuth, None])
-        heading = torch.einsum("bi,bij->bj", points[:, self.light], turned)
-        jacobian = torch.cat([-turn_rate_z(heading)[:, None], turned], dim=1)
-        weighted = jacobian * self.heading_precision
-        places = torch.tensor([self.azimuth, *range(self.light.start, self.light.stop)], device=points.device)
-        gradient[:, places] -= torch.einsum("bij,bj->bi", weighted, heading - self.heading_mean)
+        turned, heading = self._heading(points)
+        # jacobian[b, :, i]: d heading / d latent i, first azimuth, then the light in the world frame.
+        jacobian = torch.cat([-turn_rate_z(heading)[:, :, None], turned], dim=2)
+        weighted = jacobian * self.heading_precision[:, None]
+        gradient[:, self._places] += ((self.heading_mean - heading)[:, None] @ weighted)[:, 0]
         normal = normal.clone()
-        normal[:, places[:, None], places] += weighted @ jacobian.mT
+        normal[:, self._places[:, None], self._places] += weighted.mT @ jacobian
         return gradient, normal
+
+    def _heading(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The turn of the world to the heading frame (B, 9, 9), and the light in it (B, 9)."""
+        turned = rotations_z(-points[:, self.azimuth])
+        return turned, (turned @ points[:, self.light, None])[:, :, 0]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import torch
+
+Item, Result = TypeVar("Item"), TypeVar("Result")
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:
@@ -17,6 +20,15 @@ def run_on_threads(work: Callable[[int], None], count: int) -> None:
         return
     for _ in _pool(count).map(work, range(count)):
         pass
+
+
+def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """work(item) of each item in order, as many at once as torch has threads (`torch.set_num_threads`).
+
+    Within, torch has one thread: what work itself shares out stays on its thread.
+    """
+    threads = min(torch.get_num_threads(), len(items))
+    yield from map(work, items) if threads <= 1 else _pool(threads).map(work, items)
 
 
 @functools.cache

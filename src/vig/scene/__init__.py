@@ -10,6 +10,7 @@ from vig.scene.light import (
     irradiance,
     project_panorama,
     rotate_z,
+    rotations_z,
     sh_basis,
     turn_rate_z,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "linear_from_srgb",
     "project_panorama",
     "rotate_z",
+    "rotations_z",
     "sh_basis",
     "srgb8_from_linear",
     "srgb_from_linear",

@@ -8,6 +8,7 @@ cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -79,6 +80,25 @@ def rotate_z(light: torch.Tensor, angle: torch.Tensor | float) -> torch.Tensor:
         ],
         dim=-1,
     )
+
+
+def rotations_z(angle: torch.Tensor) -> torch.Tensor:
+    """Matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns it."""
+    harmonics = [torch.ones_like(angle), angle.cos(), angle.sin(), (2 * angle).cos(), (2 * angle).sin()]
+    parts = _rotation_parts().to(angle)
+    return (torch.stack(harmonics, dim=1) @ parts).view(-1, L_COUNT, L_COUNT)
+
+
+@functools.cache
+def _rotation_parts() -> torch.Tensor:
+    """What of a turn about Z is constant, goes with cos, sin, cos 2, sin 2 of its angle: (5, 81) float64."""
+    angles = torch.arange(5, dtype=torch.float64) * (2 * math.pi / 5)
+    harmonics = torch.stack(
+        [angles * 0 + 1, angles.cos(), angles.sin(), (2 * angles).cos(), (2 * angles).sin()]
+    )
+    identity = torch.eye(L_COUNT, dtype=torch.float64).expand(5, -1, -1)
+    matrices = rotate_z(identity, angles[:, None]).mT.reshape(5, -1)
+    return torch.linalg.solve(harmonics.T, matrices)
 
 
 def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
