@@ -30,7 +30,8 @@ class Values:
 
 class LeastSquares:
     """-1/2 sum r(x)^2 / sigma^2 of residuals (..., P') -> (..., N), or with `inliers` < 1 the log of a
-    mixture, inliers exp(-1/2 r^2 / sigma^2) + 1 - inliers; `nothing` (NaN or -inf) where `outside` holds of a point.
+    mixture, inliers exp(-1/2 r^2 / sigma^2) + 1 - inliers; `nothing` (NaN or -inf)
+    where `outside` holds of a point.
 
     Derivatives by automatic differentiation, residuals weighed by their posteriors.
     """
