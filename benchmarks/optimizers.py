@@ -57,7 +57,7 @@ OPTIMIZERS: dict[str, tuple[Optimizer, Budget]] = {
     "cg, annealed": (Annealed(ConjugateGradient()), Budget(75)),
     "lm, closed form first": (Alternating(LevenbergMarquardt(), descended=50), Budget(54)),
     "lm, closed form in turns": (Alternating(LevenbergMarquardt()), Budget(60)),
-    "lm, annealed, closed form first": (
+    "lm, annealed, closed forms": (
         Annealed(Alternating(LevenbergMarquardt(), descended=25)),
         Budget(87),
     ),
@@ -139,13 +139,17 @@ def main() -> None:
     else:
         images, truth = read(arguments.dataset, arguments.split, arguments.count)
     table = measure(teapot, images, truth)
-    head = [f"{column} ({unit})" for column, unit in COLUMNS.items()]
+    head = [column if column == unit else f"{column} ({unit})" for column, unit in COLUMNS.items()]
     print("| optimiser | " + " | ".join(head) + " |\n" + "|---" * (1 + len(head)) + "|")
     metrics = []
     for name, rows in table.items():
         slug = re.sub(r"\W+", "_", name.split(" (")[0])
         found = [
-            metric(f"{slug}_{column}_{unit}", rows[:, place].tolist(), unit)
+            metric(
+                f"{slug}_{column}" if column == unit else f"{slug}_{column}_{unit}",
+                rows[:, place].tolist(),
+                unit,
+            )
             for place, (column, unit) in enumerate(COLUMNS.items())
         ]
         print(f"| {name} | " + " | ".join(f"{row['value']:.4g} +-{row['iqr']:.3g}" for row in found) + " |")

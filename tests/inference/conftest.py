@@ -29,8 +29,9 @@ class Values:
 
 
 class LeastSquares:
-    """-1/2 sum r(x)^2 / sigma^2 of residuals (P',) -> (N,), or with `inliers` < 1 the log of the mixture
-    inliers exp(-1/2 r^2 / sigma^2) + 1 - inliers; `nothing` (NaN or -inf) where `outside` holds of a point.
+    """-1/2 sum r(x)^2 / sigma^2 of residuals (..., P') -> (..., N), or with `inliers` < 1 the log of a
+    mixture, inliers exp(-1/2 r^2 / sigma^2) + 1 - inliers; `nothing` (NaN or -inf)
+    where `outside` holds of a point.
 
     Derivatives by automatic differentiation, residuals weighed by their posteriors.
     """
@@ -53,26 +54,29 @@ class LeastSquares:
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
     ) -> Values:
-        if derivatives:
-            both = torch.func.jacrev(lambda point: (self.residuals(point),) * 2, has_aux=True)
-            jacobian, residuals = torch.func.vmap(both)(points)
-        else:
-            jacobian, residuals = None, torch.func.vmap(self.residuals)(points)
+        residuals = self.residuals(points)
         residuals = residuals / sigma[:, None]
         agreement = self.inliers * torch.exp(-0.5 * residuals**2)
         mixture = agreement + 1 - self.inliers
         value = (mixture.log() if self.inliers < 1 else -0.5 * residuals**2).sum(1)
         off = torch.zeros(len(points), dtype=torch.bool) if self.outside is None else self.outside(points)
         value = torch.where(off, self.nothing, value)
-        if jacobian is None:
+        if not derivatives:
             return Values(value, None, None)
-        jacobian = jacobian / sigma[:, None, None]
+        jacobian = self._jacobian(points, residuals.shape[1]) / sigma[:, None, None]
         weights = agreement / mixture if self.inliers < 1 else torch.ones_like(residuals)
         gradient = -torch.einsum("bn,bnp->bp", weights * residuals, jacobian)
         normal = torch.einsum("bn,bnp,bnq->bpq", weights, jacobian, jacobian)
         gradient = torch.where(off[:, None], math.nan, gradient)
         normal = torch.where(off[:, None, None], math.nan, normal)
         return Values(value, gradient, normal)
+
+    def _jacobian(self, points: torch.Tensor, count: int) -> torch.Tensor:
+        """d r_n / d x_p as (B, N, P'): each residual of its own copy of the points, one backward pass."""
+        copies = points.expand(count, -1, -1).clone().requires_grad_(True)
+        own = torch.diagonal(self.residuals(copies), dim1=0, dim2=2)
+        (jacobian,) = torch.autograd.grad(own.sum(), copies)
+        return jacobian.permute(1, 0, 2)
 
 
 class Watched:
@@ -130,6 +134,10 @@ def free(size: int) -> tuple[list[float], list[float]]:
     return [-INFINITY] * size, [INFINITY] * size
 
 
+def stack(*residuals: torch.Tensor) -> torch.Tensor:
+    return torch.stack(residuals, dim=-1)
+
+
 def rows(*points: list[float]) -> torch.Tensor:
     return torch.tensor(points, dtype=torch.float64)
 
@@ -137,7 +145,7 @@ def rows(*points: list[float]) -> torch.Tensor:
 def quadratic() -> Case:
     matrix = torch.tensor([[2.0, 0.5, 0.0], [0.0, 1.5, -0.5], [0.3, 0.0, 1.0]], dtype=torch.float64)
     target = torch.tensor([1.0, -2.0, 0.5], dtype=torch.float64)
-    problem = LeastSquares(lambda x: matrix @ (x - target), *free(3))
+    problem = LeastSquares(lambda x: (x - target) @ matrix.T, *free(3))
     starts = rows([10.0, 10.0, 10.0], [-3.0, 0.0, 40.0], [1.0, -2.0, 0.5])
     return Case(problem, starts, torch.zeros(3), near(target.tolist(), 0.5))
 
@@ -146,14 +154,14 @@ def ill_conditioned() -> Case:
     """Curvatures from 1 to 1e4 along turned axes: scaling single parameters does not help."""
     turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(5, 5)))
     matrix = torch.from_numpy(np.diag([1.0, 3.0, 10.0, 30.0, 100.0]) @ turn)
-    problem = LeastSquares(lambda x: matrix @ x, *free(5))
+    problem = LeastSquares(lambda x: x @ matrix.T, *free(5))
     along = np.array([[20.0, 5.0, 1.0, 1.0, 0.1], [-30.0, 5.0, 2.0, 0.0, 0.0]])
     starts = torch.from_numpy(along @ turn)
     return Case(problem, starts, torch.zeros(2), near([0.0] * 5, 1.5))
 
 
 def rosenbrock() -> Case:
-    problem = LeastSquares(lambda x: torch.stack([10 * (x[1] - x[0] ** 2), 1 - x[0]]), *free(2))
+    problem = LeastSquares(lambda x: stack(10 * (x[..., 1] - x[..., 0] ** 2), 1 - x[..., 0]), *free(2))
     return Case(problem, rows([-1.2, 1.0], [2.0, -1.0]), torch.zeros(2), near([1.0, 1.0], 0.3), sigma=0.1)
 
 
@@ -168,7 +176,7 @@ def active_bounds() -> Case:
     off = torch.linalg.solve(root.T @ root, outward)
     mean = torch.tensor([1.0, 0.5, 0.0], dtype=torch.float64) + off
     assert not 0.4 < mean[1] < 0.6
-    problem = LeastSquares(lambda x: root @ (x - mean), [0.0] * 3, [1.0] * 3)
+    problem = LeastSquares(lambda x: (x - mean) @ root.T, [0.0] * 3, [1.0] * 3)
     starts = rows([0.5, 0.5, 0.5], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0])
     return Case(problem, starts, (-0.5 * off @ outward).expand(4), near([1.0, 0.5, 0.0], 0.2), sigma=1.0)
 
@@ -181,7 +189,7 @@ def outliers() -> Case:
     design = torch.stack([torch.ones_like(x), x, x * x], dim=1)
     y = design @ truth + torch.from_numpy(rng.normal(0, 0.05, 60))
     y[:20] += torch.from_numpy(rng.uniform(0.5, 3, 20))
-    problem = LeastSquares(lambda z: design @ z - y, *free(3), inliers=0.6)
+    problem = LeastSquares(lambda z: z @ design.T - y, *free(3), inliers=0.6)
     sigma = 0.05
     highest = problem(truth[None], torch.zeros(1), torch.full((1,), sigma), derivatives=False).value
     starts = truth + rows([0.15, -0.1, -0.1], [-0.1, 0.1, 0.1])
@@ -193,7 +201,7 @@ def bundle() -> Case:
 
     None may disturb the others. At x = 0 the slope is 0 and the residual 1: the value is -1/2 / s^2 = -50.
     """
-    problem = LeastSquares(lambda x: torch.stack([x[0] ** 2 - 1, 0.1 * x[1]]), [-2.0, -5.0], [2.0, 5.0])
+    problem = LeastSquares(lambda x: stack(x[..., 0] ** 2 - 1, 0.1 * x[..., 1]), [-2.0, -5.0], [2.0, 5.0])
     starts = rows([0.5, 1.0], [-0.3, 5.0], [0.0, 0.0], [1.0, 0.0], [2.0, -5.0])
     answer = torch.tensor([0.0, 0.0, -50.0, 0.0, 0.0], dtype=torch.float64)
 
@@ -212,10 +220,10 @@ def pose() -> Case:
     truth = torch.tensor([2.5, 0.6, 1.3], dtype=torch.float64)
 
     def seen(z: torch.Tensor) -> torch.Tensor:
-        cos, sin = torch.cos(z), torch.sin(z)
-        right = cos[0] * solid[:, 0] + sin[0] * solid[:, 1]
-        away = -sin[0] * solid[:, 0] + cos[0] * solid[:, 1]
-        return z[2] * torch.cat([right, cos[1] * solid[:, 2] - sin[1] * away])
+        cos, sin, scale = torch.cos(z)[..., None], torch.sin(z)[..., None], z[..., 2, None]
+        right = cos[..., 0, :] * solid[:, 0] + sin[..., 0, :] * solid[:, 1]
+        away = -sin[..., 0, :] * solid[:, 0] + cos[..., 0, :] * solid[:, 1]
+        return scale * torch.cat([right, cos[..., 1, :] * solid[:, 2] - sin[..., 1, :] * away], dim=-1)
 
     photo = seen(truth)
     problem = LeastSquares(lambda z: seen(z) - photo, [-INFINITY, 0.0, 0.1], [INFINITY, math.pi / 2, 3.0])
@@ -231,7 +239,8 @@ def pose() -> Case:
 
 def flat() -> Case:
     """Three parameters of which only the sum of the first two is seen: a singular normal matrix."""
-    problem = LeastSquares(lambda x: torch.stack([x[0] + x[1] - 3, 2 * (x[0] + x[1] - 3)]), *free(3))
+    one_two = torch.tensor([1.0, 2.0], dtype=torch.float64)
+    problem = LeastSquares(lambda x: (x[..., 0] + x[..., 1] - 3)[..., None] * one_two, *free(3))
 
     def check(points: torch.Tensor) -> None:
         assert (points[:, :2].sum(1) - 3).abs().max() < 0.5
@@ -244,7 +253,7 @@ def flat() -> Case:
 def cliff(nothing: float) -> Case:
     """log x should be 0 and y 1: there is no value for x <= 0, where a Gauss-Newton step, -x log x, leads."""
     problem = LeastSquares(
-        lambda x: torch.stack([x[0].clamp_min(1e-9).log(), x[1] - 1]),
+        lambda x: stack(x[..., 0].clamp_min(1e-9).log(), x[..., 1] - 1),
         *free(2),
         outside=lambda x: x[:, 0] <= 0,
         nothing=nothing,

@@ -24,9 +24,14 @@ def basis() -> torch.Tensor:
 
 def bilinear(least_squares, basis: torch.Tensor, colours: torch.Tensor, inliers: float = 1.0):
     """Colours (20, 2) should be (basis l) a, where l is the first three of six parameters, a the next two."""
+
+    def residuals(z: torch.Tensor) -> torch.Tensor:
+        shown = (z[..., :3] @ basis.T)[..., None] * z[..., None, 3:5]
+        return torch.cat([(shown - colours).flatten(-2), z[..., 5:]], dim=-1)
+
     infinity = math.inf
     return least_squares(
-        lambda z: torch.cat([((basis @ z[:3])[:, None] * z[3:5] - colours).flatten(), z[5:]]),
+        residuals,
         [-infinity] * 3 + [0.0] * 2 + [-infinity],
         [infinity] * 3 + [1.0] * 2 + [infinity],
         inliers,

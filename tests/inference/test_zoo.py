@@ -176,7 +176,7 @@ def test_a_step_that_meets_a_bound_is_solved_again_along_it(optimizer: Optimizer
     """
     root = torch.tensor([[1.0, 0.5], [0.0, math.sqrt(0.75)]], dtype=torch.float64)
     mean = torch.tensor([3.0, 0.0], dtype=torch.float64)
-    problem = least_squares(lambda x: root @ (x - mean), [-5.0, -5.0], [1.0, 5.0])
+    problem = least_squares(lambda x: (x - mean) @ root.T, [-5.0, -5.0], [1.0, 5.0])
     start, none = torch.zeros(1, 2, dtype=torch.float64), torch.zeros(1, dtype=torch.int64)
     end = optimizer(problem, start, none, 1.0, Budget(1))
     torch.testing.assert_close(end.points, torch.ones_like(start))
