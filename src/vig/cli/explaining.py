@@ -11,7 +11,7 @@ import torch
 from vig.errors import UserError
 from vig.images import read_photo
 from vig.inference import ConjugateGradient, ExplainSettings, Explanation, LevenbergMarquardt, explain
-from vig.likelihood import GAUSSIAN, ROBUST, load_kernels
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, load_kernels
 from vig.recognition import Recognizer
 from vig.report import write_explanation
 from vig.report.window import Window
@@ -19,7 +19,7 @@ from vig.scene import ObjectClass
 
 Box = tuple[float, float, float, float]
 OPTIMIZERS = {"lm": LevenbergMarquardt, "cg": ConjugateGradient}
-LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN}
+LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 
 
 class Explainer:

@@ -24,8 +24,9 @@ class Fit:
     for each. The whole photo by default."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
-    likelihood: Literal["robust", "gaussian"] = "robust"
-    """The pixel model: robust allows for occluders, gaussian takes all of the object as visible."""
+    likelihood: Literal["robust", "gaussian", "spatial"] = "robust"
+    """The pixel model: robust allows for occluders, gaussian takes all of the object as visible, spatial is
+    robust with neighbouring pixels hidden or visible together."""
     optimizer: Literal["lm", "cg"] = "lm"
     """Levenberg-Marquardt, or the paper's nonlinear conjugate gradient."""
     framing: Literal["auto", "fixed", "free"] = "auto"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import torch
+
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Optimizer
 from vig.likelihood import ROBUST, PixelModel
@@ -27,7 +29,9 @@ class Stage:
 class ExplainSettings:
     """How to fit.
 
-    likelihood: the pixel model. stages: in turn, see `Stage`; only `LevenbergMarquardt` heeds their steps,
+    likelihood: the pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask lets neighbouring pixels agree.
+    visible_prior: a map (H, W) of each pixel's prior of being visible where it is covered, in place of the
+    pixel model's alpha. stages: in turn, see `Stage`; only `LevenbergMarquardt` heeds their steps,
     another optimiser has a budget of its own.
     mask_weight: how far the recognition model's word on each pixel (object, occluder, neither) enters the
     likelihood's prior; 0 is the paper's constant alpha, 1 takes it fully.
@@ -41,6 +45,7 @@ class ExplainSettings:
     """
 
     likelihood: PixelModel = ROBUST
+    visible_prior: torch.Tensor | None = field(default=None, compare=False, kw_only=True)
     stages: tuple[Stage, ...] = (
         Stage(16, 6, sigma=4.0, scale=0.5, tolerance=20.0),
         Stage(4, 8, sigma=4.0, scale=0.5, tolerance=5.0),

@@ -1,0 +1,193 @@
+"""The mask of what is visible, pixel by pixel and with neighbours that agree, on the same fits.
+
+`python -m benchmarks.masks --dataset D --count N --seed S [--json FILE] [--sheet FILE]` draws N images from
+the part of a training split that training holds out for validation, fits each once, and makes all masks from
+that fit. A graph cut of the same energy is computed for comparison with its mean field.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from vig.dataset import read_dataset
+from vig.evaluation import segmentation_iou
+from vig.inference import ExplainSettings, explain_one, objective_of
+from vig.likelihood import NEVER, ROBUST, SPATIAL, spatial_posterior, visible_share
+from vig.likelihood.spatial import NEIGHBOURS, links, visible_log_odds
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass, linear_from_srgb
+
+HELD_OUT = 1000
+"""The last samples of a training split, which `vig train` validates on."""
+
+BANDS = ((0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 0.9))
+RESAMPLES = 2000
+CAPACITY = 1000
+"""A nat in the graph cut's integer capacities."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One fit: photo, rendered, log_prior (1, H, W, 3); covered (1, H, W); pixelwise (H, W) bool, its mask."""
+
+    photo: torch.Tensor
+    rendered: torch.Tensor
+    log_prior: torch.Tensor
+    covered: torch.Tensor
+    pixelwise: np.ndarray
+
+
+def fitted(photo: torch.Tensor, prediction, teapot: ObjectClass, settings: ExplainSettings) -> Fitted:
+    """Explain a photo (H, W, 3) and render the fit."""
+    found = explain_one(photo, prediction, teapot, settings)
+    objective = objective_of(photo, prediction, teapot, settings)
+    zero, sigma = torch.zeros(1, dtype=torch.int32), torch.tensor([settings.likelihood.sigma])
+    point = objective.point(found.latents, found.framing[None])
+    seen = objective(point, zero, sigma, derivatives=False).evaluation
+    rendered = seen.irradiance[..., None] * found.latents.albedo[:, None, None]
+    prior = objective.likelihood.log_prior.view(rendered.shape)
+    return Fitted(photo[None], rendered, prior, seen.coverage >= 0.5, found.mask.numpy())
+
+
+def spatial_mask(fit: Fitted, coupled: bool = True) -> np.ndarray:
+    """Mean field's mask (H, W); not coupled, the same likelihood of each pixel by itself."""
+    model = SPATIAL if coupled else replace(SPATIAL, coupling=0.0, rim=0.0)
+    return (spatial_posterior(fit.photo, fit.rendered, fit.log_prior, fit.covered, model)[0] > 0.5).numpy()
+
+
+def cut_mask(fit: Fitted) -> np.ndarray:
+    """The most probable mask (H, W) of the spatial model, exactly: a minimum cut of its energy."""
+    known = fit.log_prior[..., 0] > NEVER / 2
+    odds = visible_log_odds(fit.photo, fit.rendered, fit.log_prior).clamp(-1e4, 1e4).double()[0].numpy()
+    weights = links(fit.photo, fit.covered, known, SPATIAL).double()[0].numpy()
+    covered = fit.covered[0].numpy()
+    height, width = covered.shape
+    number = np.arange(height * width).reshape(height, width)
+    source, sink = height * width, height * width + 1
+    odds = np.where(covered, odds, -1e4)
+    heads = [np.full(number.size, source), number.ravel()]
+    tails = [number.ravel(), np.full(number.size, sink)]
+    capacities = [odds.ravel().clip(0), (-odds).ravel().clip(0)]
+    for step, weight in zip(NEIGHBOURS, weights, strict=True):
+        y, x = weight.nonzero()
+        here, there = number[y, x], number[y + step[0], x + step[1]]
+        heads += [here, there]
+        tails += [there, here]
+        capacities += [weight[y, x]] * 2
+    capacity = np.rint(np.concatenate(capacities) * CAPACITY).astype(np.int32)
+    edges = (np.concatenate(heads), np.concatenate(tails))
+    graph = coo_array((capacity, edges), shape=(sink + 1, sink + 1)).tocsr()
+    graph.eliminate_zeros()
+    graph.indices, graph.indptr = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)
+    left = graph - maximum_flow(graph, source, sink).flow
+    left.eliminate_zeros()
+    reached = breadth_first_order(left, source, return_predecessors=False)
+    mask = np.zeros(height * width + 2, bool)
+    mask[reached] = True
+    return mask[:-2].reshape(height, width) & covered
+
+
+def compared(one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float | list[float]]:
+    """How much better `one` is than `other`, image by image: mean, median, 95 % intervals, share better."""
+    gain = one - other
+    drawn = rng.integers(0, len(gain), (RESAMPLES, len(gain)))
+    return {
+        "mean_gain": float(gain.mean()),
+        "mean_gain_ci95": np.percentile(gain[drawn].mean(1), [2.5, 97.5]).tolist(),
+        "median_gain": float(np.median(gain)),
+        "share_better": float((gain > 0).mean()),
+        "share_worse": float((gain < 0).mean()),
+    }
+
+
+def sheet(photos: np.ndarray, truth: np.ndarray, pairs: list[np.ndarray], worst: np.ndarray) -> Image.Image:
+    """Photo and masks in a row each: green is right, red wrongly taken as visible, blue wrongly as hidden."""
+    rows = []
+    for index in worst:
+        tiles = [photos[index]]
+        for masks in pairs:
+            mask, seen = masks[index], truth[index]
+            paint = np.stack([mask & ~seen, mask & seen, seen & ~mask], axis=-1) * 255
+            tiles.append((0.4 * photos[index] + 0.6 * paint).astype(np.uint8))
+        rows.append(np.concatenate(tiles, axis=1))
+    half = (len(rows) + 1) // 2
+    columns = [np.concatenate(part, axis=0) for part in (rows[:half], rows[half:]) if part]
+    tall = max(len(column) for column in columns)
+    return Image.fromarray(
+        np.concatenate([np.pad(c, ((0, tall - len(c)), (0, 0), (0, 0))) for c in columns], axis=1)
+    )
+
+
+def main() -> None:
+    """Fit, compare, print, and write JSON and a contact sheet of the worst where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--dataset", type=Path, required=True)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--sheet", type=Path)
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    rng = np.random.default_rng(arguments.seed)
+    dataset = read_dataset(arguments.dataset, "train")
+    held_out = np.arange(max(len(dataset) - HELD_OUT, 0), len(dataset))
+    held_out = held_out[dataset.occlusion[held_out] <= BANDS[-1][1]]
+    chosen = np.sort(rng.choice(held_out, min(arguments.count, len(held_out)), replace=False))
+    teapot = ObjectClass.load("teapot")
+    photos8 = dataset.read("rgb", chosen)
+    photos = torch.from_numpy(linear_from_srgb(photos8.astype(np.float32) / 255)).float()
+    truth, occlusion = dataset.read("mask_visib", chosen), dataset.occlusion[chosen]
+    prediction = Recognizer.of_class(teapot)(photos)
+    # The fits are the robust ones with SPATIAL's alpha: the two differ in nothing but the mask.
+    settings = ExplainSettings(replace(ROBUST, alpha=SPATIAL.alpha))
+    fits = [fitted(photos[i], prediction[i : i + 1], teapot, settings) for i in range(len(photos))]
+    masks = {"pixelwise": [fit.pixelwise for fit in fits], "wide tails": [spatial_mask(f, False) for f in fits]}
+    seconds = {}
+    for name, make in (("mean field", spatial_mask), ("graph cut", cut_mask)):
+        durations = []
+        masks[name] = []
+        for fit in fits:
+            started = time.perf_counter()
+            masks[name].append(make(fit))
+            durations.append(time.perf_counter() - started)
+        seconds[name] = float(np.median(durations))
+    masks["best possible"] = [fit.covered[0].numpy() & seen for fit, seen in zip(fits, truth, strict=True)]
+    stacked = {name: np.stack(given) for name, given in masks.items()}
+    iou = {name: segmentation_iou(given, truth) for name, given in stacked.items()}
+    silhouettes = torch.stack([fit.covered[0] for fit in fits])
+    report: dict = {"count": len(chosen), "seed": arguments.seed, "ms": {k: 1000 * v for k, v in seconds.items()}}
+    report["posterior_alpha"] = visible_share(torch.from_numpy(stacked["mean field"]), silhouettes)
+    for low, high in ((0.0, BANDS[-1][1]), *BANDS):
+        within = (occlusion >= low) & (occlusion <= high)
+        print(f"\n{low:.0%} to {high:.0%} hidden, {within.sum()} images: median IoU, mean IoU")
+        rows = report[f"{low}-{high}"] = {}
+        for name, values in iou.items():
+            rows[name] = {"median": float(np.median(values[within])), "mean": float(values[within].mean())}
+            print(f"  {name:14s} {rows[name]['median']:.4f}  {rows[name]['mean']:.4f}")
+        for one, other in (("mean field", "pixelwise"), ("mean field", "wide tails"), ("graph cut", "mean field")):
+            gain = rows[f"{one} - {other}"] = compared(iou[one][within], iou[other][within], rng)
+            print(
+                f"  {one} - {other}: mean {gain['mean_gain']:+.4f} [{gain['mean_gain_ci95'][0]:+.4f},"
+                f" {gain['mean_gain_ci95'][1]:+.4f}], median {gain['median_gain']:+.4f},"
+                f" better on {gain['share_better']:.0%}, worse on {gain['share_worse']:.0%}"
+            )
+    print("\n" + ", ".join(f"{name}: {value:.1f} ms" for name, value in report["ms"].items()))
+    if arguments.sheet:
+        worst = np.argsort(iou["mean field"] - iou["pixelwise"])[:16]
+        sheet(photos8, truth, [stacked["pixelwise"], stacked["mean field"]], worst).save(arguments.sheet)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
