@@ -2,7 +2,8 @@
 
 `python -m benchmarks.masks --dataset D --count N --seed S [--json FILE] [--sheet FILE]` draws N images from
 the part of a training split that training holds out for validation, fits each once, and makes all masks from
-that fit. A graph cut of the same energy is computed for comparison with its mean field.
+that fit. "wide tails" is the spatial model
+without its coupling, "mean field" the spatial model without its graph cut.
 """
 
 from __future__ import annotations
@@ -16,14 +17,12 @@ from pathlib import Path
 import numpy as np
 import torch
 from PIL import Image
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from vig.dataset import read_dataset
 from vig.evaluation import segmentation_iou
 from vig.inference import ExplainSettings, explain_one, objective_of
 from vig.likelihood import NEVER, ROBUST, SPATIAL, spatial_posterior, visible_share
-from vig.likelihood.spatial import NEIGHBOURS, links, visible_log_odds
+from vig.likelihood.spatial import links, mean_field, visible_log_odds
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 
@@ -31,9 +30,9 @@ HELD_OUT = 1000
 """The last samples of a training split, which `vig train` validates on."""
 
 BANDS = ((0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 0.9))
+PAIRS = (("spatial", "pixelwise"), ("spatial", "wide tails"), ("spatial", "mean field"))
 RESAMPLES = 2000
-CAPACITY = 1000
-"""A nat in the graph cut's integer capacities."""
+COLD_SWEEPS = 30
 
 
 @dataclass(frozen=True)
@@ -60,41 +59,18 @@ def fitted(photo: torch.Tensor, prediction, teapot: ObjectClass, settings: Expla
 
 
 def spatial_mask(fit: Fitted, coupled: bool = True) -> np.ndarray:
-    """Mean field's mask (H, W); not coupled, the same likelihood of each pixel by itself."""
+    """The spatial model's mask (H, W); not coupled, the same likelihood of each pixel by itself."""
     model = SPATIAL if coupled else replace(SPATIAL, coupling=0.0, rim=0.0)
     return (spatial_posterior(fit.photo, fit.rendered, fit.log_prior, fit.covered, model)[0] > 0.5).numpy()
 
 
-def cut_mask(fit: Fitted) -> np.ndarray:
-    """The most probable mask (H, W) of the spatial model, exactly: a minimum cut of its energy."""
+def cold_mask(fit: Fitted) -> np.ndarray:
+    """The mask (H, W) of a mean field that starts at each pixel's own posterior, not at the cut."""
     known = fit.log_prior[..., 0] > NEVER / 2
-    odds = visible_log_odds(fit.photo, fit.rendered, fit.log_prior).clamp(-1e4, 1e4).double()[0].numpy()
-    weights = links(fit.photo, fit.covered, known, SPATIAL).double()[0].numpy()
-    covered = fit.covered[0].numpy()
-    height, width = covered.shape
-    number = np.arange(height * width).reshape(height, width)
-    source, sink = height * width, height * width + 1
-    odds = np.where(covered, odds, -1e4)
-    heads = [np.full(number.size, source), number.ravel()]
-    tails = [number.ravel(), np.full(number.size, sink)]
-    capacities = [odds.ravel().clip(0), (-odds).ravel().clip(0)]
-    for step, weight in zip(NEIGHBOURS, weights, strict=True):
-        y, x = weight.nonzero()
-        here, there = number[y, x], number[y + step[0], x + step[1]]
-        heads += [here, there]
-        tails += [there, here]
-        capacities += [weight[y, x]] * 2
-    capacity = np.rint(np.concatenate(capacities) * CAPACITY).astype(np.int32)
-    edges = (np.concatenate(heads), np.concatenate(tails))
-    graph = coo_array((capacity, edges), shape=(sink + 1, sink + 1)).tocsr()
-    graph.eliminate_zeros()
-    graph.indices, graph.indptr = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)
-    left = graph - maximum_flow(graph, source, sink).flow
-    left.eliminate_zeros()
-    reached = breadth_first_order(left, source, return_predecessors=False)
-    mask = np.zeros(height * width + 2, bool)
-    mask[reached] = True
-    return mask[:-2].reshape(height, width) & covered
+    odds = visible_log_odds(fit.photo, fit.rendered, fit.log_prior)
+    weights = links(fit.photo, fit.covered, known, SPATIAL)
+    field = mean_field(odds.sigmoid(), odds, fit.covered, weights, COLD_SWEEPS)
+    return (field[0] > 0.5).numpy()
 
 
 def compared(one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float | list[float]]:
@@ -134,6 +110,9 @@ def main() -> None:
     parser.add_argument("--dataset", type=Path, required=True)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--alpha", type=float, default=SPATIAL.alpha, help="prior of being visible, in the fits"
+    )
     parser.add_argument("--json", type=Path)
     parser.add_argument("--sheet", type=Path)
     arguments = parser.parse_args()
@@ -148,12 +127,14 @@ def main() -> None:
     photos = torch.from_numpy(linear_from_srgb(photos8.astype(np.float32) / 255)).float()
     truth, occlusion = dataset.read("mask_visib", chosen), dataset.occlusion[chosen]
     prediction = Recognizer.of_class(teapot)(photos)
-    # The fits are the robust ones with SPATIAL's alpha: the two differ in nothing but the mask.
-    settings = ExplainSettings(replace(ROBUST, alpha=SPATIAL.alpha))
+    settings = ExplainSettings(replace(ROBUST, alpha=arguments.alpha))
     fits = [fitted(photos[i], prediction[i : i + 1], teapot, settings) for i in range(len(photos))]
-    masks = {"pixelwise": [fit.pixelwise for fit in fits], "wide tails": [spatial_mask(f, False) for f in fits]}
+    masks = {
+        "pixelwise": [fit.pixelwise for fit in fits],
+        "wide tails": [spatial_mask(f, False) for f in fits],
+    }
     seconds = {}
-    for name, make in (("mean field", spatial_mask), ("graph cut", cut_mask)):
+    for name, make in (("mean field", cold_mask), ("spatial", spatial_mask)):
         durations = []
         masks[name] = []
         for fit in fits:
@@ -165,8 +146,12 @@ def main() -> None:
     stacked = {name: np.stack(given) for name, given in masks.items()}
     iou = {name: segmentation_iou(given, truth) for name, given in stacked.items()}
     silhouettes = torch.stack([fit.covered[0] for fit in fits])
-    report: dict = {"count": len(chosen), "seed": arguments.seed, "ms": {k: 1000 * v for k, v in seconds.items()}}
-    report["posterior_alpha"] = visible_share(torch.from_numpy(stacked["mean field"]), silhouettes)
+    report: dict = {
+        "count": len(chosen),
+        "seed": arguments.seed,
+        "ms": {k: 1000 * v for k, v in seconds.items()},
+    }
+    report["posterior_alpha"] = visible_share(torch.from_numpy(stacked["spatial"]), silhouettes)
     for low, high in ((0.0, BANDS[-1][1]), *BANDS):
         within = (occlusion >= low) & (occlusion <= high)
         print(f"\n{low:.0%} to {high:.0%} hidden, {within.sum()} images: median IoU, mean IoU")
@@ -174,7 +159,7 @@ def main() -> None:
         for name, values in iou.items():
             rows[name] = {"median": float(np.median(values[within])), "mean": float(values[within].mean())}
             print(f"  {name:14s} {rows[name]['median']:.4f}  {rows[name]['mean']:.4f}")
-        for one, other in (("mean field", "pixelwise"), ("mean field", "wide tails"), ("graph cut", "mean field")):
+        for one, other in PAIRS:
             gain = rows[f"{one} - {other}"] = compared(iou[one][within], iou[other][within], rng)
             print(
                 f"  {one} - {other}: mean {gain['mean_gain']:+.4f} [{gain['mean_gain_ci95'][0]:+.4f},"
@@ -183,8 +168,8 @@ def main() -> None:
             )
     print("\n" + ", ".join(f"{name}: {value:.1f} ms" for name, value in report["ms"].items()))
     if arguments.sheet:
-        worst = np.argsort(iou["mean field"] - iou["pixelwise"])[:16]
-        sheet(photos8, truth, [stacked["pixelwise"], stacked["mean field"]], worst).save(arguments.sheet)
+        worst = np.argsort(iou["spatial"] - iou["pixelwise"])[:16]
+        sheet(photos8, truth, [stacked["pixelwise"], stacked["spatial"]], worst).save(arguments.sheet)
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=2) + "\n")
 

@@ -20,7 +20,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from vig.likelihood.pixel import NEVER, PixelModel
 from vig.scene import srgb_from_linear
@@ -30,6 +33,11 @@ NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations in sRGB, equally likely, of a visible pixel's distance from a finished fit."""
+
+CAPACITY_PER_NAT = 1000
+
+SETTLING = 6
+"""Rounds in which a cut settles pixels beforehand."""
 
 DAMPING = 0.5
 """Share of the old q that an update keeps: all pixels change at once, and would swing without it."""
@@ -47,7 +55,7 @@ class SpatialModel(PixelModel):
     coupling: float = 5.0
     rim: float = 1.0
     contrast: float = 0.1
-    sweeps: int = 10
+    sweeps: int = 5
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,9 +70,7 @@ class SpatialModel(PixelModel):
 SPATIAL = SpatialModel(sigma=0.03, alpha=0.55)
 
 
-def visible_log_odds(
-    observed: torch.Tensor, rendered: torch.Tensor, log_prior: torch.Tensor
-) -> torch.Tensor:
+def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: torch.Tensor) -> torch.Tensor:
     """Log odds of pixels being visible rather than hidden under a finished fit: Eq. 3 with wider tails.
 
     observed, rendered (..., 3) linear RGB; log_prior (..., 3) as `PixelModel.log_prior`; result (...). In
@@ -108,28 +114,42 @@ def messages(visible: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor
 
     visible (N, H, W): q; covered (N, H, W) bool; weights from `links`.
     """
-    signed = torch.where(covered, 2 * visible - 1, -1.0)
-    total = torch.zeros_like(signed)
-    for index, step in enumerate(NEIGHBOURS):
-        here, there = _ends(step, *signed.shape[1:])
-        weight = weights[:, index, *here]
-        total[:, *here].addcmul_(weight, signed[:, *there])
-        total[:, *there].addcmul_(weight, signed[:, *here])
-    return total
+    return _gather(torch.where(covered, 2 * visible - 1, -1.0), weights)
 
 
 def mean_field(
-    log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor, sweeps: int
+    start: torch.Tensor, log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor, sweeps: int
 ) -> torch.Tensor:
     """Posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0 elsewhere.
 
-    log_odds (N, H, W): u, of each pixel by itself; covered (N, H, W) bool; weights from `links`.
+    start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered (N, H, W) bool; weights from `links`.
     """
-    visible = torch.where(covered, log_odds.sigmoid(), 0.0)
+    visible = torch.where(covered, start, 0.0)
     for _ in range(sweeps):
         update = (log_odds + messages(visible, covered, weights)).sigmoid()
         visible = torch.where(covered, visible.lerp(update, 1 - DAMPING), 0.0)
     return visible
+
+
+def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """The most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
+
+    Arguments as `mean_field`. Pixels that no choice of their free neighbours could turn are settled first, in
+    `SETTLING` rounds; the cut is of what is left, on the CPU, with capacities in whole numbers of
+    1 / `CAPACITY_PER_NAT` nats.
+    """
+    spin = torch.where(covered, 0.0, -1.0).to(log_odds)
+    for _ in range(SETTLING):
+        free = (spin == 0).to(log_odds)
+        field, slack = log_odds + _gather(spin, weights), _gather(free, weights)
+        spin = torch.where((free > 0) & (field.abs() > slack), field.sign(), spin)
+    free = spin == 0
+    field = (log_odds + _gather(spin, weights)).double().cpu().numpy()
+    strengths, left = weights.double().cpu().numpy(), free.cpu().numpy()
+    visible = (spin > 0).cpu().numpy()
+    for image in left.any((1, 2)).nonzero()[0]:
+        visible[image][left[image]] = _cut(field[image], strengths[image], left[image])
+    return torch.from_numpy(visible).to(covered.device)
 
 
 def spatial_posterior(
@@ -143,7 +163,8 @@ def spatial_posterior(
 
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
     (N, H, W) bool. A log prior of `NEVER` for visible says that a pixel was not photographed: it ties no
-    others. Only the window that holds what is covered is worked on.
+    others. The mean field starts at the most probable h, the best of its optima. Only the window that holds
+    what is covered is worked on.
     """
     result = torch.zeros_like(rendered[..., 0])
     window = _window(covered)
@@ -151,8 +172,48 @@ def spatial_posterior(
         photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
         log_odds = visible_log_odds(photo, fit, prior).to(result)
         weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).to(result)
-        result[:, *window] = mean_field(log_odds, inside, weights, model.sweeps)
+        start = graph_cut(log_odds, inside, weights).to(result)
+        result[:, *window] = mean_field(start, log_odds, inside, weights, model.sweeps)
     return result
+
+
+def _gather(values: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """sum_j w_ij x_j over the neighbours j of each pixel: values x (N, H, W), weights from `links`."""
+    total = torch.zeros_like(values)
+    for index, step in enumerate(NEIGHBOURS):
+        here, there = _ends(step, *values.shape[1:])
+        weight = weights[:, index, *here]
+        total[:, *here].addcmul_(weight, values[:, *there])
+        total[:, *there].addcmul_(weight, values[:, *here])
+    return total
+
+
+def _cut(log_odds: np.ndarray, weights: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The minimum cut of an image's M free pixels: (H, W), (4, H, W), (H, W) bool give h (M,) bool."""
+    count = int(free.sum())
+    number = np.full(free.shape, -1, np.int32)
+    number[free] = np.arange(count)
+    source, sink = count, count + 1
+    alone = log_odds[free]
+    everyone = number[free]
+    heads, tails = [np.full(count, source), everyone], [everyone, np.full(count, sink)]
+    capacities = [alone.clip(0), (-alone).clip(0)]
+    for step, weight in zip(NEIGHBOURS, weights, strict=True):
+        near, far = _ends(step, *free.shape)
+        here, there, strength = number[near].ravel(), number[far].ravel(), weight[near].ravel()
+        linked = (here >= 0) & (there >= 0) & (strength > 0)
+        heads += [here[linked], there[linked]]
+        tails += [there[linked], here[linked]]
+        capacities += [strength[linked]] * 2
+    capacity = np.rint(np.concatenate(capacities) * CAPACITY_PER_NAT).astype(np.int32)
+    used = capacity > 0
+    ends = np.concatenate(heads)[used], np.concatenate(tails)[used]
+    graph = csr_array((capacity[used], ends), shape=(count + 2, count + 2))
+    residual = graph - maximum_flow(graph, source, sink).flow
+    residual.eliminate_zeros()
+    visible = np.zeros(count + 2, bool)
+    visible[breadth_first_order(residual, source, return_predecessors=False)] = True
+    return visible[:count]
 
 
 def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
