@@ -1,4 +1,4 @@
-"""alpha learned from a dataset: `python -m benchmarks.alpha --dataset D [--split train] [--count N] [--map FILE]`.
+"""alpha learned from a dataset: `python -m benchmarks.alpha --dataset D [--count N] [--map FILE]`.
 
 Prints the mean visible share of all pixels that the object covers; writes the share at each pixel of the
 image as a `.npy` file, which `ExplainSettings(visible_prior=torch.from_numpy(...))` takes.

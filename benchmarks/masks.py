@@ -1,9 +1,9 @@
 """The mask of what is visible, pixel by pixel and with neighbours that agree, on the same fits.
 
 `python -m benchmarks.masks --dataset D --count N --seed S [--json FILE] [--sheet FILE]` draws N images from
-the part of a training split that training holds out for validation, fits each once, and makes all masks from
-that fit. "wide tails" is the spatial model
-without its coupling, "mean field" the spatial model without its graph cut.
+those of a training split that training holds out for validation (or from `--among FIRST END`), fits each
+once, and makes all masks from that fit. "wide tails" is the spatial model without its coupling, "mean field"
+the spatial model without its graph cut, "best possible" the fit's silhouette with the true occlusion.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ COLD_SWEEPS = 30
 
 @dataclass(frozen=True)
 class Fitted:
-    """One fit: photo, rendered, log_prior (1, H, W, 3); covered (1, H, W); pixelwise (H, W) bool, its mask."""
+    """One fit: photo, rendered, log_prior (1, H, W, 3), covered (1, H, W), and its mask pixelwise (H, W)."""
 
     photo: torch.Tensor
     rendered: torch.Tensor
@@ -110,16 +110,16 @@ def main() -> None:
     parser.add_argument("--dataset", type=Path, required=True)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--alpha", type=float, default=SPATIAL.alpha, help="prior of being visible, in the fits"
-    )
+    parser.add_argument("--among", type=int, nargs=2, metavar=("FIRST", "END"), help="samples to draw from")
+    parser.add_argument("--alpha", type=float, default=SPATIAL.alpha, help="the fits' prior of being visible")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--sheet", type=Path)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     rng = np.random.default_rng(arguments.seed)
     dataset = read_dataset(arguments.dataset, "train")
-    held_out = np.arange(max(len(dataset) - HELD_OUT, 0), len(dataset))
+    first, end = arguments.among or (max(len(dataset) - HELD_OUT, 0), len(dataset))
+    held_out = np.arange(first, end)
     held_out = held_out[dataset.occlusion[held_out] <= BANDS[-1][1]]
     chosen = np.sort(rng.choice(held_out, min(arguments.count, len(held_out)), replace=False))
     teapot = ObjectClass.load("teapot")
@@ -129,10 +129,8 @@ def main() -> None:
     prediction = Recognizer.of_class(teapot)(photos)
     settings = ExplainSettings(replace(ROBUST, alpha=arguments.alpha))
     fits = [fitted(photos[i], prediction[i : i + 1], teapot, settings) for i in range(len(photos))]
-    masks = {
-        "pixelwise": [fit.pixelwise for fit in fits],
-        "wide tails": [spatial_mask(f, False) for f in fits],
-    }
+    masks = {"pixelwise": [fit.pixelwise for fit in fits]}
+    masks["wide tails"] = [spatial_mask(fit, coupled=False) for fit in fits]
     seconds = {}
     for name, make in (("mean field", cold_mask), ("spatial", spatial_mask)):
         durations = []
@@ -154,6 +152,8 @@ def main() -> None:
     report["posterior_alpha"] = visible_share(torch.from_numpy(stacked["spatial"]), silhouettes)
     for low, high in ((0.0, BANDS[-1][1]), *BANDS):
         within = (occlusion >= low) & (occlusion <= high)
+        if not within.any():
+            continue
         print(f"\n{low:.0%} to {high:.0%} hidden, {within.sum()} images: median IoU, mean IoU")
         rows = report[f"{low}-{high}"] = {}
         for name, values in iou.items():

@@ -29,7 +29,7 @@ class Stage:
 class ExplainSettings:
     """How to fit.
 
-    likelihood: the pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask lets neighbouring pixels agree.
+    likelihood: the pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, in whose mask neighbouring pixels agree.
     visible_prior: a map (H, W) of each pixel's prior of being visible where it is covered, in place of the
     pixel model's alpha. stages: in turn, see `Stage`; only `LevenbergMarquardt` heeds their steps,
     another optimiser has a budget of its own.

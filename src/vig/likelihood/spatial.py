@@ -52,8 +52,8 @@ class SpatialModel(PixelModel):
     deviation, over which the coupling fades. sweeps: updates of all pixels.
     """
 
-    coupling: float = 5.0
-    rim: float = 1.0
+    coupling: float = 10.0
+    rim: float = 2.0
     contrast: float = 0.1
     sweeps: int = 5
 
@@ -105,7 +105,7 @@ def links(
         strength = model.coupling * (inside & beside) + model.rim * (inside ^ beside)
         strength = strength * (known[:, *here] & known[:, *there])
         fading = torch.exp(-square / (2 * model.contrast**2)) / math.hypot(*step)
-        weights[:, index, *here] = strength * fading
+        weights[:, index][:, *here] = strength * fading
     return weights
 
 
@@ -122,7 +122,8 @@ def mean_field(
 ) -> torch.Tensor:
     """Posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0 elsewhere.
 
-    start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered (N, H, W) bool; weights from `links`.
+    start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered
+    (N, H, W) bool; weights from `links`.
     """
     visible = torch.where(covered, start, 0.0)
     for _ in range(sweeps):
@@ -140,15 +141,15 @@ def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tens
     """
     spin = torch.where(covered, 0.0, -1.0).to(log_odds)
     for _ in range(SETTLING):
-        free = (spin == 0).to(log_odds)
-        field, slack = log_odds + _gather(spin, weights), _gather(free, weights)
-        spin = torch.where((free > 0) & (field.abs() > slack), field.sign(), spin)
+        free = spin == 0
+        field, slack = log_odds + _gather(spin, weights), _gather(free.to(spin), weights)
+        spin = torch.where(free & (field.abs() > slack), field.sign(), spin)
     free = spin == 0
-    field = (log_odds + _gather(spin, weights)).double().cpu().numpy()
+    alone = (log_odds + _gather(spin, weights)).double().cpu().numpy()
     strengths, left = weights.double().cpu().numpy(), free.cpu().numpy()
     visible = (spin > 0).cpu().numpy()
-    for image in left.any((1, 2)).nonzero()[0]:
-        visible[image][left[image]] = _cut(field[image], strengths[image], left[image])
+    for image in np.flatnonzero(left.any((1, 2))):
+        visible[image][left[image]] = _cut(alone[image], strengths[image], left[image])
     return torch.from_numpy(visible).to(covered.device)
 
 
@@ -182,7 +183,7 @@ def _gather(values: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
     total = torch.zeros_like(values)
     for index, step in enumerate(NEIGHBOURS):
         here, there = _ends(step, *values.shape[1:])
-        weight = weights[:, index, *here]
+        weight = weights[:, index][:, *here]
         total[:, *here].addcmul_(weight, values[:, *there])
         total[:, *there].addcmul_(weight, values[:, *here])
     return total
