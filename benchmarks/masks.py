@@ -19,12 +19,12 @@ import torch
 from PIL import Image
 
 from vig.dataset import read_dataset
-from vig.evaluation import segmentation_iou
+from vig.evaluation import angle_error_deg, illumination_error, segmentation_iou, shape_error_mm
 from vig.inference import ExplainSettings, explain_one, objective_of
 from vig.likelihood import NEVER, ROBUST, SPATIAL, spatial_posterior, visible_share
 from vig.likelihood.spatial import links, mean_field, visible_log_odds
 from vig.recognition import Recognizer
-from vig.scene import ObjectClass, linear_from_srgb
+from vig.scene import Latents, ObjectClass, linear_from_srgb
 
 HELD_OUT = 1000
 """The last samples of a training split, which `vig train` validates on."""
@@ -37,8 +37,9 @@ COLD_SWEEPS = 30
 
 @dataclass(frozen=True)
 class Fitted:
-    """One fit: photo, rendered, log_prior (1, H, W, 3), covered (1, H, W), and its mask pixelwise (H, W)."""
+    """One fit: photo, rendered, log_prior (1, H, W, 3), covered (1, H, W), its mask pixelwise (H, W)."""
 
+    latents: Latents
     photo: torch.Tensor
     rendered: torch.Tensor
     log_prior: torch.Tensor
@@ -55,7 +56,7 @@ def fitted(photo: torch.Tensor, prediction, teapot: ObjectClass, settings: Expla
     seen = objective(point, zero, sigma, derivatives=False).evaluation
     rendered = seen.irradiance[..., None] * found.latents.albedo[:, None, None]
     prior = objective.likelihood.log_prior.view(rendered.shape)
-    return Fitted(photo[None], rendered, prior, seen.coverage >= 0.5, found.mask.numpy())
+    return Fitted(found.latents, photo[None], rendered, prior, seen.coverage >= 0.5, found.mask.numpy())
 
 
 def spatial_mask(fit: Fitted, coupled: bool = True) -> np.ndarray:
@@ -71,6 +72,18 @@ def cold_mask(fit: Fitted) -> np.ndarray:
     weights = links(fit.photo, fit.covered, known, SPATIAL)
     field = mean_field(odds.sigmoid(), odds, fit.covered, weights, COLD_SWEEPS)
     return (field[0] > 0.5).numpy()
+
+
+def fit_errors(fits: list[Fitted], truth: Latents, teapot: ObjectClass) -> dict[str, np.ndarray]:
+    """Errors (N,) of the fits, to compare one alpha with another."""
+    found = Latents.from_vector(torch.cat([fit.latents.to_vector() for fit in fits]))
+    vertices = teapot.shape_model.vertices
+    return {
+        "azimuth_deg": angle_error_deg(found.azimuth, truth.azimuth),
+        "elevation_deg": angle_error_deg(found.elevation, truth.elevation),
+        "illumination": illumination_error(found.light, truth.light),
+        "shape_mm": shape_error_mm(vertices(found.shape), vertices(truth.shape)),
+    }
 
 
 def compared(one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float | list[float]]:
@@ -129,6 +142,7 @@ def main() -> None:
     prediction = Recognizer.of_class(teapot)(photos)
     settings = ExplainSettings(replace(ROBUST, alpha=arguments.alpha))
     fits = [fitted(photos[i], prediction[i : i + 1], teapot, settings) for i in range(len(photos))]
+    errors = fit_errors(fits, Latents.from_vector(torch.from_numpy(dataset.latents[chosen])), teapot)
     masks = {"pixelwise": [fit.pixelwise for fit in fits]}
     masks["wide tails"] = [spatial_mask(fit, coupled=False) for fit in fits]
     seconds = {}
@@ -149,6 +163,11 @@ def main() -> None:
         "seed": arguments.seed,
         "ms": {k: 1000 * v for k, v in seconds.items()},
     }
+    report["errors"] = {
+        k: {"median": float(np.median(e)), "mean": float(e.mean())} for k, e in errors.items()
+    }
+    for name, error in errors.items():
+        print(f"the fits' {name}: median {np.median(error):.4f}, mean {error.mean():.4f}")
     report["posterior_alpha"] = visible_share(torch.from_numpy(stacked["spatial"]), silhouettes)
     for low, high in ((0.0, BANDS[-1][1]), *BANDS):
         within = (occlusion >= low) & (occlusion <= high)
