@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import ROBUST, Likelihood, Photos
+from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.render import Geometry
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 
@@ -21,6 +22,7 @@ class Studio:
 
     geometry: Geometry
     camera: Camera
+    pixels: ClassVar[PixelModel] = PixelModel(0.03, 0.9)  # the paper's
 
     def latents(self, rng: np.random.Generator, count: int = 1) -> Latents:
         """Latents well inside every bound, brighter from above, at the paper's exposure."""
@@ -45,8 +47,8 @@ class Studio:
     def likelihood(
         self, photos: torch.Tensor, silhouette: str = "exact", stride: int | None = None
     ) -> Likelihood:
-        """Robust likelihood of photos (N, H, W, 3)."""
-        log_prior = ROBUST.log_prior(self.camera.height, self.camera.width).expand(photos.shape)
+        """The paper's robust likelihood of photos (N, H, W, 3)."""
+        log_prior = self.pixels.log_prior(self.camera.height, self.camera.width).expand(photos.shape)
         return Likelihood(self.geometry, self.camera, Photos(photos, log_prior), silhouette, stride)
 
     def render(
@@ -61,7 +63,7 @@ class Studio:
         return seen.irradiance, seen.coverage, colour
 
     @staticmethod
-    def whose(count: int, sigma: float = ROBUST.sigma) -> tuple[torch.Tensor, torch.Tensor]:
+    def whose(count: int, sigma: float = pixels.sigma) -> tuple[torch.Tensor, torch.Tensor]:
         """The arguments `photo` and `sigma` of `count` guesses at the first photo."""
         return torch.zeros(count, dtype=torch.int32), torch.full((count,), sigma, dtype=torch.float64)
 

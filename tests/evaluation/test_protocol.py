@@ -58,7 +58,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def results(dataset: Dataset, weights: Path, teapot: ObjectClass):
     fitted: list[int] = []
     found = evaluate(dataset, teapot, Recognizer(weights), settings=QUICK, advance=fitted.append)
-    assert sum(fitted) == 2 * COUNT  # gaussian and robust
+    assert sum(fitted) == 3 * COUNT  # gaussian, robust and spatial
     return found
 
 
@@ -72,7 +72,7 @@ def test_every_method_answers_every_image(results) -> None:
         assert len(result.verdicts) == COUNT
         for values in result.errors.values():
             assert values.shape == (COUNT,) and np.isfinite(values).all() and (values >= 0).all()
-        fits = method in ("gaussian", "robust")
+        fits = method in ("gaussian", "robust", "spatial")
         assert all(
             (name in ("trusted", "reverted", "ambiguous", "failed")) == fits for name in result.verdicts
         )

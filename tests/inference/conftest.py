@@ -11,12 +11,14 @@ import pytest
 import torch
 
 from vig.inference import Objective, Problem
-from vig.likelihood import ROBUST, Likelihood, Photos
+from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.render import Geometry
 from vig.scene import Camera, Latents, ObjectClass
 
 INFINITY = math.inf
 Residuals = Callable[[torch.Tensor], torch.Tensor]
+
+PAPERS = PixelModel(0.03, 0.9)
 
 
 @dataclass(frozen=True)
@@ -282,9 +284,9 @@ class Zoo:
         truth = Latents.from_vector(torch.from_numpy(vector)[None])
 
         def likelihood(photos: torch.Tensor) -> Likelihood:
-            return Likelihood(self.geometry, camera, Photos(photos, ROBUST.log_prior(50, 50)[None]))
+            return Likelihood(self.geometry, camera, Photos(photos, PAPERS.log_prior(50, 50)[None]))
 
-        none, one = torch.zeros(1, dtype=torch.int32), torch.full((1,), ROBUST.sigma, dtype=torch.float64)
+        none, one = torch.zeros(1, dtype=torch.int32), torch.full((1,), PAPERS.sigma, dtype=torch.float64)
         blank, framing = torch.zeros(1, 50, 50, 3, dtype=torch.float64), torch.zeros(1, 3)
         shown = likelihood(blank)(truth, framing, none, one, derivatives=False)
         cells = torch.from_numpy(np.kron(rng.uniform(0.1, 0.9, (10, 10, 3)), np.ones((5, 5, 1))))
@@ -303,7 +305,7 @@ class Zoo:
             off = (points[:, 10:12] - torch.from_numpy(vector[10:12])).abs()
             assert torch.rad2deg(off).max() < 4, torch.rad2deg(off)
 
-        return Case(objective_of_two, starts, answer.expand(2), check, ROBUST.sigma)
+        return Case(objective_of_two, starts, answer.expand(2), check, PAPERS.sigma)
 
 
 class _OnePhoto:

@@ -13,7 +13,7 @@ from vig.inference import Budget, Descent, ExplainSettings, Objective, Verdict, 
 from vig.inference.judging import AMBIGUOUS_NATS
 from vig.inference.posterior import belief_of, objective_of, objectives_of, pixel_prior
 from vig.inference.settings import Stage
-from vig.likelihood import GAUSSIAN, ROBUST, log_colour_density
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density, log_prior_of
 from vig.recognition import Prediction
 from vig.recognition.targets import azimuth_labels, numbers_of
 from vig.scene import Latents, ObjectClass
@@ -116,6 +116,21 @@ def test_what_is_hidden_is_left_out_of_the_mask(occluded: Case, teapot: ObjectCl
     assert occluded.amodal.sum() > 1.15 * seen.sum()  # something is hidden at all
     assert (found.mask & seen).sum() / (found.mask | seen).sum() > 0.9
     assert ((found.visible >= 0) & (found.visible <= 1)).all()
+
+
+def test_the_spatial_model_has_a_mask_of_its_own_for_the_same_fit(
+    occluded: Case, teapot: ObjectClass
+) -> None:
+    robust, spatial = (
+        explain_one(occluded.photo, occluded.prediction, teapot, replace(SETTINGS, likelihood=likelihood))
+        for likelihood in (replace(ROBUST, alpha=SPATIAL.alpha), SPATIAL)
+    )
+    assert torch.equal(robust.latents.to_vector(), spatial.latents.to_vector())
+    assert robust.evidence == spatial.evidence and torch.equal(robust.amodal, spatial.amodal)
+    assert not torch.equal(robust.visible, spatial.visible)
+    seen = occluded.prediction.mask[0, ..., 0] > 0.5
+    assert (spatial.mask & seen).sum() / (spatial.mask | seen).sum() > 0.95
+    assert not (spatial.mask & ~spatial.amodal).any()
 
 
 def test_the_same_photo_gives_the_same_explanation(occluded: Case, teapot: ObjectClass) -> None:
@@ -237,6 +252,14 @@ def test_without_mask_and_surroundings_the_prior_is_the_papers(whole: Case) -> N
     torch.testing.assert_close(
         pixel_prior(whole.photo, whole.prediction.mask[0], plain), ROBUST.log_prior(150, 150)
     )
+
+
+def test_a_map_of_the_visible_prior_takes_the_place_of_alpha(whole: Case) -> None:
+    alpha = torch.linspace(0.1, 0.9, 150).expand(150, 150)
+    mask = whole.prediction.mask[0]
+    mapped = pixel_prior(whole.photo, mask, replace(SETTINGS, visible_prior=alpha))
+    flat = pixel_prior(whole.photo, mask, SETTINGS)
+    torch.testing.assert_close(mapped - log_prior_of(alpha), flat - ROBUST.log_prior(150, 150))
 
 
 def test_mask_weight_takes_the_predicted_mask_that_far(whole: Case) -> None:

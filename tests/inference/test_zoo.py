@@ -47,8 +47,8 @@ MISSING = {
     ("gradient_descent", "cliff_nan"): 0.01,
     ("gradient_descent", "cliff_infinite"): 0.01,
     ("momentum", "photo"): 0.1,
-    ("gradient_descent", "photo"): 0.1,
-    ("conjugate_gradient", "photo"): 0.1,
+    ("gradient_descent", "photo"): 0.2,
+    ("conjugate_gradient", "photo"): 0.2,
     ("unscaled", "photo"): 0.2,
     ("annealed", "photo"): 0.1,
 }
@@ -228,7 +228,7 @@ def test_annealing_that_ends_lower_ends_at_the_start(least_squares) -> None:
     problem = least_squares(lambda x: x - data, [-50.0], [50.0], inliers=0.9)
     start, none = torch.full((1, 1), 3.0, dtype=torch.float64), torch.zeros(1, dtype=torch.int64)
     end = Annealed(LevenbergMarquardt(), (300, 1))(problem, start, none, 0.01, Budget(60, 1e-6))
-    assert end.points.item() == 3.0
+    assert end.points.item() == pytest.approx(3.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("sigmas", [(), (4.0, 2.0), (1.0, 2.0, 1.0)])

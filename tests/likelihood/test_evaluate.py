@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import GAUSSIAN, ROBUST, Likelihood, Photos, mixture
+from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
 from vig.recognition.targets import latents_of, mirrored, numbers_of
 from vig.render import Geometry, rasterize
 from vig.scene import EXPOSURE_L00, Latents
@@ -40,7 +40,7 @@ def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> 
         found = likelihood(latents, still(), *studio.whose(1))
         inside = torch.from_numpy(covered_centres(studio, latents))
         rendered = latents.albedo * found.irradiance[0, inside][:, None]
-        value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], ROBUST.sigma)
+        value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
         expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
         assert found.value.item() == pytest.approx(expected.item(), rel=1e-10)
         torch.testing.assert_close(found.posterior[0, inside], posterior)
@@ -62,8 +62,8 @@ def test_where_all_colours_are_flat_the_value_is_affine_in_the_covered_area(stud
         latents = Latents(latents.shape, latents.azimuth, latents.elevation, latents.albedo, sphere)
         found = likelihood(latents, still(), *studio.whose(1))
         rendered = latents.albedo[0] * EXPOSURE_L00 * 0.5 / math.sqrt(math.pi)
-        log_prior = ROBUST.log_prior(1, 1)[0, 0]
-        gain, _ = mixture(photo[0, 0, 0], rendered, log_prior, ROBUST.sigma)
+        log_prior = studio.pixels.log_prior(1, 1)[0, 0]
+        gain, _ = mixture(photo[0, 0, 0], rendered, log_prior, studio.pixels.sigma)
         # Coverage is clamped to [0, 1], which costs a little area where a thin part lies in one pixel.
         assert found.value.item() == pytest.approx((gain * found.coverage.sum()).item(), rel=1e-3)
 
@@ -203,7 +203,7 @@ def test_single_precision_agrees(studio) -> None:
         latents = studio.latents(rng)
         photo = studio.photo(rng, latents)
         guess = studio.near(rng, latents)
-        photos = Photos(photo, ROBUST.log_prior(studio.camera.height, studio.camera.width)[None])
+        photos = Photos(photo, studio.pixels.log_prior(studio.camera.height, studio.camera.width)[None])
         exact = studio.likelihood(photo)(guess, still(), *studio.whose(1))
         short = Likelihood(single, studio.camera, photos)(guess, still(), *studio.whose(1))
         assert short.gradient.dtype == torch.float32 and short.value.dtype == torch.float64

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import ROBUST, Likelihood
+from vig.likelihood import Likelihood
 from vig.scene import Latents
 
 STENCIL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
@@ -95,7 +95,7 @@ def test_at_the_truth_the_interiors_normal_matrix_is_gauss_newtons(studio, seed:
         colour = seen.irradiance[..., None] * ends[:, 12:15].view(2, 1, 1, 3)
         columns.append(((colour[1] - colour[0]) / 2e-7)[inside])
     jacobian = torch.stack(columns, dim=-1)  # (pixels, 3, 27)
-    weight = found.posterior[0, inside] / ROBUST.sigma**2
+    weight = found.posterior[0, inside] / studio.pixels.sigma**2
     expected = torch.einsum("nci,n,ncj->ij", jacobian, weight, jacobian)
     scale = torch.diagonal(expected).sqrt()
     off = (found.normal[0] - expected) / scale / scale[:, None]

@@ -13,20 +13,25 @@ def row(*numbers: float) -> torch.Tensor:
     return torch.tensor(numbers, dtype=torch.float64)
 
 
-def test_the_settings_are_the_papers() -> None:
-    assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.9)
+PAPERS_CODE = PixelModel(0.03, 0.9)
+
+
+def test_the_settings_are_the_papers_but_for_the_learned_alpha() -> None:
+    assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
     assert (GAUSSIAN.sigma, GAUSSIAN.alpha) == (0.05, 1.0)
 
 
 def test_a_perfect_inlier_gains_what_the_paper_says() -> None:
     # log(0.9 (2 pi 0.03^2)^(-3/2) + 0.1) = 7.66 nats; its posterior is one but for 5e-5.
-    value, posterior = mixture(row(0.3, 0.4, 0.5), row(0.3, 0.4, 0.5), ROBUST.log_prior(1, 1)[0, 0], 0.03)
+    value, posterior = mixture(
+        row(0.3, 0.4, 0.5), row(0.3, 0.4, 0.5), PAPERS_CODE.log_prior(1, 1)[0, 0], 0.03
+    )
     assert value.item() == pytest.approx(7.6575, abs=1e-3)
     assert posterior.item() == pytest.approx(1 - 0.1 / math.exp(value.item()), abs=1e-12)
 
 
 def test_an_outlier_costs_log_one_minus_alpha() -> None:
-    value, posterior = mixture(row(1, 1, 1), row(0, 0, 0), ROBUST.log_prior(1, 1)[0, 0], 0.03)
+    value, posterior = mixture(row(1, 1, 1), row(0, 0, 0), PAPERS_CODE.log_prior(1, 1)[0, 0], 0.03)
     assert value.item() == pytest.approx(math.log(0.1))
     assert posterior.item() < 1e-100
 
@@ -55,7 +60,7 @@ def test_the_gaussian_model_has_no_outliers() -> None:
 
 
 def test_the_prior_of_the_robust_model() -> None:
-    torch.testing.assert_close(ROBUST.log_prior(4, 5)[3, 4].exp(), row(0.9, 0.1, 1.0))
+    torch.testing.assert_close(ROBUST.log_prior(4, 5)[3, 4].exp(), row(0.55, 0.45, 1.0))
 
 
 @pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan])

@@ -22,7 +22,7 @@ from vig.inference import (
     Optimizer,
     explain,
 )
-from vig.likelihood import GAUSSIAN, ROBUST, load_kernels
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, load_kernels
 from vig.recognition import Recognizer
 from vig.report import write_explanation
 from vig.report.window import Window
@@ -37,7 +37,7 @@ OPTIMIZERS: dict[str, Optimizer] = {
     "cg": ConjugateGradient(),
     "gd": GradientDescent(),
 }
-LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN}
+LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 
 
 class Explainer:

@@ -24,8 +24,9 @@ class Fit:
     for each. The whole photo by default."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
-    likelihood: Literal["robust", "gaussian"] = "robust"
-    """The pixel model: robust allows for occluders, gaussian takes all of the object as visible."""
+    likelihood: Literal["robust", "gaussian", "spatial"] = "robust"
+    """The pixel model: robust allows for occluders, gaussian takes all of the object as visible, spatial is
+    robust with neighbouring pixels hidden or visible together."""
     optimizer: Literal["lm", "dogleg", "lbfgs", "bfgs", "cg", "gd"] = "lm"
     """Levenberg-Marquardt, Powell's dogleg, L-BFGS, BFGS, nonlinear conjugate gradient, gradient descent with
     momentum; docs/choosing.md compares them."""
@@ -109,13 +110,14 @@ class Evaluate:
     """Folder for the results."""
     split: Literal["train", "test"] = "test"
     """Which split."""
-    methods: tuple[Literal["baseline", "rm", "gaussian", "robust"], ...] = (
+    methods: tuple[Literal["baseline", "rm", "gaussian", "robust", "spatial"], ...] = (
         "baseline",
         "rm",
         "gaussian",
         "robust",
+        "spatial",
     )
-    """baseline: the mean; rm: the recognition model; gaussian, robust: fits that start from it."""
+    """baseline: the mean; rm: the recognition model; gaussian, robust, spatial: fits that start from it."""
     max_occlusion: float = 0.75
     """Only images with at most this share of the object hidden enter the table."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"

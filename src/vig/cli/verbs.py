@@ -147,7 +147,7 @@ def evaluate(settings: Evaluate) -> int:
             " Is it a percentage?"
         )
     _check_writable(settings.out)
-    fits = len(dataset) * sum(method in ("gaussian", "robust") for method in settings.methods)
+    fits = len(dataset) * sum(method in ("gaussian", "robust", "spatial") for method in settings.methods)
     with _progress(settings.json) as progress:
         task = progress.add_task("fits", total=fits)
         results = run_methods(

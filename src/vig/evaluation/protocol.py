@@ -24,11 +24,11 @@ from vig.evaluation.metrics import (
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, Explanation, explain_one, geometry_of
-from vig.likelihood import GAUSSIAN, ROBUST, Likelihood, Photos
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
 
-METHODS = (BASELINE, "rm", "gaussian", "robust")
+METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
 
 MASK_HEAD = "rm mask head"
 """What "rm" is shown beside: the network's own word on the visible pixels, no silhouette."""
@@ -60,8 +60,8 @@ def evaluate(
 
     "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
     silhouette as mask (as in the paper; the mask that it predicts is listed as a method of its own),
-    "gaussian" and "robust" the fits from it. Raises UserError for an unknown method, for none, and for a
-    dataset of another class.
+    "gaussian", "robust" and "spatial" the fits from it, under each pixel model. Raises UserError for an
+    unknown method, for none, and for a dataset of another class.
     """
     if not methods:
         raise UserError(f"expected at least one method among {', '.join(METHODS)}; got none")
@@ -95,11 +95,15 @@ def evaluate(
             head = {"segmentation_iou": segmentation_iou(said, dataset.visible)}
             results[MASK_HEAD] = MethodResult(head, [""] * len(dataset))
         else:
-            chosen = settings if method == "robust" else gaussian_of(settings)
+            chosen = settings
+            if method == "gaussian":
+                chosen = gaussian_of(settings)
+            elif method == "spatial":
+                chosen = replace(settings, likelihood=SPATIAL)
             fits = list(_fits(photos, prediction, object_class, chosen, threads, advance))
             latents = Latents.from_vector(torch.cat([fit.latents.to_vector() for fit in fits]))
             # The Gaussian model has no outliers: its mask is the whole silhouette, as in the paper.
-            masks = np.stack([(fit.mask if method == "robust" else fit.amodal).numpy() for fit in fits])
+            masks = np.stack([(fit.amodal if method == "gaussian" else fit.mask).numpy() for fit in fits])
             errors = _errors(latents, truth, object_class) | {
                 "segmentation_iou": segmentation_iou(masks, dataset.visible)
             }

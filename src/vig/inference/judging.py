@@ -7,9 +7,9 @@ import math
 import torch
 
 from vig.inference.explanation import Explanation, Verdict
-from vig.inference.objective import Objective
+from vig.inference.objective import Objective, Valuation
 from vig.inference.settings import ExplainSettings
-from vig.likelihood import FRAMING_COUNT
+from vig.likelihood import FRAMING_COUNT, SpatialModel, spatial_posterior
 
 MASK_SIGMA = 0.1
 """Noise under which a pixel of the fit is judged visible, as in the paper."""
@@ -55,10 +55,14 @@ def judge(
                 verdict, alternative = Verdict.AMBIGUOUS, objective.latents(guess)
                 reason = f"the recognition model sees it turned by {other_view:.0f} degrees"
     at_fit = objective(chosen, zero, sigma)
-    shown = objective(chosen, zero, torch.tensor([MASK_SIGMA]), derivatives=False).evaluation
-    assert shown.coverage is not None and shown.posterior is not None
-    amodal = shown.coverage[0] >= 0.5
-    visible = torch.where(amodal, shown.posterior[0], 0.0)
+    shown = objective(chosen, zero, torch.tensor([MASK_SIGMA]), derivatives=False)
+    seen = shown.evaluation
+    assert seen.coverage is not None and seen.posterior is not None
+    amodal = seen.coverage[0] >= 0.5
+    if isinstance(settings.likelihood, SpatialModel):
+        visible = _neighbourly(objective, chosen, shown, settings.likelihood)[0]
+    else:
+        visible = torch.where(amodal, seen.posterior[0], 0.0)
     mask = visible > 0.5
     if not mask.any():
         verdict, reason, alternative = Verdict.FAILED, Verdict.FAILED.value, None
@@ -76,6 +80,23 @@ def judge(
         start_evidence=start_evidence,
         evaluations=evaluations,
         alternative=alternative,
+    )
+
+
+def _neighbourly(
+    objective: Objective, point: torch.Tensor, shown: Valuation, model: SpatialModel
+) -> torch.Tensor:
+    """Posterior (1, H, W) of pixels being visible under one fit, each heeding its neighbours."""
+    likelihood, evaluation = objective.likelihood, shown.evaluation
+    assert evaluation.coverage is not None and evaluation.irradiance is not None
+    size = (*evaluation.coverage.shape, 3)
+    rendered = evaluation.irradiance[..., None] * objective.latents(point).albedo[:, None, None]
+    return spatial_posterior(
+        likelihood.observed.view(size),
+        rendered,
+        likelihood.log_prior.view(size),
+        evaluation.coverage >= 0.5,
+        model,
     )
 
 

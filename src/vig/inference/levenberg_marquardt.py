@@ -20,7 +20,7 @@ class LevenbergMarquardt:
     damping: first multiple of the normal matrix's diagonal. give_up: the damping at which a search ends.
     """
 
-    damping: float = 1e-2
+    damping: float = 1.0
     give_up: float = 1e4
 
     def __call__(

@@ -10,7 +10,7 @@ import torch
 from vig.inference.objective import Objective
 from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings
-from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
+from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density, log_prior_of
 from vig.recognition import Prediction
 from vig.render import Geometry
 from vig.scene import Camera, ObjectClass
@@ -89,6 +89,8 @@ def pixel_prior(
     base = settings.likelihood.log_prior(*mask.shape[:2])
     if settings.likelihood.alpha == 1:
         return base
+    if settings.visible_prior is not None:
+        base = log_prior_of(settings.visible_prior)
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
     if settings.surroundings > 0:
         outside = 1 - mask[..., 0] if known is None else (1 - mask[..., 0]) * known

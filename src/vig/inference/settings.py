@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import torch
+
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Budget, Optimizer
 from vig.likelihood import ROBUST, PixelModel
@@ -32,7 +34,9 @@ class Stage:
 class ExplainSettings:
     """How to fit.
 
-    likelihood: the pixel model. stages: in turn, see `Stage`. optimizer: runs them, within their budgets.
+    likelihood: the pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, in whose mask neighbouring pixels agree.
+    visible_prior: a map (H, W) of each pixel's prior of being visible where it is covered, in place of the
+    pixel model's alpha. stages: in turn, see `Stage`. optimizer: runs them, within their budgets.
     mask_weight: how far the recognition model's word on each pixel (object, occluder, neither) enters the
     likelihood's prior; 0 is the paper's constant alpha, 1 takes it fully.
     surroundings: how far the photo's own colours outside the object replace the uniform density, 0 to 1.
@@ -45,10 +49,12 @@ class ExplainSettings:
     """
 
     likelihood: PixelModel = ROBUST
+    visible_prior: torch.Tensor | None = field(default=None, compare=False, kw_only=True)
     stages: tuple[Stage, ...] = (
-        Stage(16, 6, sigma=4.0, scale=0.5, tolerance=20.0),
-        Stage(4, 8, sigma=4.0, scale=0.5, tolerance=5.0),
-        Stage(2, 25, tolerance=1.0),
+        Stage(16, 8, sigma=4.0, scale=0.5, tolerance=20.0),
+        Stage(6, 10, sigma=4.0, scale=0.5, tolerance=5.0),
+        Stage(4, 12, sigma=2.0, tolerance=5.0),
+        Stage(2, 30, tolerance=0.5),
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0

@@ -1,10 +1,12 @@
 """Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
 
+from vig.likelihood.alpha import log_prior_of, visible_map, visible_share
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
 from vig.likelihood.gaussian import GAUSSIAN
 from vig.likelihood.kernels import load_kernels
 from vig.likelihood.pixel import NEVER, PixelModel, mixture
 from vig.likelihood.robust import ROBUST
+from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
 from vig.likelihood.surroundings import log_colour_density
 from vig.render.surface import FRAMING_COUNT
 
@@ -13,11 +15,17 @@ __all__ = [
     "GAUSSIAN",
     "NEVER",
     "ROBUST",
+    "SPATIAL",
     "Evaluation",
     "Likelihood",
     "Photos",
     "PixelModel",
+    "SpatialModel",
     "load_kernels",
     "log_colour_density",
+    "log_prior_of",
     "mixture",
+    "spatial_posterior",
+    "visible_map",
+    "visible_share",
 ]

@@ -1,0 +1,238 @@
+"""A spatial model of occlusion: neighbouring pixels of the object are hidden, or visible, together.
+
+Under Eq. 3 each covered pixel is visible (h = 1) or hidden (h = 0) on its own. Here
+
+    log p(h | c) = sum_i h_i u_i - sum_(i,j) w_ij [h_i != h_j] + constant
+
+over the eight neighbours j of each pixel i: u_i is Eq. 3's log odds of i being visible, and
+
+    w_ij = coupling / distance_ij * exp(-|c_i - c_j|^2 / (2 contrast^2)),
+
+so that a change from visible to hidden is cheap only across an edge of the photo (colours c in sRGB). Pixels
+beyond the silhouette do not show the object: h_j = 0 there, at the strength `rim` in place of `coupling`, as
+what hides an object goes on beside it. Mean field approximates the posterior by independent q_i with
+
+    logit q_i = u_i + sum_j w_ij (2 q_j - 1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from vig.likelihood.pixel import NEVER, PixelModel
+from vig.scene import srgb_from_linear
+
+NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
+"""Steps (down, right) to half of a pixel's eight neighbours; the other half are the same links backwards."""
+
+RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
+"""Standard deviations in sRGB, equally likely, of a visible pixel's distance from a finished fit."""
+
+CAPACITY_PER_NAT = 1000
+
+SETTLING = 6
+"""Rounds in which a cut settles pixels beforehand."""
+
+DAMPING = 0.5
+"""Share of the old q that an update keeps: all pixels change at once, and would swing without it."""
+
+
+@dataclass(frozen=True)
+class SpatialModel(PixelModel):
+    """The robust pixel model, and in the mask of the fit neighbours that agree.
+
+    coupling: nats that two alike neighbours lose where one is visible and the other hidden. rim: the same for
+    a visible pixel beside one beyond the silhouette. contrast: distance of colours in sRGB, a standard
+    deviation, over which the coupling fades. sweeps: updates of all pixels.
+    """
+
+    coupling: float = 10.0
+    rim: float = 2.0
+    contrast: float = 0.1
+    sweeps: int = 5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.coupling >= 0 and self.rim >= 0):
+            raise ValueError(f"coupling and rim must be at least 0 nats; got {self.coupling}, {self.rim}")
+        if not self.contrast > 0:
+            raise ValueError(f"contrast must be a positive distance of sRGB colours; got {self.contrast}")
+        if self.sweeps < 1:
+            raise ValueError(f"sweeps must be at least 1; got {self.sweeps}")
+
+
+SPATIAL = SpatialModel(sigma=0.03, alpha=0.55)
+
+
+def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: torch.Tensor) -> torch.Tensor:
+    """Log odds of pixels being visible rather than hidden under a finished fit: Eq. 3 with wider tails.
+
+    observed, rendered (..., 3) linear RGB; log_prior (..., 3) as `PixelModel.log_prior`; result (...). In
+    place of one Gaussian of linear colour stands a mixture over `RESIDUAL_SCALES` of Gaussians of sRGB: what
+    a fit leaves is small in most places and large in few, and grows with brightness.
+    """
+    square = ((srgb_from_linear(observed) - srgb_from_linear(rendered)) ** 2).sum(-1)
+    normals = [
+        -square / (2 * scale**2) - 3 * math.log(scale * math.sqrt(2 * math.pi)) for scale in RESIDUAL_SCALES
+    ]
+    density = torch.stack(normals, dim=-1).logsumexp(-1) - math.log(len(RESIDUAL_SCALES))
+    # The hidden component is a density of linear colour: sRGB's slope there converts.
+    slope = (1 / 2.4 - 1) * observed.clamp_min(0.0031308).log() + math.log(1.055 / 2.4)
+    return log_prior[..., 0] - log_prior[..., 1] + density + slope.sum(-1)
+
+
+def links(
+    photo: torch.Tensor, covered: torch.Tensor, known: torch.Tensor, model: SpatialModel
+) -> torch.Tensor:
+    """Weights w_ij (N, 4, H, W) between each pixel and its neighbour a step of `NEIGHBOURS` away.
+
+    photo (N, H, W, 3) linear RGB; covered (N, H, W) bool; known (N, H, W) bool, pixels that were photographed
+    at all. Zero where the neighbour is outside the image, where either is not known, and between pixels that
+    are both beyond the silhouette.
+    """
+    colours = srgb_from_linear(photo)
+    weights = colours.new_zeros(len(photo), len(NEIGHBOURS), *photo.shape[1:3])
+    for index, step in enumerate(NEIGHBOURS):
+        here, there = _ends(step, *photo.shape[1:3])
+        square = ((colours[:, *here] - colours[:, *there]) ** 2).sum(-1)
+        inside, beside = covered[:, *here], covered[:, *there]
+        strength = model.coupling * (inside & beside) + model.rim * (inside ^ beside)
+        strength = strength * (known[:, *here] & known[:, *there])
+        fading = torch.exp(-square / (2 * model.contrast**2)) / math.hypot(*step)
+        weights[:, index][:, *here] = strength * fading
+    return weights
+
+
+def messages(visible: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """sum_j w_ij (2 q_j - 1): nats (N, H, W) by which its neighbours want a pixel visible, not hidden.
+
+    visible (N, H, W): q; covered (N, H, W) bool; weights from `links`.
+    """
+    return _gather(torch.where(covered, 2 * visible - 1, -1.0), weights)
+
+
+def mean_field(
+    start: torch.Tensor, log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor, sweeps: int
+) -> torch.Tensor:
+    """Posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0 elsewhere.
+
+    start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered
+    (N, H, W) bool; weights from `links`.
+    """
+    visible = torch.where(covered, start, 0.0)
+    for _ in range(sweeps):
+        update = (log_odds + messages(visible, covered, weights)).sigmoid()
+        visible = torch.where(covered, visible.lerp(update, 1 - DAMPING), 0.0)
+    return visible
+
+
+def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """The most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
+
+    Arguments as `mean_field`. Pixels that no choice of their free neighbours could turn are settled first, in
+    `SETTLING` rounds; the cut is of what is left, on the CPU, with capacities in whole numbers of
+    1 / `CAPACITY_PER_NAT` nats.
+    """
+    spin = torch.where(covered, 0.0, -1.0).to(log_odds)
+    for _ in range(SETTLING):
+        free = spin == 0
+        field, slack = log_odds + _gather(spin, weights), _gather(free.to(spin), weights)
+        spin = torch.where(free & (field.abs() > slack), field.sign(), spin)
+    free = spin == 0
+    alone = (log_odds + _gather(spin, weights)).double().cpu().numpy()
+    strengths, left = weights.double().cpu().numpy(), free.cpu().numpy()
+    visible = (spin > 0).cpu().numpy()
+    for image in np.flatnonzero(left.any((1, 2))):
+        visible[image][left[image]] = _cut(alone[image], strengths[image], left[image])
+    return torch.from_numpy(visible).to(covered.device)
+
+
+def spatial_posterior(
+    observed: torch.Tensor,
+    rendered: torch.Tensor,
+    log_prior: torch.Tensor,
+    covered: torch.Tensor,
+    model: SpatialModel,
+) -> torch.Tensor:
+    """Posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the silhouette.
+
+    observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
+    (N, H, W) bool. A log prior of `NEVER` for visible says that a pixel was not photographed: it ties no
+    others. The mean field starts at the most probable h, the best of its optima. Only the window that holds
+    what is covered is worked on.
+    """
+    result = torch.zeros_like(rendered[..., 0])
+    window = _window(covered)
+    if window is not None:
+        photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
+        log_odds = visible_log_odds(photo, fit, prior).to(result)
+        weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).to(result)
+        start = graph_cut(log_odds, inside, weights).to(result)
+        result[:, *window] = mean_field(start, log_odds, inside, weights, model.sweeps)
+    return result
+
+
+def _gather(values: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """sum_j w_ij x_j over the neighbours j of each pixel: values x (N, H, W), weights from `links`."""
+    total = torch.zeros_like(values)
+    for index, step in enumerate(NEIGHBOURS):
+        here, there = _ends(step, *values.shape[1:])
+        weight = weights[:, index][:, *here]
+        total[:, *here].addcmul_(weight, values[:, *there])
+        total[:, *there].addcmul_(weight, values[:, *here])
+    return total
+
+
+def _cut(log_odds: np.ndarray, weights: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The minimum cut of an image's M free pixels: (H, W), (4, H, W), (H, W) bool give h (M,) bool."""
+    count = int(free.sum())
+    number = np.full(free.shape, -1, np.int32)
+    number[free] = np.arange(count)
+    source, sink = count, count + 1
+    alone = log_odds[free]
+    everyone = number[free]
+    heads, tails = [np.full(count, source), everyone], [everyone, np.full(count, sink)]
+    capacities = [alone.clip(0), (-alone).clip(0)]
+    for step, weight in zip(NEIGHBOURS, weights, strict=True):
+        near, far = _ends(step, *free.shape)
+        here, there, strength = number[near].ravel(), number[far].ravel(), weight[near].ravel()
+        linked = (here >= 0) & (there >= 0) & (strength > 0)
+        heads += [here[linked], there[linked]]
+        tails += [there[linked], here[linked]]
+        capacities += [strength[linked]] * 2
+    capacity = np.rint(np.concatenate(capacities) * CAPACITY_PER_NAT).astype(np.int32)
+    used = capacity > 0
+    ends = np.concatenate(heads)[used], np.concatenate(tails)[used]
+    graph = csr_array((capacity[used], ends), shape=(count + 2, count + 2))
+    residual = graph - maximum_flow(graph, source, sink).flow
+    residual.eliminate_zeros()
+    visible = np.zeros(count + 2, bool)
+    visible[breadth_first_order(residual, source, return_predecessors=False)] = True
+    return visible[:count]
+
+
+def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Windows of all pixels that have a neighbour a step away, and of these neighbours, in the same order."""
+    pairs = []
+    for move, size in zip(step, (height, width), strict=True):
+        low, high = slice(0, max(size - abs(move), 0)), slice(abs(move), size)
+        pairs.append((low, high) if move >= 0 else (high, low))
+    (rows, rows_there), (columns, columns_there) = pairs
+    return (rows, columns), (rows_there, columns_there)
+
+
+def _window(covered: torch.Tensor) -> tuple[slice, slice] | None:
+    """Rows and columns with anything covered in any image, and one pixel more all round."""
+    bounds = []
+    for axis, size in ((2, covered.shape[1]), (1, covered.shape[2])):
+        used = covered.any(axis).any(0).nonzero()
+        if not len(used):
+            return None
+        bounds.append(slice(max(int(used[0]) - 1, 0), min(int(used[-1]) + 2, size)))
+    return bounds[0], bounds[1]
