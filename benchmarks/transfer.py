@@ -94,10 +94,11 @@ class Visibility:
     objects: scipy.sparse.csr_matrix
     ground: scipy.sparse.csr_matrix
     inside: np.ndarray
+    shaded: np.ndarray
 
 
 def look(
-    vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, normals: np.ndarray, side: int, seed: int
+    vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, normals: np.ndarray, side: int, seed: int, dark=None
 ) -> Visibility:
     """Cast side^2 rays from each of the points (N, 3) with unit normals (N, 3) against a mesh."""
     k = _kernels()
@@ -125,13 +126,14 @@ def look(
             ],
             device="cpu",
         )
-        parts.append(_gather(len(vertices), faces, origins, away, found.numpy(), weights.numpy()))
+        parts.append(_gather(len(vertices), faces, origins, away, found.numpy(), weights.numpy(), dark))
     return Visibility(
         np.concatenate([p.blocked for p in parts]),
         np.concatenate([p.lower for p in parts]),
         scipy.sparse.vstack([p.objects for p in parts]).tocsr(),
         scipy.sparse.vstack([p.ground for p in parts]).tocsr(),
         np.concatenate([p.inside for p in parts]),
+        np.concatenate([p.shaded for p in parts]),
     )
 
 
@@ -142,6 +144,7 @@ def _gather(
     away: np.ndarray,
     found: np.ndarray,
     weights: np.ndarray,
+    dark=None,
 ) -> Visibility:
     count, rays = found.shape
     values = basis(away)
@@ -159,6 +162,9 @@ def _gather(
     at = np.floor((met / GROUND_HALF + 1) / 2 * GROUND_CELLS).astype(int)
     near = ((at >= 0) & (at < GROUND_CELLS)).all(1)
     cell = np.where(near, at[:, 1] * GROUND_CELLS + at[:, 0], GROUND_CELLS**2)
+    shaded = np.zeros((count, L_COUNT))
+    if dark is not None:
+        np.add.at(shaded, row, dark[cell][:, None] * values[row, ray] * share)
     ground = scipy.sparse.csr_matrix(
         (np.full(len(row), share), (row, cell)), shape=(count, GROUND_CELLS**2 + 1)
     )
@@ -168,6 +174,7 @@ def _gather(
         objects,
         ground,
         behind.mean(1) > 0.3,
+        shaded,
     )
 
 
@@ -188,8 +195,10 @@ class Transporter:
         x, y = np.meshgrid(centres, centres)
         floor = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.0)], 1)
         up = np.tile([0.0, 0.0, 1.0], (len(floor), 1))
-        own = look(vertices, faces, vertices, normals, side, seed)
         grid = look(vertices, faces, floor, up, max(8, side // 2), seed + 1)
+        below = unoccluded(np.array([[0.0, 0.0, 1.0]]))[0, 0]
+        dark = np.append((grid.blocked[:, 0] / below) * 0.75, 0.0)
+        own = look(vertices, faces, vertices, normals, side, seed, dark)
         pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         pairs = np.concatenate([pairs, pairs[:, ::-1]])
         shape = (len(vertices), len(vertices))
@@ -197,13 +206,15 @@ class Transporter:
         neighbours.data[:] = 1
         return Transporter(normals, neighbours, own, grid)
 
-    def transfer(self, albedo: float = 0.0, ground: float | None = None, bounces: int = 4) -> np.ndarray:
+    def transfer(self, albedo: float = 0.0, ground: float | None = None, bounces: int = 4, contact=False) -> np.ndarray:
         """T (V, 9) for the object's albedo in its own bounces; ground: its albedo, None where there is none."""
         direct = unoccluded(self.normals) - self.own.blocked
         below = unoccluded(np.array([[0.0, 0.0, 1.0]])).repeat(len(self.grid.blocked), 0)
         floor_direct = np.concatenate([below - self.grid.blocked, below[:1]])
         if ground is not None:
             direct = direct - self.own.lower
+        if contact:
+            direct = direct - self.own.shaded
         result, floor = self.filled(direct), floor_direct
         for _ in range(bounces if albedo or ground else 0):
             new = direct + albedo * (self.own.objects @ result)
