@@ -1,9 +1,9 @@
 """Path-traces exported scenes for `benchmarks.self_shadow`: `python self_shadow_cycles.py FOLDER SETTING`.
 
 Runs where `examples/render_cycles.py` runs and uses it. For every FOLDER/NAME.npz that
-`vig.synthesis.build.export` wrote it leaves FOLDER/SETTING/NAME.npz with the arrays of that script. SETTING is
-`alone` (the object in the panorama), `support` (on a plain Lambertian plate, 1.6 m square, of the grey albedo
-`support_albedo` in NAME.json) or `scene` (everything).
+`vig.synthesis.build.export` wrote it leaves FOLDER/SETTING/NAME.npz with the arrays of that script.
+SETTING is `alone` (the object in the panorama), `support` (on a plain Lambertian plate, 1.6 m square, of
+the grey albedo `support_albedo` in NAME.json) or `scene` (everything).
 """
 
 from __future__ import annotations

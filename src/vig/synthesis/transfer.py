@@ -197,7 +197,7 @@ class Occlusion:
 
 
 def spread(values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
-    """Values (V, C) with the missing (V,) taken over from neighbours, ring by ring; 0 where none are in reach."""
+    """Values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in reach."""
     known = ~missing
     values = np.where(known[:, None], values, 0.0)
     while not known.all():
