@@ -2,10 +2,11 @@
 
     python -m benchmarks.self_shadow --blender-python cycles/bin/python --out runs/self_shadow [--count 48]
 
-needs an environment with `bpy`, as `examples/make_examples.py` says. Three settings: the object `alone`
-in its panorama, on a plain `support`, and the whole `scene` with room and props. Two tables each: residuals
-inside the object at the true latents under several models of shading, and the errors of fits with the
-default settings, from the recognition model and from the truth, without and with the transfer table.
+needs an environment with `bpy`, as `examples/make_examples.py` says. Settings: the object `alone` in its
+panorama, on a plain `support`, and the whole `scene` with room and props; and, not path-traced, the `raster`
+tier's image of that scene, where there are no shadows on the object. Two tables each: residuals inside
+the object at the true latents under several models of shading; errors of fits with the default settings,
+from the recognition model and from the truth, without and with the transfer table.
 The light that is true is the one that arrives at the object's place with the object removed.
 """
 
@@ -51,11 +52,12 @@ from vig.scene import (
 )
 from vig.synthesis.build import export
 from vig.synthesis.layout import sample
+from vig.synthesis.raster import render
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.transfer import ALBEDO, BOUNCES, FILE, Occlusion, neighbours_of, unoccluded
 from vig.synthesis.view import View
 
-SETTINGS = ("alone", "support", "scene")
+SETTINGS = ("alone", "support", "scene", "raster")
 MOST_OCCLUSION = 0.5
 GROUND_GUESS = 0.4
 RAY_SIDE = 20
@@ -104,17 +106,25 @@ def prepare(out: Path, object_class: ObjectClass, count: int, seed: int) -> None
         index += 1
 
 
-def traced(out: Path, setting: str, count: int) -> Iterator[Traced]:
+def traced(out: Path, setting: str, count: int, object_class: ObjectClass) -> Iterator[Traced]:
     """Read the traced images of one setting."""
     for path in sorted(out.glob("*.npz"))[:count]:
         about = json.loads(path.with_suffix(".json").read_text())
         spec = SceneSpec.from_json(json.dumps(about["spec"]))
-        with np.load(path) as arrays, np.load(out / setting / path.name) as result:
+        with np.load(path) as arrays:
             panorama = torch.from_numpy(project_panorama(arrays["panorama"]).T.copy())
+        above = rotate_z(panorama, spec.panorama_angle).numpy().T
+        if setting == "raster":
+            picture = render(spec, object_class)
+            photo = torch.from_numpy(linear_from_srgb(picture.image.astype(np.float32) / 255)).float()
+            light = np.repeat(np.array(spec.light)[:, None], 3, axis=1)
+            masks = picture.amodal.astype(float), picture.visible.astype(float)
+            yield Traced(spec, photo.numpy(), photo, light, light, *masks, about["support_albedo"])
+            continue
+        with np.load(out / setting / path.name) as result:
             local = project_panorama(result["probe"])
             image, whole, visible = result["image"], result["amodal"], result["visible"]
         gain = EXPOSURE_L00 / local[0]
-        above = rotate_z(panorama, spec.panorama_angle).numpy().T
         photo = torch.from_numpy((image * gain).astype(np.float32)).clamp(0, 1)
         photo = linear_from_srgb((srgb_from_linear(photo) * 255).round() / 255)
         yield Traced(
@@ -274,9 +284,9 @@ def main() -> None:
     prepare(arguments.out, object_class, arguments.count, arguments.seed)
     report: dict[str, dict] = {}
     for setting in arguments.settings:
-        if arguments.blender_python:
+        if arguments.blender_python and setting != "raster":
             subprocess.run([arguments.blender_python, TRACER, arguments.out, setting], check=True)
-        images = list(traced(arguments.out, setting, arguments.count))
+        images = list(traced(arguments.out, setting, arguments.count, object_class))
         each = [residuals(one, object_class, setting) for one in images]
         medians = {name: np.median([row[name] for row in each], axis=0).tolist() for name in each[0]}
         print(f"\n{setting}, {len(images)} images: relative residual with the true light, at its best")
