@@ -4,9 +4,9 @@
 
 needs an environment with `bpy`, as `examples/make_examples.py` says. Settings: the object `alone` in its
 panorama, on a plain `support`, and the whole `scene` with room and props; and, not path-traced, the `raster`
-tier's image of that scene, where there are no shadows on the object. Two tables each: residuals inside
-the object at the true latents under several models of shading; errors of fits with the default settings,
-from the recognition model and from the truth, without and with the transfer table.
+tier's image of that scene, where there are no shadows on the object. Two tables: residuals inside the
+object at the true latents under several models of shading (not for `raster`); errors of fits with the
+default settings, from the recognition model and from the truth, without and with the transfer table.
 The light that is true is the one that arrives at the object's place with the object removed.
 """
 
@@ -287,13 +287,16 @@ def main() -> None:
         if arguments.blender_python and setting != "raster":
             subprocess.run([arguments.blender_python, TRACER, arguments.out, setting], check=True)
         images = list(traced(arguments.out, setting, arguments.count, object_class))
-        each = [residuals(one, object_class, setting) for one in images]
-        medians = {name: np.median([row[name] for row in each], axis=0).tolist() for name in each[0]}
-        print(f"\n{setting}, {len(images)} images: relative residual with the true light, at its best")
-        print("exposure, with a grey light refitted; illumination error of that light")
-        for name, values in medians.items():
-            print(f"  {name:36}" + "".join(f"{value:9.4f}" for value in values))
-        report[setting] = {"residuals": medians}
+        report[setting] = {}
+        print(f"\n{setting}, {len(images)} images")
+        if setting != "raster":
+            each = [residuals(one, object_class, setting) for one in images]
+            medians = {name: np.median([row[name] for row in each], axis=0).tolist() for name in each[0]}
+            print("relative residual with the true light, at its best exposure, with a grey light refitted;")
+            print("illumination error of that light")
+            for name, values in medians.items():
+                print(f"  {name:36}" + "".join(f"{value:9.4f}" for value in values))
+            report[setting]["residuals"] = medians
         for start, from_truth in (("default fit", False), ("from the truth", True)):
             both = []
             for chosen in (None, table):
