@@ -163,3 +163,36 @@ def test_points_that_are_not_finite_are_refused(studio) -> None:
     point[0, 3] = float("nan")
     with pytest.raises(ValueError, match="points must be finite; got nan in column 3 of point 0"):
         likelihood.at(point, *studio.whose(1))
+
+
+def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> None:
+    """A transfer table adds D_0 + sum c_k D_k to the nine lobes of each vertex."""
+    table = teapot.transfer.astype(np.float64)
+    shadowed = Geometry(teapot.shape_model, torch.float64, transfer=table)
+    for seed in range(3):
+        given = case(studio, 50 + seed)
+        run = evaluated(shadowed, studio.camera, given)
+        seen = faces_seen(run, studio.camera)
+        point = given.point[0].requires_grad_()
+        value = constant_mask_value(
+            shadowed, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
+        )
+        value.backward()
+        assert run.value.item() == pytest.approx(value.item(), rel=1e-11)
+        scale = float(point.grad.abs().max())
+        torch.testing.assert_close(run.gradient[0], point.grad, rtol=1e-8, atol=1e-8 * scale)
+        used = (run.used[0].bool() & (run.irradiances[0] > 1e-3)).nonzero()[::60, 0]
+        jacobian = torch.autograd.functional.jacobian(
+            lambda p, used=used: shade(shadowed, studio.camera, p).irradiances[used], given.point[0].detach()
+        )
+        modes = shadowed.layout.modes
+        torch.testing.assert_close(
+            run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9
+        )
+        plain = evaluated(studio.geometry, studio.camera, given)
+        assert (run.irradiances - plain.irradiances)[0, used].abs().max() > 0.02
+
+
+def test_a_transfer_table_of_another_model_is_refused(teapot) -> None:
+    with pytest.raises(ValueError, match=r"transfer must be \(11, 2636, 9\) like the shape model"):
+        Geometry(teapot.shape_model, transfer=np.zeros((11, 5, 9), np.float32))

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import torch
 
+from vig.errors import UserError
 from vig.inference.objective import Objective
 from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings
@@ -14,12 +15,19 @@ from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density, log_pr
 from vig.recognition import Prediction
 from vig.render import Geometry
 from vig.scene import Camera, ObjectClass
+from vig.scene.object_class import TRANSFER_FILE
 
 
 @functools.lru_cache(maxsize=8)
-def geometry_of(object_class: ObjectClass, device: str = "cpu") -> Geometry:
-    """The renderer's matrices of a class, made once."""
-    return Geometry(object_class.shape_model, torch.float32, device)
+def geometry_of(object_class: ObjectClass, self_shadow: bool = False, device: str = "cpu") -> Geometry:
+    """The renderer's matrices of a class, made once. UserError for self-shadow without a table of it."""
+    if self_shadow and object_class.transfer is None:
+        raise UserError(
+            f"expected a class with {TRANSFER_FILE} to fit self-shadow; '{object_class.name}' has none."
+            " Fit without self-shadow, or make it by `python -m vig.synthesis.transfer`"
+        )
+    transfer = object_class.transfer if self_shadow else None
+    return Geometry(object_class.shape_model, torch.float32, device, transfer)
 
 
 def objective_of(
@@ -47,7 +55,7 @@ def objectives_of(
     if known is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(known[:, :, None], log_prior, unknown)
-    geometry, belief = geometry_of(object_class), belief_of(prediction, settings)
+    geometry, belief = geometry_of(object_class, settings.self_shadow), belief_of(prediction, settings)
     objectives = {}
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])

@@ -44,6 +44,8 @@ class ExplainSettings:
     the variances that it states.
     view_weight: nats for each nat of the recognition model's log probability of a view (azimuth) when ends of
     descents are compared: evidence counts pixels as independent, which they are not.
+    self_shadow: shade with the class's transfer table: what its parts take from and throw upon each other.
+    Photographs and path-traced images gain, images of our rasteriser, which has no such shadows, lose.
     free_framing: also fit the image's shift and magnification, for photos that were cropped by hand.
     silhouette: "exact", or "paper" for the authors' constant mask.
     """
@@ -60,6 +62,7 @@ class ExplainSettings:
     surroundings: float = 1.0
     belief_weight: float = 1.0
     view_weight: float = 300.0
+    self_shadow: bool = False
     free_framing: bool = False
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"

@@ -12,6 +12,7 @@ from vig.likelihood.kernels import PARTS, likelihood_kernels
 from vig.render import NOTHING, warp_array
 from vig.render.raster import KEYS_MARGIN
 from vig.render.surface import LANES
+from vig.scene.light import L_COUNT
 
 if TYPE_CHECKING:
     from vig.likelihood.evaluate import Likelihood
@@ -95,6 +96,17 @@ class Pass:
         columns_wp = warp_array(columns, wp.int32)
         background = warp_array(likelihood.background, wp.float64)
         self._kept: list[Any] = [columns]
+        self.shadow_rates, shadow_rates = numbers(1, 1)
+        self.on_light, on_light = numbers(1)
+        lobes = warp_array(tensor(1, L_COUNT), k.lobe_vector)
+        shadowed = geometry.transfer is not None
+        if shadowed:
+            self.lobes = tensor(vertices, L_COUNT)
+            lobes = warp_array(self.lobes, k.lobe_vector)
+            self.shadow_rates, shadow_rates = numbers(layout.modes + 1, vertices)
+            self.on_light, on_light = numbers(vertices)
+            self._cleared.append(self.on_light)
+        shadow = [int(shadowed), lobes]
         chunk = -(-vertices // PARTS)
         shared = [rotation, intrinsics, camera.distance]
         scene = [*shared, albedo, keys, likelihood.observed_wp, likelihood.log_prior_wp, photo, sigma]
@@ -146,6 +158,8 @@ class Pass:
                         geometry.ring_start_wp,
                         geometry.ring_wp,
                         geometry.basis_wp,
+                        *shadow,
+                        shadow_rates,
                         chunk,
                         derivatives,
                         normals,
@@ -250,6 +264,7 @@ class Pass:
                             width,
                             geometry.ring_start_wp,
                             geometry.ring_wp,
+                            *shadow,
                             chunk,
                             normals,
                             inverse_lengths,
@@ -257,6 +272,7 @@ class Pass:
                             on_corner,
                             on_normal,
                             on_world,
+                            on_light,
                             sums,
                         ],
                     )
@@ -298,11 +314,19 @@ class Pass:
             cleared.zero_()
         self._look.launch()
         torch.mm(self.inputs[:, : modes + 1], self.geometry.positions, out=self.world.view(self.count, -1))
+        transfer = self.geometry.transfer
+        if transfer is not None:
+            light = self.inputs[:, modes + 6 : modes + 15]
+            torch.mm(self.inputs[:, : modes + 1], transfer, out=self.lobes.view(self.count, -1))
+            torch.mm(light, transfer.view(-1, L_COUNT).T, out=self.shadow_rates.view(self.count, -1))
         for launch in self._program(derivatives, images):
             launch.launch()
         if derivatives:
             on_world = self.on_world.view(self.count, -1)
             torch.mm(on_world, self.geometry.positions[1:].T, out=self.shape_gradient)
+            if transfer is not None:
+                rates = self.shadow_rates[:, 1:]
+                self.shape_gradient += (rates @ self.on_light[:, :, None])[:, :, 0]
             for rows, filled, product in zip(self.rows, self.row_count.tolist(), self.products, strict=True):
                 kept = rows[: min(filled, len(rows))]
                 torch.mm(kept.T, kept, out=product)

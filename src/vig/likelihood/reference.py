@@ -8,7 +8,8 @@ import torch
 
 from vig.likelihood.pixel import mixture
 from vig.render import Geometry
-from vig.scene import Camera, Latents, camera_rotation, irradiance
+from vig.scene import Camera, Latents, camera_rotation, irradiance, sh_basis
+from vig.scene.light import COSINE_LOBE, L_COUNT
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,17 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     across = torch.linalg.cross(b - a, c - a)
     normals = torch.zeros_like(world).index_add(0, geometry.faces.long().T.reshape(-1), across.repeat(3, 1))
     normals = normals / normals.norm(dim=1, keepdim=True).clamp_min(1e-30)
-    return Shaded(screen, normals, irradiance(latents.light, normals))
+    return Shaded(screen, normals, _irradiance(geometry, latents, normals))
+
+
+def _irradiance(geometry: Geometry, latents: Latents, normals: torch.Tensor) -> torch.Tensor:
+    """Eq. 1 at the vertices, with self-shadow where the geometry has a table of it."""
+    if geometry.transfer is None:
+        return irradiance(latents.light, normals)
+    with_one = torch.cat([latents.shape.new_ones(1), latents.shape[0]])
+    change = (with_one @ geometry.transfer).view(-1, L_COUNT)
+    lobe = torch.tensor(COSINE_LOBE, dtype=normals.dtype)
+    return ((lobe * sh_basis(normals) + change) @ latents.light[0]).clamp_min(0.0)
 
 
 def irradiance_at(

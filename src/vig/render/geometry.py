@@ -9,6 +9,7 @@ import warp as wp
 from vig.render.device import warp_array
 from vig.render.surface import RowLayout, surface_functions
 from vig.scene import ShapeModel
+from vig.scene.light import L_COUNT
 
 
 class Geometry:
@@ -16,10 +17,17 @@ class Geometry:
 
     positions (K + 1, V * 3): mean and components, so that (1, coefficients) @ positions are the vertices.
     faces (F, 3), edges (E, 5), ring_start (V + 1,) and ring (R, 3), all int32: see `edges_of`, `rings_of`.
-    basis (V, 3, padded K): the components again, one row per vertex and axis.
+    basis (V, 3, padded K): the components again, one row per vertex and axis. transfer (K + 1, V * 9) or
+    None: what self-shadow and bounces add to the lobes A_l Y_lm of each vertex, see `ObjectClass.transfer`.
     """
 
-    def __init__(self, model: ShapeModel, dtype: torch.dtype = torch.float32, device: str = "cpu"):
+    def __init__(
+        self,
+        model: ShapeModel,
+        dtype: torch.dtype = torch.float32,
+        device: str = "cpu",
+        transfer: np.ndarray | None = None,
+    ):
         self.model, self.dtype, self.device = model, dtype, device
         self.layout = RowLayout(model.modes)
         stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)
@@ -27,6 +35,12 @@ class Geometry:
         padded = np.zeros((len(model.mean), 3, self.layout.shape))
         padded[:, :, : model.modes] = model.basis.transpose(1, 2, 0)
         self.basis = torch.from_numpy(padded).to(device, dtype)
+        self.transfer: torch.Tensor | None = None
+        if transfer is not None:
+            expected = (model.modes + 1, len(model.mean), L_COUNT)
+            if transfer.shape != expected:
+                raise ValueError(f"transfer must be {expected} like the shape model; got {transfer.shape}")
+            self.transfer = torch.from_numpy(transfer.reshape(len(transfer), -1)).to(device, dtype)
         faces = np.ascontiguousarray(model.faces, np.int32)
         start, ring = rings_of(faces, len(model.mean))
         self.faces, self.edges, self.ring_start, self.ring = (

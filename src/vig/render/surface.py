@@ -66,6 +66,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     vec2, vec3, vec4 = (wp.types.vector(length, real) for length in (2, 3, 4))
     mat33 = wp.types.matrix((3, 3), real)
     shape_row, rest_row = wp.types.vector(layout.shape, real), wp.types.vector(LANES, real)
+    lobe_vector = wp.types.vector(L_COUNT, real)
     azimuth, elevation, light_at, irradiance_at = AZIMUTH, ELEVATION, LIGHT, IRRADIANCE
     framing = FRAMING
     flat = real(COSINE_LOBE[0] * Y00)
@@ -247,6 +248,13 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         pull_surface(image, s, lit, off * lit, depth, off * depth, screen, irradiances, on_corner)
 
     @wp.func
+    def add_lobes(row: rest_row, change: lobe_vector):
+        """Add to a row's light columns."""
+        for i in range(9):
+            row[light_at + i] = row[light_at + i] + change[i]
+        return row
+
+    @wp.func
     def lobes(n: vec3):
         """A_l Y_lm(n) in a row's light columns."""
         row = rest_row()
@@ -303,6 +311,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         mat33=mat33,
         shape_row=shape_row,
         rest_row=rest_row,
+        lobe_vector=lobe_vector,
         layout=layout,
         Eye=Eye,
         Surface=Surface,
@@ -316,6 +325,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         pull_surface=pull_surface,
         pull_pixel=pull_pixel,
         lobes=lobes,
+        add_lobes=add_lobes,
         light_slope=light_slope,
         moved=moved,
         irradiance_at=irradiance_at,

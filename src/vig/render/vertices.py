@@ -28,7 +28,9 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     ring_normal, ring_row, ring_pull = f.ring_normal, f.ring_row, f.ring_pull
     shape_row, rest_row = f.shape_row, f.rest_row
     eye_of, camera_cotangent, turned = f.eye_of, f.camera_cotangent, f.turned
-    lobes, light_slope, moved, irradiance_at = f.lobes, f.light_slope, f.moved, f.irradiance_at
+    lobes, add_lobes, lobe_vector = f.lobes, f.add_lobes, f.lobe_vector
+    light_slope, moved, irradiance_at = f.light_slope, f.moved, f.irradiance_at
+    modes_ = modes
     near = real(NEAR)
     azimuth_at, light_from, framing_from = modes + 1, modes + 6, modes + 15
     azimuth, elevation, light_at = AZIMUTH, ELEVATION, LIGHT
@@ -92,6 +94,9 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         ring_start: wp.array(dtype=wp.int32),
         ring: wp.array2d(dtype=wp.int32),
         basis: wp.array2d(dtype=shape_row),
+        shadowed: int,
+        lobe_changes: wp.array2d(dtype=lobe_vector),
+        shadow_rates: wp.array3d(dtype=real),
         chunk: int,
         differentiate: int,
         normals: wp.array2d(dtype=vec3),
@@ -100,7 +105,11 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         shape_rows: wp.array2d(dtype=shape_row),
         rest_rows: wp.array2d(dtype=rest_row),
     ):
-        """Normals and irradiance of the vertices in use, and the irradiance's row of derivatives."""
+        """Normals and irradiance of the vertices in use, and the irradiance's row of derivatives.
+
+        With self-shadow, lobe_changes are added to the nine lobes, and shadow_rates (K + 1, V) to the
+        irradiance's derivatives with respect to shape.
+        """
         image, part = wp.tid()
         shining = light[image]
         first = part * chunk
@@ -113,6 +122,8 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                     inverse = real(1.0) / length
                 normal = normal * inverse
                 row = lobes(normal)
+                if shadowed != 0:
+                    row = add_lobes(row, lobe_changes[image, vertex])
                 total = wp.dot(row, shining)
                 normals[image, vertex] = normal
                 inverse_lengths[image, vertex] = inverse
@@ -126,6 +137,11 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                     else:
                         row = rest_row()
                     ring_row(image, vertex, tangent, world, ring_start, ring, basis, shape_rows)
+                    if shadowed != 0 and total > real(0.0):
+                        by_shape = shape_rows[image, vertex]
+                        for mode in range(modes_):
+                            by_shape[mode] = by_shape[mode] + shadow_rates[image, mode + 1, vertex]
+                        shape_rows[image, vertex] = by_shape
                     rest_rows[image, vertex] = row
 
     @wp.kernel(module=module)
@@ -140,6 +156,8 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         width: int,
         ring_start: wp.array(dtype=wp.int32),
         ring: wp.array2d(dtype=wp.int32),
+        shadowed: int,
+        lobe_changes: wp.array2d(dtype=lobe_vector),
         chunk: int,
         normals: wp.array2d(dtype=vec3),
         inverse_lengths: wp.array2d(dtype=real),
@@ -147,10 +165,12 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         on_corner: wp.array2d(dtype=vec4),
         on_normal: wp.array2d(dtype=vec3),
         on_world: wp.array2d(dtype=vec3),
+        on_light: wp.array2d(dtype=real),
         sums: wp.array2d(dtype=rest_row),
     ):
         """The way back: cotangents on the screen, irradiance and camera-frame normals of the vertices become
-        those on world places (added to on_world) and on pose, light and framing (sums, one per chunk)."""
+        those on world places (added to on_world) and on pose, light and framing (sums, one per chunk). With
+        self-shadow on_light takes the cotangent on each vertex's irradiance."""
         image, part = wp.tid()
         shining = light[image]
         eye = eye_of(rotation[image], distance, intrinsics[image], width)
@@ -168,7 +188,11 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                 by_normal = vec3()
                 if irradiances[image, vertex] > real(0.0):
                     strength = pulled[3]
-                    total = total + lobes(normal) * strength
+                    row = lobes(normal)
+                    if shadowed != 0:
+                        row = add_lobes(row, lobe_changes[image, vertex])
+                        on_light[image, vertex] = strength
+                    total = total + row * strength
                     by_normal = light_slope(shining, normal) * strength
                 turning = on_normal[image, vertex]
                 if turning[0] != real(0.0) or turning[1] != real(0.0):

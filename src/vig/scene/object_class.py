@@ -14,6 +14,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene.shape_model import ShapeModel
 
+TRANSFER_FILE = "transfer.safetensors"
 PACKAGED = Path(__file__).parents[1] / "classes"
 
 
@@ -23,7 +24,9 @@ class ObjectClass:
 
     target_height: metres above the base at which the camera looks. light_prior_mean (9,) and
     light_prior_covariance (9, 9): a Gaussian over SH lights in the world frame at the paper's exposure.
-    folder: where it was read from, None when built in memory.
+    folder: where it was read from, None when built in memory. transfer (K + 1, V, 9), or None: how
+    self-shadow and light thrown from part to part change the nine lobes of each vertex, for the mean shape
+    and per component (`vig.synthesis.transfer`).
     """
 
     name: str
@@ -32,6 +35,7 @@ class ObjectClass:
     light_prior_mean: np.ndarray
     light_prior_covariance: np.ndarray
     folder: Path | None = None
+    transfer: np.ndarray | None = None
 
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
@@ -77,6 +81,9 @@ class ObjectClass:
             description = json.loads((folder / "class.json").read_text())
             arrays = load_file(folder / "shape.safetensors")
             prior = description["light_prior"]
+            transfer = None
+            if (folder / TRANSFER_FILE).is_file():
+                transfer = load_file(folder / TRANSFER_FILE)["transfer"].astype(np.float32)
             return ObjectClass(
                 description["name"],
                 ShapeModel(
@@ -91,6 +98,7 @@ class ObjectClass:
                 np.array(prior["mean"]),
                 np.array(prior["covariance"]),
                 folder,
+                transfer,
             )
         except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
             raise UserError(
