@@ -84,7 +84,9 @@ def pack(scenes: Sequence[Scene]) -> Packed:
     starts = _starts([(f, v, len(uv)) for (f, v, _), uv in zip(counts, coordinates, strict=True)])
     device = like.device
 
-    def whole(numbers: list, shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64) -> torch.Tensor:
+    def whole(
+        numbers: list, shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
+    ) -> torch.Tensor:
         return torch.tensor(numbers, dtype=dtype, device=device).reshape(shape)
 
     def numbered(index: int) -> torch.Tensor:
@@ -181,7 +183,9 @@ def _lights(
 def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
     if scene.background is None:
         return like.new_zeros(1, 1, 1, 3)
-    return scene.background.reshape(1, *((1, 1) if scene.background.ndim == 1 else ()), *scene.background.shape)
+    return scene.background.reshape(
+        1, *((1, 1) if scene.background.ndim == 1 else ()), *scene.background.shape
+    )
 
 
 def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Tensor) -> None:
@@ -211,7 +215,10 @@ def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
     _check(f"normals of {name}", item.normals, [(count, 3)], like)
     coordinates = item.texture_coordinates
     _check(
-        f"texture_coordinates of {name}", coordinates, [(0 if coordinates is None else len(coordinates), 2)], like
+        f"texture_coordinates of {name}",
+        coordinates,
+        [(0 if coordinates is None else len(coordinates), 2)],
+        like,
     )
     if item.texture is None:
         return

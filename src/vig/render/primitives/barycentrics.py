@@ -94,9 +94,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         dz = vec3(da[2], db[2], dc[2])
         e = edges_at(oa, ob, oc, z)
         # Every edge function is bilinear in two corners: the product rule, three terms of it at once.
-        dn = vec3(
-            cross(tb, oc) + cross(ob, tc), cross(tc, oa) + cross(oc, ta), cross(ta, ob) + cross(oa, tb)
-        )
+        dn = vec3(cross(tb, oc) + cross(ob, tc), cross(tc, oa) + cross(oc, ta), cross(ta, ob) + cross(oa, tb))
         by_place = edges_at(ta, tb, tc, z)
         by_depth = edges_at(oa, ob, oc, dz)
         dnx = by_place.nx + by_depth.nx
@@ -161,15 +159,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
             nx[2] * oa[1] - nx[0] * oc[1] + ny[0] * oc[0] - ny[2] * oa[0],
             nx[0] * ob[1] - nx[1] * oa[1] + ny[1] * oa[0] - ny[0] * ob[0],
         )
-        wp.atomic_add(
-            result, corners[row, 0], vec3(on_a[0], on_a[1], on_z[0] - x * on_a[0] - y * on_a[1])
-        )
-        wp.atomic_add(
-            result, corners[row, 1], vec3(on_b[0], on_b[1], on_z[1] - x * on_b[0] - y * on_b[1])
-        )
-        wp.atomic_add(
-            result, corners[row, 2], vec3(on_c[0], on_c[1], on_z[2] - x * on_c[0] - y * on_c[1])
-        )
+        wp.atomic_add(result, corners[row, 0], vec3(on_a[0], on_a[1], on_z[0] - x * on_a[0] - y * on_a[1]))
+        wp.atomic_add(result, corners[row, 1], vec3(on_b[0], on_b[1], on_z[1] - x * on_b[0] - y * on_b[1]))
+        wp.atomic_add(result, corners[row, 2], vec3(on_c[0], on_c[1], on_z[2] - x * on_c[0] - y * on_c[1]))
 
     return SimpleNamespace(forward=forward, tangent=tangent, backward=backward, vec3=vec3, vec9=vec9)
 

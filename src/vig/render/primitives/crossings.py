@@ -203,9 +203,7 @@ def find_crossings(
     Edges with an end nearer than NEAR to the eye's plane are left out. Nothing of the result has a
     derivative: see `antialias`.
     """
-    rims, cells, hidden = opaque(
-        functools.partial(_search, size=size), points.detach(), faces, edges, layer
-    )
+    rims, cells, hidden = opaque(functools.partial(_search, size=size), points.detach(), faces, edges, layer)
     cells = cells[(hidden == 0).nonzero().squeeze(1)].long()
     rim, axis, image, y, x = cells.unbind(1)
     _, height, width = size

@@ -127,5 +127,7 @@ def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.
     weights.
     """
     if attributes.dtype != weights.dtype:
-        raise ValueError(f"attributes are {attributes.dtype}, weights {weights.dtype}; give both the same type")
+        raise ValueError(
+            f"attributes are {attributes.dtype}, weights {weights.dtype}; give both the same type"
+        )
     return _Interpolate.apply(attributes.contiguous(), corners.contiguous(), weights.contiguous())

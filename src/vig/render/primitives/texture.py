@@ -215,7 +215,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     )
 
 
-def _run(name: str, arguments: tuple[torch.Tensor, ...], more: list[wp.array], outputs: list[wp.array]) -> None:
+def _run(
+    name: str, arguments: tuple[torch.Tensor, ...], more: list[wp.array], outputs: list[wp.array]
+) -> None:
     texels, levels, first, texture, uv, footprint = arguments
     kernels = _kernels(texels.dtype)
     inputs = [
@@ -273,7 +275,9 @@ class _Texture(torch.autograd.Function):
         return on_texels, None, None, None, on_uv, on_footprint
 
     @staticmethod
-    def jvp(ctx: Any, texels_moved: Any, _: Any, __: Any, ___: Any, uv_moved: Any, footprint_moved: Any) -> Any:
+    def jvp(
+        ctx: Any, texels_moved: Any, _: Any, __: Any, ___: Any, uv_moved: Any, footprint_moved: Any
+    ) -> Any:
         texels, levels, first, texture, uv, footprint = ctx.saved_tensors
         uv_moved = torch.zeros_like(uv) if uv_moved is None else uv_moved
         footprint_moved = torch.zeros_like(footprint) if footprint_moved is None else footprint_moved
