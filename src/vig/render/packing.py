@@ -136,11 +136,12 @@ def _none(device: torch.device, columns: int) -> torch.Tensor:
     return torch.zeros((0, columns), dtype=torch.int32, device=device)
 
 
-def _starts(counts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+def _starts(counts: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
     """Running sums from zero, one more row than counts."""
     rows = [(0, 0, 0)]
     for row in counts:
-        rows.append(tuple(a + b for a, b in zip(rows[-1], row, strict=True)))
+        last = rows[-1]
+        rows.append((last[0] + row[0], last[1] + row[1], last[2] + row[2]))
     return rows
 
 

@@ -14,11 +14,11 @@ def shade(
     direction: torch.Tensor,
     radiance: torch.Tensor,
 ) -> torch.Tensor:
-    """Reflected colour (N, 3) of white surfaces: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . direction).
+    """What white surfaces reflect, (N, 3): max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . direction).
 
-    normals (N, 3): unit, world frame. owner (N,): which of the O lights below shines on each. light (O, 9, 3):
-    SH coefficients of incident radiance, RGB. direction (O, 3): unit, towards a distant lamp. radiance
-    (O, 3): what a white surface that faces the lamp reflects of it. No shadows.
+    normals (N, 3): unit, world frame. owner (N,): which of the O lights below shines on each. light
+    (O, 9, 3): SH coefficients of incident radiance, RGB. direction (O, 3): unit, towards a distant lamp.
+    radiance (O, 3): what a white surface that faces the lamp reflects of it. No shadows.
     """
     lobe = torch.tensor(COSINE_LOBE, dtype=normals.dtype, device=normals.device)
     basis = sh_basis(normals) * lobe

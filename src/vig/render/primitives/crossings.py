@@ -82,7 +82,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         image = layer[edges[edge, 4]]
         pa = vec2(a[0], a[1]) / a[2]
         pb = vec2(b[0], b[1]) / b[2]
-        found = int(0)
+        found = wp.int32(0)
         for axis in range(2):
             # u runs along the pair of pixels, v across: (x, y) for pairs in a row, (y, x) in a column.
             across = 1 - axis
@@ -231,17 +231,18 @@ def _search(
     """Indices of the rims, all their crossings (M, 5), and which of these are hidden (M,)."""
     kernels, device = _kernels(points.dtype), device_of(points)
     images, height, width = size
-    on = {"device": points.device}
     seen = [warp_array(points, kernels.vec3), warp_array(edges, wp.int32)]
-    flags = torch.empty(len(edges), dtype=torch.uint8, **on)
+    flags = torch.empty(len(edges), dtype=torch.uint8, device=points.device)
     wp.launch(kernels.find_rims, dim=len(edges), inputs=[*seen, warp_array(flags, wp.uint8)], device=device)
     rims = flags.nonzero().squeeze(1)
     rims_wp, layer_wp = warp_array(rims, wp.int64), warp_array(layer, wp.int32)
-    counts = torch.zeros(len(rims), dtype=torch.int32, **on)
-    heads = torch.full((images, 2, height, width), -1, dtype=torch.int32, **on)
+    counts = torch.zeros(len(rims), dtype=torch.int32, device=points.device)
+    heads = torch.full((images, 2, height, width), -1, dtype=torch.int32, device=points.device)
     heads_wp = warp_array(heads, wp.int32)
 
-    def cross(fill: int, ends: torch.Tensor, cells: torch.Tensor, links: torch.Tensor, spots: torch.Tensor):
+    def cross(
+        fill: int, ends: torch.Tensor, cells: torch.Tensor, links: torch.Tensor, spots: torch.Tensor
+    ) -> None:
         wp.launch(
             kernels.cross_lines,
             dim=len(rims),
@@ -256,13 +257,13 @@ def _search(
         )
 
     def room(total: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        cells = torch.empty((total, 5), dtype=torch.int32, **on)
-        return cells, torch.empty(total, dtype=torch.int32, **on), points.new_empty(total, 3)
+        cells = torch.empty((total, 5), dtype=torch.int32, device=points.device)
+        return cells, torch.empty(total, dtype=torch.int32, device=points.device), points.new_empty(total, 3)
 
     cross(0, counts, *room(0))
     ends = counts.cumsum(0).int()
     cells, links, spots = room(int(ends[-1]) if len(ends) else 0)
-    hidden = torch.zeros(len(cells), dtype=torch.uint8, **on)
+    hidden = torch.zeros(len(cells), dtype=torch.uint8, device=points.device)
     if len(cells) == 0:
         return rims, cells, hidden
     cross(1, ends, cells, links, spots)

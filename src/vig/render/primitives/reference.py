@@ -128,7 +128,7 @@ def visible_crossings(
             continue
         pixel_a, pixel_b = points[a, :2] / points[a, 2], points[b, :2] / points[b, 2]
         if beyond >= 0:
-            # The side of the line a to b on which a face lies: the sign of a determinant of homogeneous points.
+            # On which side of the line a to b a face lies: the sign of a determinant of homogeneous points.
             sides = [torch.linalg.det(torch.stack([points[a], points[b], points[c]])) for c in (apex, beyond)]
             if sides[0] * sides[1] <= 0:
                 continue

@@ -145,7 +145,8 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                 depth = depth_inside(weights, a, b, c)
                 if depth >= near:
                     # Positive floats are ordered like the whole numbers of the same bits.
-                    rank = wp.int64(wp.cast(wp.float32(depth), wp.int32))
+                    bits = wp.cast(wp.float32(depth), wp.int32)
+                    rank = wp.int64(bits)  # type: ignore[arg-type]
                     wp.atomic_min(keys, layer[face], y, x, (rank << wp.int64(32)) | wp.int64(face))
 
     return SimpleNamespace(draw=draw, vec3=vec3)
