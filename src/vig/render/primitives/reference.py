@@ -58,15 +58,15 @@ def barycentrics(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tens
     """Weights by their definition, and their derivatives along the screen by the quotient rule."""
     x, y = (pixels.to(points.dtype) + 0.5).unbind(1)
     triangles = points[corners.long()]
-
-    def weights(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
-        functions = _edge_functions(triangles, x, y)
-        return functions / functions.sum(1, keepdim=True)
-
-    one, zero = torch.ones_like(x), torch.zeros_like(x)
-    right = torch.func.jvp(weights, (x, y), (one, zero))[1]
-    down = torch.func.jvp(weights, (x, y), (zero, one))[1]
-    return torch.stack([weights(x, y), right, down], dim=1)
+    functions = _edge_functions(triangles, x, y)
+    total = functions.sum(1, keepdim=True)
+    weights = functions / total
+    rows = [weights]
+    for step_x, step_y in ((1, 0), (0, 1)):
+        # Edge functions are linear in x and y: one whole step is their derivative.
+        change = _edge_functions(triangles, x + step_x, y + step_y) - functions
+        rows.append((change - weights * change.sum(1, keepdim=True)) / total)
+    return torch.stack(rows, dim=1)
 
 
 def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
