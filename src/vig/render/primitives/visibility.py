@@ -82,6 +82,11 @@ def screen_functions(dtype: torch.dtype) -> SimpleNamespace:
     @wp.func
     def box_of(a: vec3, b: vec3, c: vec3):
         """Bounding box in pixels of what lies beyond the near plane; empty where nothing does."""
+        if wp.min(a[2], wp.min(b[2], c[2])) >= near:
+            pa = vec2(a[0], a[1]) / a[2]
+            pb = vec2(b[0], b[1]) / b[2]
+            pc = vec2(c[0], c[1]) / c[2]
+            return wp.min(pa, wp.min(pb, pc)), wp.max(pa, wp.max(pb, pc))
         low = vec2(real(1.0e9), real(1.0e9))
         high = vec2(real(-1.0e9), real(-1.0e9))
         low, high = seen_of_edge(a, b, low, high)
