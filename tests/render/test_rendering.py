@@ -21,6 +21,7 @@ from vig.render import (
     rasterize,
     render,
 )
+from vig.render.shading import smooth_normals
 from vig.scene import Camera, ObjectClass
 
 SCENES = int(os.environ.get("VIG_GRADIENT_SCENES", "3"))
@@ -267,3 +268,35 @@ def test_what_cannot_be_drawn_is_refused(world: Callable) -> None:
         render(scene, shading="phong")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="samples"):
         render(scene, samples=0)
+
+
+def test_an_image_is_the_crop_of_a_larger_one(world: Callable) -> None:
+    # Edges that leave the image are blended in its outermost pixels like anywhere else.
+    made = world(np.random.default_rng(13))
+    inputs = {**made.inputs, "centre": torch.tensor([5.0, 8], dtype=torch.float64)}
+    scene = replace(made.build(inputs), background=torch.rand(3, dtype=torch.float64))
+    camera = replace(scene.camera, width=44, height=40, centre=scene.camera.centre + torch.tensor([7.0, 3]))
+    small, large = render(scene), render(replace(scene, camera=camera))
+    assert small.coverage[0, 0].any() or small.coverage[0, :, 0].any()
+    torch.testing.assert_close(small.rgb, large.rgb[:, 3:35, 7:39])
+    torch.testing.assert_close(small.full_masks, large.full_masks[..., 3:35, 7:39])
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_the_background_is_where_nothing_is(samples: int) -> None:
+    background = torch.rand(30, 40, 3)
+    scene = Scene([ball((0.0, 0, 0.5), (1.0, 0, 0))], AHEAD, background=background)
+    seen = render(scene, samples=samples)
+    bare = seen.coverage[0] == 0
+    assert 0.5 < bare.float().mean() < 0.9
+    torch.testing.assert_close(seen.rgb[0][bare], background[bare])
+
+
+def test_normals_given_with_an_object_turn_with_it(world: Callable) -> None:
+    made = world(np.random.default_rng(14))
+    item = made.scene.objects[0]
+    own = smooth_normals(item.vertices, item.topology.faces)
+    with_normals = replace(made.scene, objects=[replace(item, normals=2 * own), made.scene.objects[1]])
+    torch.testing.assert_close(render(with_normals).rgb, render(made.scene).rgb)
+    turned = replace(item, normals=own.roll(1, dims=1))
+    assert not torch.equal(render(replace(made.scene, objects=[turned])).rgb, render(made.scene).rgb)
