@@ -1,8 +1,8 @@
-"""Finds the pose of a textured teapot, and the light on it, from one picture: gradient descent through `render`.
+"""Finds the pose of a textured teapot and the light on it from one picture, by gradient descent.
 
     python examples/fit_pose_and_light.py [--out DIRECTORY]
 
-The picture is drawn with anti-aliasing by 4 x 4 samples a pixel and noise is added. The fit starts some 15
+The gradient comes through `vig.render.render`. The picture is drawn with anti-aliasing by 4 x 4 samples a pixel and noise is added. The fit starts some 15
 degrees and two centimetres off, under a flat grey light, and sees only the picture: the loss is the plain
 mean square of the difference in colour. Prints the errors before and after; a few seconds on one core.
 """
@@ -92,8 +92,8 @@ def main() -> None:
         return f"{turned:6.2f} degrees, {shifted:6.2f} mm, light {lit.square().mean().sqrt().item():.3f}"
 
     print(f"start: {errors()}")
-    groups = [{"params": [turn], "lr": 0.02}, {"params": [shift], "lr": 0.002}, {"params": [light], "lr": 0.1}]
-    optimizer = torch.optim.Adam(groups)
+    rates = [(turn, 0.02), (shift, 0.002), (light, 0.1)]
+    optimizer = torch.optim.Adam([{"params": [what], "lr": rate} for what, rate in rates])
     decay = torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.02 ** (1 / STEPS))
     began = time.perf_counter()
     for _ in range(STEPS):
@@ -104,7 +104,7 @@ def main() -> None:
         decay.step()
     seconds = time.perf_counter() - began
     print(f"fit:   {errors()} (root mean square over directions, of {true_light[0].item():.1f} L00)")
-    print(f"{STEPS} steps of {1000 * seconds / STEPS:.1f} ms, residual {loss.item() ** 0.5:.4f}; noise is 0.01")
+    print(f"{STEPS} steps of {1000 * seconds / STEPS:.1f} ms; residual {loss.item() ** 0.5:.4f}, noise 0.01")
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         row = torch.cat([photo, start, draw(turn, shift, light).detach()], dim=1).numpy()

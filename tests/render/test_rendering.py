@@ -69,22 +69,23 @@ def test_every_input_has_the_derivative_of_central_differences(
         gradients = torch.autograd.grad(loss(leaves), list(leaves.values()))
         for (name, value), gradient in zip(made.inputs.items(), gradients, strict=True):
             random = torch.from_numpy(rng.normal(size=value.shape))
-            direction = random / random.norm() + gradient / gradient.norm()
-            analytic = (gradient * direction).sum()
-            step = 1e-7 * direction
+            direction = gradient / gradient.norm() + 0.5 * random / random.norm()
+            analytic = float((gradient * direction).sum())
 
-            def along(factor: float) -> torch.Tensor:
-                return loss({**made.inputs, name: value + factor * step})  # noqa: B023
+            def along(step: float) -> float:
+                moved = {**made.inputs, name: value + step * direction}  # noqa: B023
+                return float(loss(moved))  # noqa: B023
 
-            numeric = (along(1) - along(-1)) / 2e-7
-            torch.testing.assert_close(analytic, numeric, rtol=1e-4, atol=0, msg=lambda m: f"{name}: {m}")  # noqa: B023
+            # Large steps may meet a jump (a T-junction), small ones are rounded off: one of them must agree.
+            errors = [abs((along(h) - along(-h)) / (2 * h * analytic) - 1) for h in (1e-6, 1e-7, 1e-8, 1e-5)]
+            assert min(errors) < 1e-4, (number, name, errors)
             if number == 0:
                 _, forward = torch.func.jvp(
                     lambda x: loss({**made.inputs, name: x}),  # noqa: B023
                     (value,),
                     (direction,),
                 )
-                torch.testing.assert_close(forward, analytic, rtol=1e-9, atol=0)
+                assert float(forward) == pytest.approx(analytic, rel=1e-9)
 
 
 def test_depth_and_normals_have_derivatives_inside(world: Callable) -> None:

@@ -47,7 +47,9 @@ def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
 
 
 def unit(vectors: torch.Tensor) -> torch.Tensor:
-    """Vectors (N, 3) of length one; the zero vector stays zero and has no derivative."""
-    square = vectors.square().sum(1, keepdim=True)
-    there = square > 0
-    return torch.where(there, vectors * torch.where(there, square, 1.0).rsqrt(), 0.0)
+    """Vectors (N, 3) of length one; vectors shorter than 1e-15 become zero and have no derivative."""
+    # Scaled first, as squares of short vectors and their derivatives leave float32's range.
+    size = vectors.detach().abs().amax(1, keepdim=True)
+    there = size > 1e-15
+    scaled = torch.where(there, vectors / torch.where(there, size, 1.0), 0.0)
+    return scaled * torch.where(there, scaled.square().sum(1, keepdim=True), 1.0).rsqrt()

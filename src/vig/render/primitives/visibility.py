@@ -5,6 +5,8 @@ a face that crosses the eye's plane needs no clipping: the ray through a pixel m
 functions have one sign and the depth is beyond NEAR.
 """
 
+# mypy: disable-error-code="arg-type"
+
 import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -151,8 +153,8 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                 if depth >= near:
                     # Positive floats are ordered like the whole numbers of the same bits.
                     bits = wp.cast(wp.float32(depth), wp.int32)
-                    rank = wp.int64(bits)  # type: ignore[arg-type]
-                    wp.atomic_min(keys, layer[face], y, x, (rank << wp.int64(32)) | wp.int64(face))
+                    key = (wp.int64(bits) << wp.int64(32)) | wp.int64(face)
+                    wp.atomic_min(keys, layer[face], y, x, key)
 
     return SimpleNamespace(draw=draw, vec3=vec3)
 
