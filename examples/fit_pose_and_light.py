@@ -2,9 +2,10 @@
 
     python examples/fit_pose_and_light.py [--out DIRECTORY]
 
-The gradient comes through `vig.render.render`. The picture is drawn with anti-aliasing by 4 x 4 samples a pixel and noise is added. The fit starts some 15
-degrees and two centimetres off, under a flat grey light, and sees only the picture: the loss is the plain
-mean square of the difference in colour. Prints the errors before and after; a few seconds on one core.
+The gradient comes through `vig.render.render`. The picture is drawn with 4 x 4 samples a pixel, and noise is
+added. The fit starts some 15 degrees and two centimetres off, under a flat grey light, and sees only the
+picture: the loss is the plain mean square of the difference in colour. Prints the errors before and after; a
+few seconds on one core.
 """
 
 from __future__ import annotations
