@@ -7,8 +7,8 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.render.device import initialise, scalar_type, warp_array
-from vig.render.primitives.opaque import device_of, kernel_module, opaque
+from vig.render.device import initialise, scalar_type
+from vig.render.primitives.opaque import array_of, device_of, kernel_module, opaque
 
 
 @functools.cache
@@ -166,9 +166,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     return SimpleNamespace(forward=forward, tangent=tangent, backward=backward, vec3=vec3, vec9=vec9)
 
 
-def _inputs(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> list[wp.array]:
+def _inputs(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> list[Any]:
     vec3 = _kernels(points.dtype).vec3
-    return [warp_array(points, vec3), warp_array(corners, wp.int32), warp_array(pixels, wp.int32)]
+    return [array_of(points, vec3), array_of(corners, wp.int32), array_of(pixels, wp.int32)]
 
 
 def _forward(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
@@ -178,7 +178,7 @@ def _forward(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) 
         kernels.forward,
         dim=len(corners),
         inputs=_inputs(points, corners, pixels),
-        outputs=[warp_array(result, kernels.vec9)],
+        outputs=[array_of(result, kernels.vec9)],
         device=device_of(points),
     )
     return result
@@ -192,8 +192,8 @@ def _tangent(
     wp.launch(
         kernels.tangent,
         dim=len(corners),
-        inputs=[*_inputs(points, corners, pixels), warp_array(moved, kernels.vec3)],
-        outputs=[warp_array(result, kernels.vec9)],
+        inputs=[*_inputs(points, corners, pixels), array_of(moved, kernels.vec3)],
+        outputs=[array_of(result, kernels.vec9)],
         device=device_of(points),
     )
     return result
@@ -207,8 +207,8 @@ def _backward(
     wp.launch(
         kernels.backward,
         dim=len(corners),
-        inputs=[*_inputs(points, corners, pixels), warp_array(cotangents, kernels.vec9)],
-        outputs=[warp_array(result, kernels.vec3)],
+        inputs=[*_inputs(points, corners, pixels), array_of(cotangents, kernels.vec9)],
+        outputs=[array_of(result, kernels.vec3)],
         device=device_of(points),
     )
     return result

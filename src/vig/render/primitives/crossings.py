@@ -13,8 +13,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.render.device import warp_array
-from vig.render.primitives.opaque import device_of, kernel_module, opaque
+from vig.render.primitives.opaque import array_of, device_of, kernel_module, opaque
 from vig.render.primitives.visibility import screen_functions
 from vig.render.raster import NEAR
 
@@ -231,14 +230,14 @@ def _search(
     """Indices of the rims, all their crossings (M, 5), and which of these are hidden (M,)."""
     kernels, device = _kernels(points.dtype), device_of(points)
     images, height, width = size
-    seen = [warp_array(points, kernels.vec3), warp_array(edges, wp.int32)]
+    seen = [array_of(points, kernels.vec3), array_of(edges, wp.int32)]
     flags = torch.empty(len(edges), dtype=torch.uint8, device=points.device)
-    wp.launch(kernels.find_rims, dim=len(edges), inputs=[*seen, warp_array(flags, wp.uint8)], device=device)
+    wp.launch(kernels.find_rims, dim=len(edges), inputs=[*seen, array_of(flags, wp.uint8)], device=device)
     rims = flags.nonzero().squeeze(1)
-    rims_wp, layer_wp = warp_array(rims, wp.int64), warp_array(layer, wp.int32)
+    rims_wp, layer_wp = array_of(rims, wp.int64), array_of(layer, wp.int32)
     counts = torch.zeros(len(rims), dtype=torch.int32, device=points.device)
     heads = torch.full((images, 2, height, width), -1, dtype=torch.int32, device=points.device)
-    heads_wp = warp_array(heads, wp.int32)
+    heads_wp = array_of(heads, wp.int32)
 
     def cross(
         fill: int, ends: torch.Tensor, cells: torch.Tensor, links: torch.Tensor, spots: torch.Tensor
@@ -246,12 +245,12 @@ def _search(
         wp.launch(
             kernels.cross_lines,
             dim=len(rims),
-            inputs=[*seen, layer_wp, rims_wp, fill, warp_array(counts, wp.int32), warp_array(ends, wp.int32)],
+            inputs=[*seen, layer_wp, rims_wp, fill, array_of(counts, wp.int32), array_of(ends, wp.int32)],
             outputs=[
                 heads_wp,
-                warp_array(links, wp.int32),
-                warp_array(cells, wp.int32),
-                warp_array(spots, kernels.vec3),
+                array_of(links, wp.int32),
+                array_of(cells, wp.int32),
+                array_of(spots, kernels.vec3),
             ],
             device=device,
         )
@@ -272,16 +271,16 @@ def _search(
         dim=len(faces),
         inputs=[
             seen[0],
-            warp_array(faces, wp.int32),
+            array_of(faces, wp.int32),
             layer_wp,
             seen[1],
             rims_wp,
             heads_wp,
-            warp_array(links, wp.int32),
-            warp_array(cells, wp.int32),
-            warp_array(spots, kernels.vec3),
+            array_of(links, wp.int32),
+            array_of(cells, wp.int32),
+            array_of(spots, kernels.vec3),
         ],
-        outputs=[warp_array(hidden, wp.uint8)],
+        outputs=[array_of(hidden, wp.uint8)],
         device=device,
     )
     return rims, cells, hidden

@@ -7,8 +7,8 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.render.device import initialise, scalar_type, warp_array
-from vig.render.primitives.opaque import device_of, kernel_module, opaque
+from vig.render.device import initialise, scalar_type
+from vig.render.primitives.opaque import array_of, device_of, kernel_module, opaque
 
 
 @functools.cache
@@ -59,9 +59,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     return SimpleNamespace(forward=forward, backward=backward, real=real)
 
 
-def _inputs(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> list[wp.array]:
+def _inputs(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> list[Any]:
     real = scalar_type(attributes.dtype)
-    return [warp_array(attributes, real), warp_array(corners, wp.int32), warp_array(weights, real)]
+    return [array_of(attributes, real), array_of(corners, wp.int32), array_of(weights, real)]
 
 
 def _forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
@@ -71,7 +71,7 @@ def _forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Ten
         kernels.forward,
         dim=len(corners),
         inputs=_inputs(attributes, corners, weights),
-        outputs=[warp_array(result, kernels.real)],
+        outputs=[array_of(result, kernels.real)],
         device=device_of(attributes),
     )
     return result
@@ -85,8 +85,8 @@ def _backward(
     wp.launch(
         kernels.backward,
         dim=len(corners),
-        inputs=[*_inputs(attributes, corners, weights), warp_array(cotangents, kernels.real)],
-        outputs=[warp_array(on_attributes, kernels.real), warp_array(on_weights, kernels.real)],
+        inputs=[*_inputs(attributes, corners, weights), array_of(cotangents, kernels.real)],
+        outputs=[array_of(on_attributes, kernels.real), array_of(on_weights, kernels.real)],
         device=device_of(attributes),
     )
     return on_attributes, on_weights

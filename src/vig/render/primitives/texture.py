@@ -5,24 +5,22 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.render.device import scalar_type, warp_array
-from vig.render.primitives.opaque import device_of, opaque
+from vig.render.device import scalar_type
+from vig.render.primitives.opaque import array_of, device_of, opaque
 from vig.render.primitives.pyramid import Pyramid
 from vig.render.primitives.texture_kernels import texture_kernels
 
 
-def _run(
-    name: str, arguments: tuple[torch.Tensor, ...], more: list[wp.array], outputs: list[wp.array]
-) -> None:
+def _run(name: str, arguments: tuple[torch.Tensor, ...], more: list[Any], outputs: list[Any]) -> None:
     texels, levels, first, texture, uv, footprint = arguments
     kernels = texture_kernels(texels.dtype)
     inputs = [
-        warp_array(texels, kernels.real),
-        warp_array(levels, wp.int32),
-        warp_array(first, wp.int32),
-        warp_array(texture, wp.int32),
-        warp_array(uv, kernels.vec2),
-        warp_array(footprint, kernels.vec4),
+        array_of(texels, kernels.real),
+        array_of(levels, wp.int32),
+        array_of(first, wp.int32),
+        array_of(texture, wp.int32),
+        array_of(uv, kernels.vec2),
+        array_of(footprint, kernels.vec4),
         *more,
     ]
     kernel = getattr(kernels, name)
@@ -32,7 +30,7 @@ def _run(
 def _forward(*arguments: torch.Tensor) -> torch.Tensor:
     texels, uv = arguments[0], arguments[4]
     result = texels.new_empty(len(uv), texels.shape[1])
-    _run("forward", arguments, [], [warp_array(result, scalar_type(texels.dtype))])
+    _run("forward", arguments, [], [array_of(result, scalar_type(texels.dtype))])
     return result
 
 
@@ -41,11 +39,11 @@ def _backward(*arguments: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, tor
     kernels = texture_kernels(inputs[0].dtype)
     on_texels, on_uv, on_footprint = (torch.zeros_like(inputs[i]) for i in (0, 4, 5))
     outputs = [
-        warp_array(on_texels, kernels.real),
-        warp_array(on_uv, kernels.vec2),
-        warp_array(on_footprint, kernels.vec4),
+        array_of(on_texels, kernels.real),
+        array_of(on_uv, kernels.vec2),
+        array_of(on_footprint, kernels.vec4),
     ]
-    _run("backward", tuple(inputs), [warp_array(cotangents, kernels.real)], outputs)
+    _run("backward", tuple(inputs), [array_of(cotangents, kernels.real)], outputs)
     return on_texels, on_uv, on_footprint
 
 
@@ -53,8 +51,8 @@ def _tangent(*arguments: torch.Tensor) -> torch.Tensor:
     *inputs, uv_moved, footprint_moved = arguments
     kernels = texture_kernels(inputs[0].dtype)
     result = inputs[0].new_empty(len(uv_moved), inputs[0].shape[1])
-    moved = [warp_array(uv_moved, kernels.vec2), warp_array(footprint_moved, kernels.vec4)]
-    _run("tangent", tuple(inputs), moved, [warp_array(result, kernels.real)])
+    moved = [array_of(uv_moved, kernels.vec2), array_of(footprint_moved, kernels.vec4)]
+    _run("tangent", tuple(inputs), moved, [array_of(result, kernels.real)])
     return result
 
 

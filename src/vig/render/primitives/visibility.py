@@ -14,8 +14,8 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.render.device import initialise, scalar_type, warp_array
-from vig.render.primitives.opaque import device_of, kernel_module, opaque
+from vig.render.device import initialise, scalar_type
+from vig.render.primitives.opaque import array_of, device_of, kernel_module, opaque
 from vig.render.raster import NEAR, NOTHING
 
 
@@ -209,10 +209,10 @@ def visible_faces(
             kernels.draw,
             dim=len(faces),
             inputs=[
-                warp_array(points, kernels.vec3),
-                warp_array(faces, wp.int32),
-                warp_array(layer, wp.int32),
-                warp_array(keys, wp.int64),
+                array_of(points, kernels.vec3),
+                array_of(faces, wp.int32),
+                array_of(layer, wp.int32),
+                array_of(keys, wp.int64),
             ],
             device=device_of(points),
         )
