@@ -137,12 +137,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     ):
         """Mark the crossings that a face lies before. A cell holds the crossings after its pixel's centre."""
         face = wp.tid()
-        i = faces[face, 0]
-        j = faces[face, 1]
-        k = faces[face, 2]
-        a = points[i]
-        b = points[j]
-        c = points[k]
+        a = points[faces[face, 0]]
+        b = points[faces[face, 1]]
+        c = points[faces[face, 2]]
         image = layer[face]
         low, high = box_of(a, b, c)
         for axis in range(2):
@@ -159,7 +156,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                         edge = int(rims[cells[at, 0]])
                         if hidden[at] == wp.uint8(0) and edges[edge, 4] != face and edges[edge, 5] != face:
                             spot = spots[at]
-                            weights = weights_at(i, j, k, a, b, c, spot[0], spot[1])
+                            weights = weights_at(a, b, c, spot[0], spot[1])
                             depth = depth_inside(weights, a, b, c)
                             if depth >= near and depth < spot[2] * nearer:
                                 hidden[at] = wp.uint8(1)

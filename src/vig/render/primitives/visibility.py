@@ -33,19 +33,16 @@ def screen_functions(dtype: torch.dtype) -> SimpleNamespace:
         return vec2(point[0] - x * point[2], point[1] - y * point[2])
 
     @wp.func
-    def edge_function(i: int, j: int, a: vec2, b: vec2):
-        """Cross product a x b; the same number, signed, for a x b and b x a, so that no pixel is lost."""
-        if i < j:
-            return a[0] * b[1] - a[1] * b[0]
-        return -(b[0] * a[1] - b[1] * a[0])
+    def cross(a: vec2, b: vec2):
+        return a[0] * b[1] - a[1] * b[0]
 
     @wp.func
-    def weights_at(i: int, j: int, k: int, a: vec3, b: vec3, c: vec3, x: real, y: real):
+    def weights_at(a: vec3, b: vec3, c: vec3, x: real, y: real):
         """Barycentric weights, up to one common factor, of the ray through (x, y)."""
         oa = from_pixel(a, x, y)
         ob = from_pixel(b, x, y)
         oc = from_pixel(c, x, y)
-        return vec3(edge_function(j, k, ob, oc), edge_function(k, i, oc, oa), edge_function(i, j, oa, ob))
+        return vec3(cross(ob, oc), -cross(oa, oc), cross(oa, ob))
 
     @wp.func
     def depth_inside(weights: vec3, a: vec3, b: vec3, c: vec3):
@@ -137,9 +134,12 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         i = faces[face, 0]
         j = faces[face, 1]
         k = faces[face, 2]
-        a = points[i]
-        b = points[j]
-        c = points[k]
+        # Corners in the order of their numbers: two faces round an edge off alike, and no pixel is lost.
+        low_number = wp.min(i, wp.min(j, k))
+        high_number = wp.max(i, wp.max(j, k))
+        a = points[low_number]
+        b = points[i + j + k - low_number - high_number]
+        c = points[high_number]
         low, high = box_of(a, b, c)
         half = real(0.5)
         x0 = first_line(low[0] - half)
@@ -148,7 +148,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         y1 = last_line(high[1] - half, keys.shape[1])
         for y in range(y0, y1 + 1):
             for x in range(x0, x1 + 1):
-                weights = weights_at(i, j, k, a, b, c, real(x) + half, real(y) + half)
+                weights = weights_at(a, b, c, real(x) + half, real(y) + half)
                 depth = depth_inside(weights, a, b, c)
                 if depth >= near:
                     # Positive floats are ordered like the whole numbers of the same bits.
