@@ -59,7 +59,8 @@ def render(
     crossings = find_crossings(points, packed.faces, packed.edges, layer, size)
     picture = visible.image(torch.cat([rgb, masks], dim=1), behind)
     picture = _reduced(antialias(picture, screen, crossings), samples)
-    visible_masks = picture[..., 3:].permute(0, 3, 1, 2)
+    colours, masks = picture.split([3, packed.most_objects], dim=3)
+    visible_masks = masks.permute(0, 3, 1, 2)
 
     if samples > 1:
         points, size = _gridded(packed, 1)
@@ -70,7 +71,7 @@ def render(
     triangle = visible.face - packed.first_face[packed.face_object[visible.face]]
     ids = visible.image(torch.stack([owner, triangle], dim=1).int(), -1)
     return Rendering(
-        rgb=picture[..., :3],
+        rgb=colours,
         coverage=visible_masks.sum(1),
         visible_masks=visible_masks,
         full_masks=_full_masks(packed, visible_masks, samples),
@@ -107,16 +108,19 @@ def _surface(
     if shading == "vertex":
         attributes.append(_reflected(packed, packed.normals, packed.vertex_object))
     corners = packed.faces[visible.face]
-    rows = interpolate(torch.cat(attributes, dim=1), corners, weights[:, 0])
-    normals, depth, colour = unit(rows[:, :3]), rows[:, 3:4], rows[:, 4:7]
+    at_centre, to_right, downwards = weights.unbind(1)
+    rows = interpolate(torch.cat(attributes, dim=1), corners, at_centre)
+    normals, depth, colour, *reflected = rows.split([part.shape[1] for part in attributes], dim=1)
+    normals = unit(normals)
     if shading is None:
         return colour, normals, depth
     owner = packed.face_object[visible.face]
-    colour = colour * (rows[:, 7:] if shading == "vertex" else _reflected(packed, normals, owner))
+    colour = colour * (reflected[0] if reflected else _reflected(packed, normals, owner))
     if packed.textures is not None:
         corners = packed.texture_faces[visible.face]
-        uv, right, down = (interpolate(packed.coordinates, corners, weights[:, i]) for i in range(3))
-        footprint = torch.stack([right, down], dim=1)
+        uv = interpolate(packed.coordinates, corners, at_centre)
+        changes = [interpolate(packed.coordinates, corners, way) for way in (to_right, downwards)]
+        footprint = torch.stack(changes, dim=1)
         colour = colour * sample_texture(packed.textures, packed.texture[owner], uv, footprint)
     return colour, normals, depth
 

@@ -38,11 +38,11 @@ def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
 
     A vertex without area gets the zero vector. Differentiable in vertices; see `vig.scene.vertex_normals`.
     """
-    index = faces.long()
-    a, b, c = vertices[index].unbind(1)
+    index = faces.long().reshape(-1)
+    a, b, c = vertices.index_select(0, index).view(-1, 3, 3).unbind(1)
     weighted = torch.linalg.cross(b - a, c - a)
     # One addition per corner: together it is what the three corners of each face take.
-    total = torch.zeros_like(vertices).index_add(0, index.reshape(-1), weighted.repeat_interleave(3, 0))
+    total = torch.zeros_like(vertices).index_add(0, index, weighted.repeat_interleave(3, 0))
     return unit(total)
 
 

@@ -27,7 +27,8 @@ def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -
     weight, share = _weight_and_place(screen, crossings)
     amount = weight * (0.5 - share) / crossings.sharers
     flat = image.reshape(-1, channels)
-    change = amount[:, None] * (flat[crossings.there] - flat[crossings.here])
+    step = flat.index_select(0, crossings.there) - flat.index_select(0, crossings.here)
+    change = amount[:, None] * step
     target = torch.where(share < 0.5, crossings.here, crossings.there)
     return flat.index_add(0, target, change).view(image.shape)
 
@@ -35,29 +36,29 @@ def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -
 def _weight_and_place(screen: torch.Tensor, crossings: Crossings) -> tuple[torch.Tensor, torch.Tensor]:
     """Of each crossing: the weight of its direction, and its share of the way between the two centres."""
     tiny = 1e-12  # square pixels
-    ends = screen[crossings.rims]
-    along = ends[:, 1] - ends[:, 0]
+    joints = crossings.rims.reshape(-1)
+    first, second = screen.index_select(0, joints).view(-1, 2, 2).unbind(1)
+    along = second - first
     square = along.square()
     length_square = square.sum(1).clamp_min(tiny)
     # Square of the normal's x component: the weight of crossings along rows.
     steep = square[:, 1] / length_square
-    joints = crossings.rims.reshape(-1)
     total = screen.new_zeros(len(screen)).index_add(0, joints, steep.repeat_interleave(2))
     count = screen.new_zeros(len(screen)).index_add(0, joints, torch.ones_like(steep).repeat_interleave(2))
-    joint_steep = (total / count.clamp_min(1.0))[crossings.rims]
+    joint_steep = (total / count.clamp_min(1.0)).index_select(0, joints).view(-1, 2)
 
     rim, column = crossings.rim, crossings.axis == 1
-    first, second = ends[rim, 0], ends[rim, 1]
-    u_first, v_first = _by_axis(first, column)
-    u_second, v_second = _by_axis(second, column)
+    u_first, v_first = _by_axis(first.index_select(0, rim), column)
+    u_second, v_second = _by_axis(second.index_select(0, rim), column)
     on_edge = (crossings.line + 0.5 - v_first) / (v_second - v_first)
     share = u_first + on_edge * (u_second - u_first) - 0.5 - crossings.low
     # Within one pixel of an end, or over the whole edge where that is shorter, the joint's mean takes over.
-    length = length_square[rim].sqrt().clamp_min(1.0)
+    length = length_square.index_select(0, rim).sqrt().clamp_min(1.0)
     near_first = (1 - on_edge * length).clamp_min(0.0)
     near_second = (1 - (1 - on_edge) * length).clamp_min(0.0)
-    own, joint = steep[rim], joint_steep[rim]
-    weight = own + near_first * (joint[:, 0] - own) + near_second * (joint[:, 1] - own)
+    own = steep.index_select(0, rim)
+    at_first, at_second = joint_steep.index_select(0, rim).unbind(1)
+    weight = own + near_first * (at_first - own) + near_second * (at_second - own)
     return torch.where(column, 1 - weight, weight), share
 
 
