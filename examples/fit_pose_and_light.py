@@ -104,7 +104,8 @@ def main() -> None:
         optimizer.step()
         decay.step()
     seconds = time.perf_counter() - began
-    print(f"fit:   {errors()} (root mean square over directions, of {true_light[0].item():.1f} L00)")
+    print(f"fit:   {errors()}")
+    print("light: root mean square error of what a white surface reflects, over all normals, seen or not")
     print(f"{STEPS} steps of {1000 * seconds / STEPS:.1f} ms; residual {loss.item() ** 0.5:.4f}, noise 0.01")
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
