@@ -8,8 +8,8 @@ from safetensors.numpy import load_file
 
 from vig.scene import ObjectClass, irradiance
 from vig.scene.light import Y00
+from vig.scene.object_class import TRANSFER_FILE
 from vig.synthesis.transfer import (
-    FILE,
     Occlusion,
     cosine_directions,
     neighbours_of,
@@ -102,7 +102,7 @@ def test_packaged_table_predicts_a_shape_it_was_not_made_of() -> None:
     teapot = ObjectClass.load("teapot")
     model = teapot.shape_model
     assert teapot.folder is not None
-    table = load_file(teapot.folder / FILE)["transfer"].astype(np.float64)
+    table = load_file(teapot.folder / TRANSFER_FILE)["transfer"].astype(np.float64)
     assert table.shape == (model.modes + 1, len(model.mean), 9)
     coefficients = np.random.default_rng(12).standard_normal(model.modes)
     vertices = model.vertices(torch.from_numpy(coefficients)[None])[0].numpy()
