@@ -8,9 +8,9 @@ from typing import Any
 
 import torch
 
-from vig.likelihood.kernels import likelihood_kernels
+from vig.likelihood.kernels import likelihood_kernels, load_kernels
 from vig.likelihood.passes import Pass
-from vig.render import Geometry, run_on_threads, warp_array
+from vig.render import Geometry, run_on_threads, thread_count, warp_array
 from vig.scene import Camera, Latents
 
 BOUNDARY_CURVATURE = 0.5
@@ -99,6 +99,7 @@ class Likelihood:
             photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         )
         self.background = self.log_prior[..., 2].double().sum(1)
+        load_kernels(geometry.dtype, geometry.layout.modes, geometry.device)
         k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
         self.observed_wp = warp_array(self.observed, k.vec3)
         self.log_prior_wp = warp_array(self.log_prior, k.vec3)
@@ -136,7 +137,7 @@ class Likelihood:
                 f"points must be finite; got {float(points[*at])} in column {at[1]} of point {at[0]}"
             )
         group = 1 if self.geometry.device == "cpu" else count
-        threads = min(torch.get_num_threads(), count) if self.geometry.device == "cpu" else 1
+        threads = min(thread_count(), count) if self.geometry.device == "cpu" else 1
         size = self.geometry.layout.size
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)

@@ -99,8 +99,9 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     )
 
 
+@functools.cache
 def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
-    """Compile or load all kernels of a fit at once, two modules side by side; else each does at first use."""
+    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it at once."""
     kernels = likelihood_kernels(dtype, modes)
     used = kernels.place, kernels.rasterize_faces, kernels.interior, kernels.boundary, kernels.assemble
     wp.force_load(device, modules=[kernel.module for kernel in used], max_workers=2)

@@ -10,6 +10,7 @@ import warp as wp
 
 from vig.likelihood.kernels import PARTS, likelihood_kernels
 from vig.render import NOTHING, warp_array
+from vig.render.device import prepared
 from vig.render.raster import KEYS_MARGIN
 from vig.render.surface import LANES
 from vig.scene.light import L_COUNT
@@ -112,8 +113,9 @@ class Pass:
         scene = [*shared, albedo, keys, likelihood.observed_wp, likelihood.log_prior_wp, photo, sigma]
 
         def record(kernel: wp.Kernel, dim: int | tuple[int, ...], arguments: list) -> Any:
-            self._kept.append(arguments)
-            return wp.launch(kernel, dim, arguments, device=device, record_cmd=True)
+            command = wp.launch(kernel, dim, arguments, device=device, record_cmd=True)
+            self._kept.append((arguments, command))
+            return prepared(command)
 
         self._look = record(
             k.look,
@@ -312,7 +314,7 @@ class Pass:
         self.keys.fill_(NOTHING)
         for cleared in self._cleared:
             cleared.zero_()
-        self._look.launch()
+        self._look()
         torch.mm(self.inputs[:, : modes + 1], self.geometry.positions, out=self.world.view(self.count, -1))
         transfer = self.geometry.transfer
         if transfer is not None:
@@ -320,7 +322,7 @@ class Pass:
             torch.mm(self.inputs[:, : modes + 1], transfer, out=self.lobes.view(self.count, -1))
             torch.mm(light, transfer.view(-1, L_COUNT).T, out=self.shadow_rates.view(self.count, -1))
         for launch in self._program(derivatives, images):
-            launch.launch()
+            launch()
         if derivatives:
             on_world = self.on_world.view(self.count, -1)
             torch.mm(on_world, self.geometry.positions[1:].T, out=self.shape_gradient)
@@ -330,7 +332,7 @@ class Pass:
             for rows, filled, product in zip(self.rows, self.row_count.tolist(), self.products, strict=True):
                 kept = rows[: min(filled, len(rows))]
                 torch.mm(kept.T, kept, out=product)
-            self._assemble.launch()
+            self._assemble()
 
 
 _WARP = {

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import cast
 
@@ -53,3 +54,18 @@ def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array:
     """A Warp view of a contiguous tensor, no copy; trailing axes become the vector type's."""
     initialise()
     return cast(wp.array, wp.from_torch(tensor, dtype=dtype, requires_grad=False))
+
+
+def prepared(command: wp.Launch) -> Callable[[], object]:
+    """A recorded launch as a call that costs as little as may be.
+
+    On the CPU Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs;
+    here they are packed once. The caller keeps the launch, and what its arguments point to.
+    """
+    hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
+    if not command.device.is_cpu or hooks is None or parameters is None:
+        return command.launch
+    bounds, *arguments = parameters
+    fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
+    packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
+    return functools.partial(hooks.forward, ctypes.byref(bounds), ctypes.byref(packed))

@@ -1,16 +1,27 @@
-"""Work shared out to threads: kernels and matrix products release Python's lock, so they run side by side."""
+"""Work shared out to threads: kernels and matrix products release Python's lock, so they run side by side.
+
+How many is one setting, torch's own: `torch.set_num_threads`, or OMP_NUM_THREADS in the environment.
+"""
 
 from __future__ import annotations
 
 import functools
-import time
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 import torch
 
 Item, Result = TypeVar("Item"), TypeVar("Result")
+
+_working = threading.local()
+
+
+def thread_count() -> int:
+    """How many threads work may be shared out to here: as torch says, and one within such work."""
+    return 1 if getattr(_working, "is_worker", False) else torch.get_num_threads()
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:
@@ -18,31 +29,36 @@ def run_on_threads(work: Callable[[int], None], count: int) -> None:
     if count == 1:
         work(0)
         return
-    for _ in _pool(count).map(work, range(count)):
-        pass
+    with _one_core_each():
+        for _ in _pool(count).map(work, range(count)):
+            pass
 
 
 def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """work(item) of each item in order, as many at once as torch has threads (`torch.set_num_threads`).
+    """work(item) of each item in order, as many at once as `thread_count`."""
+    threads = min(thread_count(), len(items))
+    if threads <= 1:
+        yield from map(work, items)
+        return
+    with _one_core_each():
+        yield from _pool(threads).map(work, items)
 
-    Within, torch has one thread: what work itself shares out stays on its thread.
-    """
-    threads = min(torch.get_num_threads(), len(items))
-    yield from map(work, items) if threads <= 1 else _pool(threads).map(work, items)
+
+@contextmanager
+def _one_core_each() -> Iterator[None]:
+    """Keep torch from giving each of our threads all cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 @functools.cache
 def _pool(count: int) -> ThreadPoolExecutor:
-    """Threads of which each uses one core: torch would give each all of them."""
-    before = torch.get_num_threads()
-    pool = ThreadPoolExecutor(count, "vig", initializer=torch.set_num_threads, initargs=(1,))
-    barrier = [pool.submit(_wait) for _ in range(count)]
-    for waiting in barrier:
-        waiting.result()
-    torch.set_num_threads(before)
-    return pool
+    return ThreadPoolExecutor(count, "vig", initializer=_become_worker)
 
 
-def _wait() -> None:
-    """Long enough that each of a new pool's threads is started."""
-    time.sleep(0.01)
+def _become_worker() -> None:
+    _working.is_worker = True
