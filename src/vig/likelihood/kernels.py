@@ -101,7 +101,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
 @functools.cache
 def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
-    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it at once."""
+    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it."""
     kernels = likelihood_kernels(dtype, modes)
     used = kernels.place, kernels.rasterize_faces, kernels.interior, kernels.boundary, kernels.assemble
     wp.force_load(device, modules=[kernel.module for kernel in used], max_workers=2)
