@@ -56,7 +56,7 @@ class ExplainSettings:
         Stage(16, 8, sigma=4.0, scale=0.5, tolerance=20.0),
         Stage(6, 10, sigma=4.0, scale=0.5, tolerance=5.0),
         Stage(4, 12, sigma=2.0, tolerance=5.0),
-        Stage(2, 30, tolerance=0.5),
+        Stage(3, 30, tolerance=0.5),
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
