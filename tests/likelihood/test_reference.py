@@ -42,7 +42,7 @@ def evaluated(geometry: Geometry, camera: Camera, given: Case) -> Pass:
     likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
     run = Pass(likelihood, 1)
     sigma = torch.tensor([SIGMA], dtype=torch.float64)
-    run(given.point, torch.zeros(1, dtype=torch.int32), sigma, derivatives=True, images=True)
+    run(given.point, torch.zeros(1, dtype=torch.int32), sigma, derivatives=2, images=True)
     return run
 
 
@@ -154,6 +154,15 @@ def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
     off = torch.stack(ratios).log().abs()
     assert off[:, linear].max() < 0.15
     assert off.median() < 0.3 and off.max() < 1.5
+
+
+def test_without_curvature_value_and_gradient_are_the_same(studio) -> None:
+    given = case(studio, 7)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    full = likelihood.at(given.point, *studio.whose(1))
+    first = likelihood.at(given.point, *studio.whose(1), curvature=False)
+    assert first.normal is None
+    torch.testing.assert_close((first.value, first.gradient), (full.value, full.gradient))
 
 
 def test_points_that_are_not_finite_are_refused(studio) -> None:

@@ -98,7 +98,8 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         normal_rest: wp.array2d(dtype=rest_row),
         coverage: wp.array2d(dtype=real),
     ):
-        """Every `threads`th rim of an image: what blending across it adds to Eq. 4, and the way back."""
+        """Every `threads`th rim of an image: what blending across it adds to Eq. 4, the way back with
+        differentiate >= 1, rows of the normal matrix with 2."""
         image, part = wp.tid()
         eye = eye_of(rotation[image], distance, intrinsics[image], width)
         back = wp.transpose(eye.rotation)
@@ -307,7 +308,9 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
                             # Gauss-Newton has no residual here; the cusp of gain per pixel is taken one
                             # pixel wide. The row is of u alone.
-                            slot = wp.atomic_add(used, image, 1)
+                            slot = normal_shape.shape[1]
+                            if differentiate > 1:
+                                slot = wp.atomic_add(used, image, 1)
                             if slot < normal_shape.shape[1]:
                                 root = wp.sqrt(curvature / ((wp.abs(along_u) + real(0.1)) * brightness))
                                 edge_a = edge_a * root

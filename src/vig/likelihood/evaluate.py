@@ -113,9 +113,12 @@ class Likelihood:
         sigma: torch.Tensor,
         derivatives: bool = True,
         images: bool = True,
+        curvature: bool = True,
     ) -> Evaluation:
         """Evaluate B guesses; photo (B,) int says which photo each explains, sigma (B,) its noise."""
-        return self.at(torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images)
+        return self.at(
+            torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images, curvature
+        )
 
     def at(
         self,
@@ -124,8 +127,11 @@ class Likelihood:
         sigma: torch.Tensor,
         derivatives: bool = True,
         images: bool = False,
+        curvature: bool = True,
     ) -> Evaluation:
         """Evaluate points (B, P'), latents followed by framing; else as a call.
+
+        Without curvature there is a gradient but no normal matrix, for searches of first order.
 
         On the CPU points are shared out to as many threads as torch has (`torch.set_num_threads`), each
         taking one at a time, so that what it works on stays in its cache; on a GPU all go in one batch.
@@ -142,7 +148,8 @@ class Likelihood:
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
         gradient = torch.empty(count, size, **place) if derivatives else None
-        normal = torch.empty(count, size, size, **place) if derivatives else None
+        normal = torch.empty(count, size, size, **place) if derivatives and curvature else None
+        order = int(derivatives) + int(derivatives and curvature)
         pixels = self.camera.height * self.camera.width
         shown = [torch.empty(count, pixels, **place) for _ in range(3)] if images else []
 
@@ -150,10 +157,12 @@ class Likelihood:
             run = self._pass(group)
             for first in range(start * group, count, threads * group):
                 part = slice(first, first + group)
-                run(points[part], photo[part], sigma[part], derivatives, images)
+                run(points[part], photo[part], sigma[part], order, images)
                 value[part] = run.value
-                if gradient is not None and normal is not None:
-                    gradient[part], normal[part] = run.gradient, run.normal
+                if gradient is not None:
+                    gradient[part] = run.gradient
+                if normal is not None:
+                    normal[part] = run.normal
                 for kept, image in zip(shown, run.images, strict=False):
                     kept[part] = image
 

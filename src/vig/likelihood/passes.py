@@ -130,7 +130,7 @@ class Pass:
             ],
         )
 
-        def program(derivatives: bool, shown: bool) -> list:
+        def program(derivatives: int, shown: bool) -> list:
             steps = [
                 record(
                     k.place,
@@ -190,7 +190,7 @@ class Pass:
                     ],
                 ),
             ]
-            if derivatives:
+            if derivatives > 1:
                 steps.append(
                     record(
                         k.interior_rows,
@@ -300,9 +300,12 @@ class Pass:
         )
 
     def __call__(
-        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool, images: bool
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: int, images: bool
     ) -> None:
-        """Evaluate points (B, P') of photos (B,) under noise sigma (B,)."""
+        """Evaluate points (B, P') of photos (B,) under noise sigma (B,).
+
+        derivatives: 0 for the value alone, 1 for the gradient, too, 2 for the normal matrix as well.
+        """
         modes = self.geometry.layout.modes
         self.inputs[:, 1:] = points
         self.albedo.copy_(self.inputs[:, modes + 3 : modes + 6])
@@ -329,9 +332,11 @@ class Pass:
             if transfer is not None:
                 rates = self.shadow_rates[:, 1:]
                 self.shape_gradient += (rates @ self.on_light[:, :, None])[:, :, 0]
-            for rows, filled, product in zip(self.rows, self.row_count.tolist(), self.products, strict=True):
-                kept = rows[: min(filled, len(rows))]
-                torch.mm(kept.T, kept, out=product)
+            if derivatives > 1:
+                filled = self.row_count.tolist()
+                for rows, count, product in zip(self.rows, filled, self.products, strict=True):
+                    kept = rows[: min(count, len(rows))]
+                    torch.mm(kept.T, kept, out=product)
             self._assemble()
 
 
