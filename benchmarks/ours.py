@@ -37,9 +37,13 @@ class Ours:
 
     def covered(self) -> int:
         """Area of the first guess's silhouette, in pixels, rounded."""
-        shown = self.likelihood(self.case.guesses[0], *self._rest, derivatives=False)
-        assert shown.coverage is not None
-        return round(float(shown.coverage.sum()))
+        coverage = self.images().coverage
+        assert coverage is not None
+        return round(float(coverage.sum()))
+
+    def images(self) -> Evaluation:
+        """The first guess with its posterior, coverage and irradiance."""
+        return self.likelihood(self.case.guesses[0], *self._rest, derivatives=False)
 
     def _evaluate(self, index: int, derivatives: bool, curvature: bool = True) -> Evaluation:
         guess = self.case.guesses[index % len(self.case.guesses)]

@@ -105,7 +105,7 @@ def metrics_of(times: Mapping[str, np.ndarray], ending: str) -> list[Metric]:
     """Times, and ratios of the rounds' pairs, of one case; `ending` is appended to the names."""
     found = [report.metric(f"{name}_ms{ending}", values, "ms") for name, values in times.items()]
     for name, (theirs, mine) in RATIOS.items():
-        if theirs in times:
+        if theirs in times and mine in times:
             found.append(report.metric(name + ending, times[theirs] / times[mine], "x", "higher"))
     return found
 
