@@ -77,7 +77,7 @@ def test_without_peers_our_own_times_are_measured() -> None:
     assert all(row["value"] > 0 for row in metrics)
     printed = renderer.table(case, 1, metrics, "")
     assert printed.splitlines()[0] == f"5252 faces, 75 x 75, {case.covered()} object pixels, 1 thread"
-    assert len(printed.splitlines()) == 3
+    assert len(printed.splitlines()) == 4
 
 
 def test_the_command_runs_without_peers(tmp_path, monkeypatch, capsys) -> None:
