@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,8 +23,9 @@ from vig.evaluation.metrics import (
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, Explanation, explain_one, geometry_of
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos, load_kernels
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
+from vig.render import map_on_threads
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
 
 METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
@@ -158,21 +158,19 @@ def _fits(
     threads: int,
     advance: Callable[[int], None],
 ) -> Iterator[Explanation]:
-    """Fit every photo, `threads` at a time; the kernels run outside Python's lock."""
-    geometry_of(object_class)
+    """Fit every photo, `threads` at a time; after Ctrl-C nobody waits for fits that were not begun."""
+    load_kernels(torch.float32, object_class.shape_model.modes)
 
     def one(index: int) -> Explanation:
         return explain_one(photos[index], prediction[index : index + 1], object_class, settings)
 
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    pool = ThreadPoolExecutor(threads)
+    torch.set_num_threads(threads)
     try:
-        for fit in pool.map(one, range(len(photos))):
+        for fit in map_on_threads(one, range(len(photos))):
             advance(1)
             yield fit
     finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for fits that were not begun
         torch.set_num_threads(before)
 
 
