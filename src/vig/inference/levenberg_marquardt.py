@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import torch
 
 from vig.inference.optimizer import Budget, Descent, Problem
+from vig.render import small_matrices
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,12 @@ class LevenbergMarquardt:
         self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
+        with small_matrices():
+            return self._search(objective, starts, photo, sigma, budget)
+
+    def _search(
+        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
         count = len(starts)
         noise = torch.full((count,), sigma, dtype=objective.dtype, device=objective.device)
         start = objective(starts, photo, noise)

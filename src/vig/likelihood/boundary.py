@@ -93,7 +93,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         on_albedo: wp.array2d(dtype=vec3),
         on_corner: wp.array2d(dtype=vec4),
         on_normal: wp.array2d(dtype=vec3),
-        used: wp.array(dtype=wp.int32),
+        row_count: wp.array(dtype=wp.int32),
         normal_shape: wp.array2d(dtype=shape_row),
         normal_rest: wp.array2d(dtype=rest_row),
         coverage: wp.array2d(dtype=real),
@@ -310,7 +310,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                             # pixel wide. The row is of u alone.
                             slot = normal_shape.shape[1]
                             if differentiate > 1:
-                                slot = wp.atomic_add(used, image, 1)
+                                slot = wp.atomic_add(row_count, image, 1)
                             if slot < normal_shape.shape[1]:
                                 root = wp.sqrt(curvature / ((wp.abs(along_u) + real(0.1)) * brightness))
                                 edge_a = edge_a * root

@@ -13,10 +13,6 @@ from vig.likelihood.passes import Pass
 from vig.render import Geometry, run_on_threads, thread_count, warp_array
 from vig.scene import Camera, Latents
 
-BOUNDARY_CURVATURE = 0.5
-"""Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
-
-
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
 

@@ -16,12 +16,30 @@ import torch
 
 Item, Result = TypeVar("Item"), TypeVar("Result")
 
-_working = threading.local()
+_here = threading.local()
 
 
 def thread_count() -> int:
     """How many threads work may be shared out to here: as torch says, and one within such work."""
-    return 1 if getattr(_working, "is_worker", False) else torch.get_num_threads()
+    kept: int | None = getattr(_here, "count", None)
+    return torch.get_num_threads() if kept is None else kept
+
+
+@contextmanager
+def small_matrices() -> Iterator[None]:
+    """Within, torch computes on one thread: for matrices of a fit's size more cost time, twenty times as
+    much when cores are busy. `thread_count` stays what it was, for work that is worth sharing out.
+    """
+    kept, before = getattr(_here, "count", None), torch.get_num_threads()
+    _here.count = thread_count()
+    if before != 1:
+        torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        _here.count = kept
+        if before != 1:
+            torch.set_num_threads(before)
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:
@@ -29,7 +47,7 @@ def run_on_threads(work: Callable[[int], None], count: int) -> None:
     if count == 1:
         work(0)
         return
-    with _one_core_each():
+    with small_matrices():
         for _ in _pool(count).map(work, range(count)):
             pass
 
@@ -40,19 +58,8 @@ def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Ite
     if threads <= 1:
         yield from map(work, items)
         return
-    with _one_core_each():
+    with small_matrices():
         yield from _pool(threads).map(work, items)
-
-
-@contextmanager
-def _one_core_each() -> Iterator[None]:
-    """Keep torch from giving each of our threads all cores."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 @functools.cache
@@ -61,4 +68,4 @@ def _pool(count: int) -> ThreadPoolExecutor:
 
 
 def _become_worker() -> None:
-    _working.is_worker = True
+    _here.count = 1
