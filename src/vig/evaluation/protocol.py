@@ -28,6 +28,7 @@ from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.render import map_on_threads
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
 
+LIKELIHOODS = {"gaussian": GAUSSIAN, "robust": ROBUST, "spatial": SPATIAL}
 METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
 
 MASK_HEAD = "rm mask head"
@@ -95,11 +96,7 @@ def evaluate(
             head = {"segmentation_iou": segmentation_iou(said, dataset.visible)}
             results[MASK_HEAD] = MethodResult(head, [""] * len(dataset))
         else:
-            chosen = settings
-            if method == "gaussian":
-                chosen = gaussian_of(settings)
-            elif method == "spatial":
-                chosen = replace(settings, likelihood=SPATIAL)
+            chosen = replace(settings, likelihood=LIKELIHOODS[method])
             fits = list(_fits(photos, prediction, object_class, chosen, threads, advance))
             latents = Latents.from_vector(torch.cat([fit.latents.to_vector() for fit in fits]))
             # The Gaussian model has no outliers: its mask is the whole silhouette, as in the paper.
@@ -109,11 +106,6 @@ def evaluate(
             }
             results[method] = MethodResult(errors, [fit.verdict.name.lower() for fit in fits])
     return results
-
-
-def gaussian_of(settings: ExplainSettings) -> ExplainSettings:
-    """The same fit under the paper's Gaussian pixel model: every pixel of the object is visible."""
-    return replace(settings, likelihood=GAUSSIAN)
 
 
 def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:

@@ -13,7 +13,7 @@ from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
 from vig.likelihood import load_kernels
 from vig.recognition import Prediction, Recognizer
-from vig.render import map_on_threads, small_matrices
+from vig.render import map_on_threads, on_one_core
 from vig.scene import ObjectClass
 
 
@@ -47,8 +47,7 @@ def explain_one(
     known: torch.Tensor | None = None,
 ) -> Explanation:
     """Refine one photo's prediction (N = 1); see `explain`."""
-    with small_matrices():
-        return _explain_one(photo, prediction, object_class, settings, known)
+    return on_one_core(lambda: _explain_one(photo, prediction, object_class, settings, known))
 
 
 def _explain_one(

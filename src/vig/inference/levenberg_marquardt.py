@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 
 from vig.inference.optimizer import Budget, Descent, Problem
-from vig.render import small_matrices
+from vig.render import on_one_core
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,7 @@ class LevenbergMarquardt:
         self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        with small_matrices():
-            return self._search(objective, starts, photo, sigma, budget)
+        return on_one_core(lambda: self._search(objective, starts, photo, sigma, budget))
 
     def _search(
         self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
@@ -40,7 +39,7 @@ class LevenbergMarquardt:
         assert start.gradient is not None and start.normal is not None
         points, value = starts.clone(), start.value.clone()
         evaluations = torch.ones(count, dtype=torch.int64, device=objective.device)
-        converged = torch.isfinite(value)
+        converged = torch.isfinite(value) & torch.isfinite(start.gradient).all(1)
         # The searches that go on, close together: which they are, and where each stands.
         going = converged.nonzero()[:, 0]
         here, best, photo, noise = points[going], value[going], photo[going], noise[going]
@@ -56,7 +55,7 @@ class LevenbergMarquardt:
             assert tried.gradient is not None and tried.normal is not None
             evaluations[going] += 1
             gain = tried.value - best
-            better = gain > 0
+            better = (gain > 0) & torch.isfinite(tried.gradient).all(1)
             ratio = (gain / predicted.clamp_min(1e-9)).to(damping.dtype)
             # Nielsen: shrink smoothly with the gain ratio, grow ever faster while steps fail.
             shrink = (1 - (2 * ratio - 1) ** 3).clamp(1 / 3, 2.0)

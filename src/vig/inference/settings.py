@@ -8,7 +8,7 @@ import torch
 
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Budget, Optimizer
-from vig.likelihood import ROBUST, PixelModel
+from vig.likelihood import SPATIAL, PixelModel
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class ExplainSettings:
     silhouette: "exact", or "paper" for the authors' constant mask.
     """
 
-    likelihood: PixelModel = ROBUST
+    likelihood: PixelModel = SPATIAL
     visible_prior: torch.Tensor | None = field(default=None, compare=False, kw_only=True)
     stages: tuple[Stage, ...] = (
         Stage(16, 8, sigma=4.0, scale=0.5, tolerance=20.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -35,6 +36,8 @@ class Photos:
                 f"log_prior must be {tuple(self.linear.shape)} like the photos;"
                 f" got {tuple(self.log_prior.shape)}"
             )
+        if not torch.isfinite(self.log_prior).all():
+            raise ValueError("log_prior must be finite; got NaN or infinity. NEVER stands for log 0")
         if not torch.isfinite(self.linear).all():
             raise ValueError("photos must be finite linear RGB; got NaN or infinity")
         if self.linear.numel() and self.linear.max() > 8:
@@ -132,14 +135,11 @@ class Likelihood:
         On the CPU points are shared out to as many threads as torch has (`torch.set_num_threads`), each
         taking one at a time, so that what it works on stays in its cache; on a GPU all go in one batch.
         """
+        points = points.to(self.geometry.dtype)
+        self._check(points, photo, sigma)
         count = len(points)
-        if not torch.isfinite(points).all():
-            at = (~torch.isfinite(points)).nonzero()[0].tolist()
-            raise ValueError(
-                f"points must be finite; got {float(points[*at])} in column {at[1]} of point {at[0]}"
-            )
-        group = 1 if self.geometry.device == "cpu" else count
-        threads = min(thread_count(), count) if self.geometry.device == "cpu" else 1
+        group = 1 if self.geometry.device == "cpu" else max(count, 1)
+        threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
         size = self.geometry.layout.size
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
@@ -168,6 +168,33 @@ class Likelihood:
         if coverage is not None:
             coverage = coverage.clamp_(0.0, 1.0)
         return Evaluation(value, gradient, normal, posterior, coverage, irradiance)
+
+    def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
+        """ValueError for what kernels cannot see: they would read beyond an array, or answer NaN."""
+        size, count = self.geometry.layout.size, len(points)
+        if points.ndim != 2 or points.shape[1] != size:
+            raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")
+        if not torch.isfinite(points).all():
+            at = (~torch.isfinite(points)).nonzero()[0].tolist()
+            raise ValueError(
+                f"points must be finite; got {float(points[*at])} in column {at[1]} of point {at[0]}"
+            )
+        if photo.shape != (count,) or sigma.shape != (count,):
+            raise ValueError(
+                f"photo and sigma must be ({count},) like the points;"
+                f" got {tuple(photo.shape)} and {tuple(sigma.shape)}"
+            )
+        if photo.is_floating_point() or photo.is_complex():
+            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
+        if count and not (0 <= int(photo.min()) and int(photo.max()) < len(self.observed)):
+            raise ValueError(
+                f"photo must be indices of the {len(self.observed)} photos;"
+                f" got {int(photo.min())} to {int(photo.max())}"
+            )
+        if count and not (float(sigma.min()) > 0 and math.isfinite(float(sigma.sum()))):
+            raise ValueError(
+                f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
+            )
 
     def _pass(self, count: int) -> Pass:
         """The calling thread's pass over `count` points at once, made at first use."""

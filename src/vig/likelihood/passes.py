@@ -20,8 +20,11 @@ from vig.scene.light import L_COUNT
 if TYPE_CHECKING:
     from vig.likelihood.evaluate import Likelihood
 
-BOUNDARY_ROWS = 4096
-"""Rows of the normal matrix kept for occlusion edges, beyond those of the pixels."""
+BOUNDARY_ROWS = 16
+"""Rows of the normal matrix kept for occlusion edges, per pixel of the image's width and height."""
+
+LEAST_BOUNDARY_ROWS = 4096
+"""Such rows of a small image, whose object may be full of edges."""
 
 BOUNDARY_CURVATURE = 0.5
 """Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
@@ -83,7 +86,8 @@ class Pass:
         self.on_world = made("on_world", k.vec3, vertices)
         self._cleared = [self.row_count, self.used, self.on_world, made("counts", wp.int32)]
         self._cleared += [made("on_corner", k.vec4, vertices), made("on_normal", k.vec3, vertices)]
-        self.rows = self._rows(-(-width // stride) * self._down + BOUNDARY_ROWS)
+        edge_rows = max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (width + height))
+        self.rows = self._rows(-(-width // stride) * self._down + edge_rows)
         for source in ("line", "edge"):
             made(f"{source}_values", k.real, PARTS), made(f"{source}_albedo", k.vec3, PARTS)
         made("sums", k.rest_row, PARTS)
