@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,7 +103,7 @@ class Likelihood:
         k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
         self.observed_wp = warp_array(self.observed, k.vec3)
         self.log_prior_wp = warp_array(self.log_prior, k.vec3)
-        self._passes = threading.local()
+        self._free: dict[int, list[Pass]] = {}
 
     def __call__(
         self,
@@ -150,17 +151,17 @@ class Likelihood:
         shown = [torch.empty(count, pixels, **place) for _ in range(3)] if images else []
 
         def every(start: int) -> None:
-            run = self._pass(group)
-            for first in range(start * group, count, threads * group):
-                part = slice(first, first + group)
-                run(points[part], photo[part], sigma[part], order, images)
-                value[part] = run.value
-                if gradient is not None:
-                    gradient[part] = run.gradient
-                if normal is not None:
-                    normal[part] = run.normal
-                for kept, image in zip(shown, run.images, strict=False):
-                    kept[part] = image
+            with self._pass(group) as run:
+                for first in range(start * group, count, threads * group):
+                    part = slice(first, first + group)
+                    run(points[part], photo[part], sigma[part], order, images)
+                    value[part] = run.value
+                    if gradient is not None:
+                        gradient[part] = run.gradient
+                    if normal is not None:
+                        normal[part] = run.normal
+                    for kept, image in zip(shown, run.images, strict=False):
+                        kept[part] = image
 
         run_on_threads(every, threads)
         shape = count, self.camera.height, self.camera.width
@@ -186,19 +187,28 @@ class Likelihood:
             )
         if photo.is_floating_point() or photo.is_complex():
             raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
-        if count and not (0 <= int(photo.min()) and int(photo.max()) < len(self.observed)):
+        if not count:
+            return
+        first, last = (int(end) for end in photo.aminmax())
+        if first < 0 or last >= len(self.observed):
             raise ValueError(
-                f"photo must be indices of the {len(self.observed)} photos;"
-                f" got {int(photo.min())} to {int(photo.max())}"
+                f"photo must be indices of the {len(self.observed)} photos; got {first} to {last}"
             )
-        if count and not (float(sigma.min()) > 0 and math.isfinite(float(sigma.sum()))):
+        least, most = (float(end) for end in sigma.aminmax())
+        if not (least > 0 and most < math.inf):
             raise ValueError(
                 f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
             )
 
-    def _pass(self, count: int) -> Pass:
-        """The calling thread's pass over `count` points at once, made at first use."""
-        kept: dict[int, Pass] = self._passes.__dict__.setdefault("kept", {})
-        if count not in kept:
-            kept[count] = Pass(self, count)
-        return kept[count]
+    @contextmanager
+    def _pass(self, count: int) -> Iterator[Pass]:
+        """A pass over `count` points that nobody else has, made when there is none."""
+        free = self._free.setdefault(count, [])
+        try:
+            borrowed = free.pop()
+        except IndexError:
+            borrowed = Pass(self, count)
+        try:
+            yield borrowed
+        finally:
+            free.append(borrowed)
