@@ -1,0 +1,168 @@
+"""The alternative to our silhouettes: colours, not log-likelihoods, are blended at the edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+
+from vig.inference import Objective
+from vig.likelihood import NEVER, PixelModel, mixture
+from vig.render import MeshObject, Pinhole, Scene, Topology, render
+from vig.scene import Latents, ObjectClass
+
+Beyond = Literal["beside", "constant"]
+Covered = Literal["share", "centre"]
+
+REACH = 2
+"""Pixels round a pixel among which the background beside it is looked for."""
+
+
+@dataclass(frozen=True)
+class Valued:
+    """What an optimiser asks for; see `vig.inference.optimizer.Valued`."""
+
+    value: torch.Tensor
+    gradient: torch.Tensor | None
+    normal: torch.Tensor | None
+
+
+def pixel_values(
+    observed: torch.Tensor,
+    blended: torch.Tensor,
+    share: torch.Tensor,
+    log_prior: torch.Tensor,
+    sigma: float,
+) -> torch.Tensor:
+    """log p (...) of pixels covered by `share` (...): a covered pixel's Eq. 3 of the blended colour (..., 3),
+    and what a background pixel has, mixed by the share. At shares 0 and 1 this is Eq. 4.
+
+    observed (..., 3), log_prior (..., 3): as `vig.likelihood.mixture`.
+    """
+    covered, _ = mixture(observed, blended, log_prior, sigma)
+    # Where there is nothing to mix, log 0 is left out: its derivative would be infinite.
+    some, whole = share > 0, share >= 1
+    inside = torch.where(some, torch.where(some, share, 1.0).log() + covered, NEVER)
+    outside = torch.where(whole, NEVER, torch.where(whole, 0.0, -share).log1p() + log_prior[..., 2])
+    return torch.logaddexp(inside, outside)
+
+
+class ColourBlending:
+    """Eq. 4 of one photo with colours blended by coverage, and the priors of `like`: a `Problem`.
+
+    A partly covered pixel shows k mu + (1 - k) b. b is what the photo shows beside it ("beside": the mean over
+    5 x 5 pixels, each by how little it is covered, itself left out), or the mean colour of the photo beyond
+    the first guess's silhouette ("constant"). covered: its prior of showing the object is mixed with a
+    background pixel's by its coverage k ("share"), or it is the object's if its centre is ("centre", as
+    in Eq. 4). Value and gradient are of the general renderer, coverage and b included.
+    """
+
+    def __init__(
+        self,
+        like: Objective,
+        object_class: ObjectClass,
+        start: torch.Tensor,
+        beyond: Beyond = "beside",
+        covered: Covered = "share",
+    ):
+        self.lower, self.upper, self.dtype, self.device = like.lower, like.upper, like.dtype, like.device
+        self.prior, self.latents = like.prior, like.latents
+        self.camera, self.beyond, self.covered = like.likelihood.camera, beyond, covered
+        size = self.camera.height, self.camera.width, 3
+        self.photo, self.log_prior = (
+            image[0].view(size) for image in (like.likelihood.observed, like.likelihood.log_prior)
+        )
+        self.shape_model = object_class.shape_model
+        self.topology = Topology.of(self.shape_model.faces, self.shape_model.mean)
+        with torch.no_grad():
+            outside = self._drawn(like.latents(start))[0] < 0.5
+        self.constant = self.photo[outside].mean(0)
+
+    def __call__(
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+    ) -> Valued:
+        """Value points (B, P') under noise sigma (B,). There is no normal matrix."""
+        value = self.prior.value(points)
+        gradient = self.prior.derivatives(points)[0] if derivatives else None
+        for index, point in enumerate(points):
+            moving = point.detach().clone().requires_grad_(derivatives)
+            found = self.log_likelihood(moving, float(sigma[index]))
+            value[index] += found.detach()
+            if gradient is not None:
+                gradient[index] += torch.autograd.grad(found, moving)[0]
+        return Valued(value, gradient, None)
+
+    def log_likelihood(self, point: torch.Tensor, sigma: float) -> torch.Tensor:
+        """Eq. 4 with blended colours at a point (P',), float64; to be differentiated."""
+        latents = self.latents(point[None])
+        share, over_black = self._drawn(latents)
+        blended = over_black + (1 - share)[..., None] * self._behind(share)
+        if self.covered == "centre":
+            share = (share >= 0.5).to(share)
+        return pixel_values(self.photo, blended, share, self.log_prior, sigma).double().sum()
+
+    def _drawn(self, latents: Latents) -> tuple[torch.Tensor, torch.Tensor]:
+        """Coverage (H, W) and the object's colours times it (H, W, 3)."""
+        item = MeshObject(
+            self.shape_model.vertices(latents.shape)[0],
+            self.topology,
+            albedo=latents.albedo[0],
+            light=latents.light[0],
+        )
+        seen = render(
+            Scene([item], Pinhole.on_sphere(self.camera, latents.azimuth[0], latents.elevation[0]))
+        )
+        return seen.coverage[0].clamp(0.0, 1.0), seen.rgb[0]
+
+    def _behind(self, share: torch.Tensor) -> torch.Tensor:
+        """b at every pixel: (H, W, 3)."""
+        if self.beyond == "constant":
+            return self.constant
+        free = (1 - 2 * share).clamp_min(0.0)
+        parts = torch.cat([self.photo * free[..., None], free[..., None]], dim=-1).permute(2, 0, 1)[:, None]
+        size = 2 * REACH + 1
+        summed = (size**2 * F.avg_pool2d(parts, size, 1, REACH) - parts)[:, 0]
+        # A thousandth of the constant colour, for pixels that see nothing beside them.
+        colour = summed[:3] + 1e-3 * self.constant[:, None, None]
+        return (colour / (summed[3] + 1e-3)).permute(1, 2, 0)
+
+
+@dataclass(frozen=True)
+class Edge:
+    """The edge's pixel in a row that the object covers from the left, at N guessed places of the edge in it.
+
+    place, posterior (of the pixel being visible under the blended colour), colours and likelihoods (derivatives
+    of the objective with respect to the place, nats per pixel, when either is blended), colours_value and
+    likelihoods_value (the objective, nats): (N,) float64 each.
+    """
+
+    place: torch.Tensor
+    posterior: torch.Tensor
+    colours: torch.Tensor
+    likelihoods: torch.Tensor
+    colours_value: torch.Tensor
+    likelihoods_value: torch.Tensor
+
+
+def edge(place: torch.Tensor, true_place: float, contrast: float, model: PixelModel) -> Edge:
+    """What each way of blending says of an edge guessed at `place` (N,) in a pixel, truly at `true_place` in it.
+
+    Both are in [0, 1]: the share of the pixel that the object covers; 0 and 1 stand for an edge that truly
+    lies in another pixel. contrast: distance of the object's colour from the background's in linear RGB.
+    The background's colour is taken as known, the best case for blending colours.
+    """
+    background = torch.full((3,), 0.5, dtype=torch.float64)
+    inside = background + contrast / math.sqrt(3)
+    observed = background + true_place * (inside - background)
+    log_prior = model.log_prior(1, len(place))[0]
+    at = place.double().clone().requires_grad_()
+    blended = background + at[:, None] * (inside - background)
+    value, posterior = mixture(observed, blended, log_prior, model.sigma)
+    (slope,) = torch.autograd.grad(value.sum(), at)
+    fit, _ = mixture(observed, inside, log_prior, model.sigma)
+    gain = fit - log_prior[:, 2]
+    here = at.detach()
+    return Edge(here, posterior.detach(), slope, gain, value.detach(), log_prior[:, 2] + here * gain)
