@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import torch
-import torch.nn.functional as F
 
 from vig.inference import Objective
 from vig.likelihood import NEVER, PixelModel, mixture
 from vig.render import MeshObject, Pinhole, Scene, Topology, render
-from vig.scene import Latents, ObjectClass
+from vig.scene import Camera, Latents, ObjectClass
 
 Beyond = Literal["beside", "constant"]
 Covered = Literal["share", "centre"]
@@ -50,6 +49,17 @@ def pixel_values(
     return torch.logaddexp(inside, outside)
 
 
+def _beside(camera: Camera) -> torch.Tensor:
+    """The pixels round each pixel: (H * W, 24), those beyond the frame being its border's."""
+    steps = torch.arange(-REACH, REACH + 1)
+    y, x = torch.arange(camera.height), torch.arange(camera.width)
+    rows = (y[:, None] + steps).clamp(0, camera.height - 1)
+    columns = (x[:, None] + steps).clamp(0, camera.width - 1)
+    around = rows[:, None, :, None] * camera.width + columns[None, :, None, :]
+    around = around.reshape(len(y) * len(x), -1)
+    return around[:, torch.arange(around.shape[1]) != around.shape[1] // 2]
+
+
 class ColourBlending:
     """Eq. 4 of one photo with colours blended by coverage, and the priors of `like`: a `Problem`.
 
@@ -71,15 +81,13 @@ class ColourBlending:
         self.lower, self.upper, self.dtype, self.device = like.lower, like.upper, like.dtype, like.device
         self.prior, self.latents = like.prior, like.latents
         self.camera, self.beyond, self.covered = like.likelihood.camera, beyond, covered
-        size = self.camera.height, self.camera.width, 3
-        self.photo, self.log_prior = (
-            image[0].view(size) for image in (like.likelihood.observed, like.likelihood.log_prior)
-        )
+        self.photo, self.log_prior = like.likelihood.observed[0], like.likelihood.log_prior[0]
+        self.nothing, self.beside = like.likelihood.background[0], _beside(self.camera)
         self.shape_model = object_class.shape_model
         self.topology = Topology.of(self.shape_model.faces, self.shape_model.mean)
         with torch.no_grad():
             outside = self._drawn(like.latents(start))[0] < 0.5
-        self.constant = self.photo[outside].mean(0)
+        self.constant = self.photo[outside.flatten()].mean(0)
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
@@ -97,12 +105,17 @@ class ColourBlending:
 
     def log_likelihood(self, point: torch.Tensor, sigma: float) -> torch.Tensor:
         """Eq. 4 with blended colours at a point (P',), float64; to be differentiated."""
-        latents = self.latents(point[None])
-        share, over_black = self._drawn(latents)
-        blended = over_black + (1 - share)[..., None] * self._behind(share)
+        share, over_black = (image.flatten(0, 1) for image in self._drawn(self.latents(point[None])))
+        here = (share > 0).nonzero()[:, 0]
+        some, log_prior = share[here], self.log_prior[here]
+        blended = over_black[here]
+        edge = ((some > 0) & (some < 1)).nonzero()[:, 0]
+        behind = (1 - some[edge])[:, None] * self._behind(share, here[edge])
+        blended = blended.index_add(0, edge, behind)
         if self.covered == "centre":
-            share = (share >= 0.5).to(share)
-        return pixel_values(self.photo, blended, share, self.log_prior, sigma).double().sum()
+            some = (some >= 0.5).to(some)
+        values = pixel_values(self.photo[here], blended, some, log_prior, sigma) - log_prior[:, 2]
+        return values.double().sum() + self.nothing
 
     def _drawn(self, latents: Latents) -> tuple[torch.Tensor, torch.Tensor]:
         """Coverage (H, W) and the object's colours times it (H, W, 3)."""
@@ -117,17 +130,15 @@ class ColourBlending:
         )
         return seen.coverage[0].clamp(0.0, 1.0), seen.rgb[0]
 
-    def _behind(self, share: torch.Tensor) -> torch.Tensor:
-        """b at every pixel: (H, W, 3)."""
+    def _behind(self, share: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+        """b at some pixels (N,): (N, 3); share (H * W,)."""
         if self.beyond == "constant":
-            return self.constant
-        free = (1 - 2 * share).clamp_min(0.0)
-        parts = torch.cat([self.photo * free[..., None], free[..., None]], dim=-1).permute(2, 0, 1)[:, None]
-        size = 2 * REACH + 1
-        summed = (size**2 * F.avg_pool2d(parts, size, 1, REACH) - parts)[:, 0]
+            return self.constant.expand(len(pixels), 3)
+        beside = self.beside[pixels]
+        free = (1 - 2 * share[beside]).clamp_min(0.0)
         # A thousandth of the constant colour, for pixels that see nothing beside them.
-        colour = summed[:3] + 1e-3 * self.constant[:, None, None]
-        return (colour / (summed[3] + 1e-3)).permute(1, 2, 0)
+        summed = (self.photo[beside] * free[..., None]).sum(1) + 1e-3 * self.constant
+        return summed / (free.sum(1) + 1e-3)[:, None]
 
 
 @dataclass(frozen=True)

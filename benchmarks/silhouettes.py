@@ -42,9 +42,7 @@ from vig.scene import Latents, ObjectClass, linear_from_srgb
 
 OPTIMIZERS: dict[str, tuple[Optimizer, Budget]] = {
     "L-BFGS": (LBFGS(), Budget(60)),
-    "L-BFGS, annealed": (Annealed(LBFGS()), Budget(60)),
     "cg, unscaled": (ConjugateGradient(scaled=False), Budget(50)),
-    "cg": (ConjugateGradient(), Budget(50)),
     "LM": (LevenbergMarquardt(), Budget(50)),
     "LM, annealed": (Annealed(LevenbergMarquardt()), Budget(75)),
 }
@@ -56,7 +54,6 @@ COLOURS: dict[str, dict[str, Any]] = {
 RUNS = [
     *((silhouette, optimizer) for optimizer in OPTIMIZERS for silhouette in ("exact", "paper")),
     *((colours, "L-BFGS") for colours in COLOURS),
-    ("colours", "L-BFGS, annealed"),
 ]
 START = ("start", "")
 COLUMNS = ("value", "azimuth", "elevation", "shape", "iou", "evaluations", "vain", "converged", "ms")
@@ -71,8 +68,8 @@ LOST = 10.0
 class Watched:
     """A problem that counts how many of its evaluations since the best one, under this noise, were in vain.
 
-    scale: an objective whose normal matrix stands for the problem's own, so that first-order searches of all
-    problems count their parameters in the same units.
+    scale: an objective whose normal matrix at the start stands for the problem's own, so that first-order
+    searches of all problems count their parameters in the same units.
     """
 
     def __init__(self, problem: Objective | ColourBlending, scale: Objective | None):
@@ -83,6 +80,7 @@ class Watched:
             problem.dtype,
             problem.device,
         )
+        self.units: torch.Tensor | None = None
         self.best, self.vain, self.noise = -np.inf, 0, 0.0
 
     def __call__(
@@ -92,11 +90,11 @@ class Watched:
         valued = self.problem(points, photo, sigma, derivatives)
         if float(sigma) != self.noise:
             self.best, self.vain, self.noise = -np.inf, 0, float(sigma)
+            if self.scale is not None:
+                self.units = self.scale(points, photo, sigma).normal
         self.vain = 0 if float(valued.value) > self.best else self.vain + 1
         self.best = max(self.best, float(valued.value))
-        normal = valued.normal
-        if self.scale is not None and derivatives:
-            normal = self.scale(points, photo, sigma).normal
+        normal = valued.normal if self.scale is None else self.units
         return Valued(valued.value, valued.gradient, normal)
 
 
@@ -256,7 +254,7 @@ def main() -> None:
     rng = np.random.default_rng(arguments.seed)
     chosen = np.sort(rng.choice(np.arange(first, end), count, replace=False))
     workers = torch.get_num_threads()
-    parts = np.array_split(chosen, min(count, 8 * workers))
+    parts = np.array_split(chosen, min(count, 4 * workers))
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         table = np.concatenate(
             list(
