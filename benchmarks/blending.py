@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 import torch
 
 from vig.inference import Objective
-from vig.likelihood import NEVER, PixelModel, mixture
+from vig.likelihood import NEVER, mixture
 from vig.render import MeshObject, Pinhole, Scene, Topology, render
 from vig.scene import Camera, Latents, ObjectClass
 
@@ -63,11 +62,11 @@ def _beside(camera: Camera) -> torch.Tensor:
 class ColourBlending:
     """Eq. 4 of one photo with colours blended by coverage, and the priors of `like`: a `Problem`.
 
-    A partly covered pixel shows k mu + (1 - k) b. b is what the photo shows beside it ("beside": the mean over
-    5 x 5 pixels, each by how little it is covered, itself left out), or the mean colour of the photo beyond
-    the first guess's silhouette ("constant"). covered: its prior of showing the object is mixed with a
-    background pixel's by its coverage k ("share"), or it is the object's if its centre is ("centre", as
-    in Eq. 4). Value and gradient are of the general renderer, coverage and b included.
+    A partly covered pixel shows k mu + (1 - k) b. beyond: b is what the photo shows beside the pixel
+    ("beside": the mean over the 24 pixels round it, each by how little it is covered), or the mean colour of
+    the photo outside the start's silhouette ("constant"). covered: the pixel's density is mixed with a
+    background pixel's by its coverage k ("share"), or it is the object's where its centre is ("centre", as
+    in Eq. 4). Value and exact gradient come from the general renderer, through coverage and b, too.
     """
 
     def __init__(
@@ -125,9 +124,7 @@ class ColourBlending:
             albedo=latents.albedo[0],
             light=latents.light[0],
         )
-        seen = render(
-            Scene([item], Pinhole.on_sphere(self.camera, latents.azimuth[0], latents.elevation[0]))
-        )
+        seen = render(Scene([item], Pinhole.on_sphere(self.camera, latents.azimuth[0], latents.elevation[0])))
         return seen.coverage[0].clamp(0.0, 1.0), seen.rgb[0]
 
     def _behind(self, share: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
@@ -139,41 +136,3 @@ class ColourBlending:
         # A thousandth of the constant colour, for pixels that see nothing beside them.
         summed = (self.photo[beside] * free[..., None]).sum(1) + 1e-3 * self.constant
         return summed / (free.sum(1) + 1e-3)[:, None]
-
-
-@dataclass(frozen=True)
-class Edge:
-    """The edge's pixel in a row that the object covers from the left, at N guessed places of the edge in it.
-
-    place, posterior (of the pixel being visible under the blended colour), colours and likelihoods (derivatives
-    of the objective with respect to the place, nats per pixel, when either is blended), colours_value and
-    likelihoods_value (the objective, nats): (N,) float64 each.
-    """
-
-    place: torch.Tensor
-    posterior: torch.Tensor
-    colours: torch.Tensor
-    likelihoods: torch.Tensor
-    colours_value: torch.Tensor
-    likelihoods_value: torch.Tensor
-
-
-def edge(place: torch.Tensor, true_place: float, contrast: float, model: PixelModel) -> Edge:
-    """What each way of blending says of an edge guessed at `place` (N,) in a pixel, truly at `true_place` in it.
-
-    Both are in [0, 1]: the share of the pixel that the object covers; 0 and 1 stand for an edge that truly
-    lies in another pixel. contrast: distance of the object's colour from the background's in linear RGB.
-    The background's colour is taken as known, the best case for blending colours.
-    """
-    background = torch.full((3,), 0.5, dtype=torch.float64)
-    inside = background + contrast / math.sqrt(3)
-    observed = background + true_place * (inside - background)
-    log_prior = model.log_prior(1, len(place))[0]
-    at = place.double().clone().requires_grad_()
-    blended = background + at[:, None] * (inside - background)
-    value, posterior = mixture(observed, blended, log_prior, model.sigma)
-    (slope,) = torch.autograd.grad(value.sum(), at)
-    fit, _ = mixture(observed, inside, log_prior, model.sigma)
-    gain = fit - log_prior[:, 2]
-    here = at.detach()
-    return Edge(here, posterior.detach(), slope, gain, value.detach(), log_prior[:, 2] + here * gain)

@@ -1,14 +1,16 @@
 """What to do at the silhouette: three objectives, the same photos, starts, pixel model, priors, optimisers.
 
-`python -m benchmarks.silhouettes --dataset D --count N --seed S [--among FIRST END] [--json FILE]` draws N images
-of a training split that training holds out for validation, and descends from the recognition model's best
-guess: "exact" blends log-likelihoods by coverage, "paper" holds the mask constant, "colours" blends colours
-(`benchmarks.blending`). First it prints the derivative at one edge. As many processes as OMP_NUM_THREADS says.
+`python -m benchmarks.silhouettes --dataset D --count N --seed S [--among FIRST END] [--json FILE]` draws N
+images of those of a training split that training holds out for validation, and descends from the recognition
+model's best guess: "exact" blends log-likelihoods by coverage, "paper" holds the mask constant, "colours"
+blends colours (`benchmarks.blending`). Ends are compared by the exact objective. First it prints what one
+edge gives (`benchmarks.edge`). It takes as many processes as torch has threads (OMP_NUM_THREADS).
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import multiprocessing
 import time
@@ -20,7 +22,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.blending import ColourBlending, Valued, edge
+from benchmarks.blending import ColourBlending, Valued
+from benchmarks.edge import show
 from benchmarks.masks import HELD_OUT, compared
 from vig.dataset import read_dataset
 from vig.evaluation import angle_error_deg, segmentation_iou, shape_error_mm
@@ -60,9 +63,20 @@ COLUMNS = ("value", "azimuth", "elevation", "shape", "iou", "evaluations", "vain
 VAIN = 15
 """Evaluations after the best one by which a line search that failed is known: L-BFGS allows 20 in one."""
 
+HEAD = (
+    "short of best (nats)",
+    "azimuth (degrees)",
+    "within 1, 5 degrees",
+    "elevation (degrees)",
+    "shape (mm)",
+    "mask IoU",
+    "evaluations",
+    "small gain, failed line",
+)
+JUDGED = {"value": 1, "azimuth": -1, "elevation": -1, "shape": -1, "iou": 1}
+"""By what one end is better than another, and whether more of it is."""
+
 HALF_HIDDEN = 0.4
-LOST = 10.0
-"""Nats below the best end of a photo that any run reached, from which an end counts as stuck."""
 
 
 class Watched:
@@ -106,7 +120,10 @@ def descents(
     visible: np.ndarray,
     settings: ExplainSettings,
 ) -> np.ndarray:
-    """Every run on one photo (H, W, 3): (1 + runs, columns), the start first. visible (H, W): the true mask."""
+    """Every run on one photo (H, W, 3): (1 + runs, columns), the start first.
+
+    truth, visible (H, W): what errors are measured against.
+    """
     exact = objective_of(photo, prediction, object_class, settings)
     paper = objective_of(photo, prediction, object_class, replace(settings, silhouette="paper"))
     start = exact.point(prediction.best())
@@ -151,9 +168,7 @@ def run(folder: Path, chosen: np.ndarray, photo_prior: bool) -> np.ndarray:
     """`descents` on the samples `chosen`: (N, 1 + runs, columns)."""
     torch.set_num_threads(1)
     teapot, dataset = ObjectClass.load("teapot"), read_dataset(folder, "train")
-    photos = torch.from_numpy(
-        linear_from_srgb(dataset.read("rgb", chosen).astype(np.float32) / 255)
-    ).float()
+    photos = torch.from_numpy(linear_from_srgb(dataset.read("rgb", chosen).astype(np.float32) / 255)).float()
     visible, truth = (
         dataset.read("mask_visib", chosen),
         Latents.from_vector(torch.from_numpy(dataset.latents[chosen])),
@@ -178,7 +193,6 @@ def summary(rows: np.ndarray, best: np.ndarray) -> dict[str, float]:
         line[f"{name}_mean"] = float(column[name].mean())
     line["within_1"] = float((column["azimuth"] <= 1).mean())
     line["within_5"] = float((column["azimuth"] <= 5).mean())
-    line["near_best"] = float((short <= LOST).mean())
     line["evaluations"] = float(np.median(column["evaluations"]))
     failed = column["vain"] >= VAIN
     line["failed"] = float(failed.mean())
@@ -187,54 +201,61 @@ def summary(rows: np.ndarray, best: np.ndarray) -> dict[str, float]:
     return line
 
 
-def show_edge() -> dict[str, Any]:
-    """Print what `edge` says at contrast 0.5, and where it has its maximum."""
-    places = torch.linspace(0.0, 1.0, 11)
-    print("One edge, contrast 0.5, half covered by the guess, derivative per pixel outwards in nats:")
-    half = torch.tensor([0.5])
-    report: dict[str, Any] = {}
-    for name, true_place in (("the pixel shows the object", 1.0), ("the pixel shows the background", 0.0)):
-        found = edge(half, true_place, 0.5, ROBUST)
-        report[name] = {
-            "posterior": float(found.posterior),
-            "colours": float(found.colours),
-            "likelihoods": float(found.likelihoods),
-        }
-        print(
-            f"  {name}: posterior {float(found.posterior):.1e}, colours {float(found.colours):+.1e},"
-            f" log-likelihoods {float(found.likelihoods):+.2f}"
-        )
-    print("The same with the guess covering", " ".join(f"{place:5.1f}" for place in places.tolist()))
-    for name, true_place in (("object", 1.0), ("background", 0.0)):
-        found = edge(places, true_place, 0.5, ROBUST)
-        report[f"colours along {name}"] = found.colours.tolist()
-        print(f"  {name}: colours", " ".join(f"{slope:+.2g}" for slope in found.colours.tolist()))
-    fine = torch.linspace(0.0, 1.0, 1001)
-    for contrast in (0.1, 0.2, 0.5):
-        errors, reach = [], []
-        for true_place in np.linspace(0.005, 0.995, 100).tolist():
-            found = edge(fine, true_place, contrast, ROBUST)
-            errors.append(
-                [float(fine[v.argmax()]) - true_place for v in (found.colours_value, found.likelihoods_value)]
-            )
-        for true_place, sign in ((1.0, 1), (0.0, -1)):
-            found = edge(fine, true_place, contrast, ROBUST)
-            reach.append(
-                [float((sign * slope > 0.1).double().mean()) for slope in (found.colours, found.likelihoods)]
-            )
-        bias, scatter = np.mean(errors, 0), np.abs(errors).mean(0)
-        report[f"contrast {contrast}"] = {
-            "bias": bias.tolist(),
-            "error": scatter.tolist(),
-            "reach": np.mean(reach, 0).tolist(),
-        }
-        print(
-            f"contrast {contrast}: of a pixel that is all object or all background, the share in which the edge is"
-            f" pulled the right way by 0.1 nats or more: colours {np.mean(reach, 0)[0]:.0%},"
-            f" log-likelihoods {np.mean(reach, 0)[1]:.0%}; in the true edge's own pixel the maximum is off by"
-            f" {scatter[0]:.2f} and {scatter[1]:.2f} pixels, on the mean {bias[0]:+.2f} and {bias[1]:+.2f}"
-        )
+def tables(table: np.ndarray, occlusion: np.ndarray, rng: np.random.Generator) -> dict[str, Any]:
+    """Print and return the tables of `descents` (N, 1 + runs, columns), all and by occlusion (N,)."""
+    best, report = table[:, :, 0].max(1), {}
+    groups = {
+        "all": np.ones(len(table), bool),
+        f"at most {HALF_HIDDEN:.0%} hidden": occlusion <= HALF_HIDDEN,
+        f"more than {HALF_HIDDEN:.0%} hidden": occlusion > HALF_HIDDEN,
+    }
+    for group, within in groups.items():
+        if not within.any():
+            continue
+        lines = [summary(table[within, i], best[within]) for i in range(table.shape[1])]
+        compare = against_exact(table[within], rng)
+        names = [" | ".join(name) for name in (START, *RUNS)]
+        report[group] = {"runs": dict(zip(names, lines, strict=True)), "exact over": compare}
+        print(f"\n{group}: {within.sum()} images\n")
+        print("| objective | optimiser | " + " | ".join(HEAD) + " |\n" + "|---" * (2 + len(HEAD)) + "|")
+        for name, line in zip(names, lines, strict=True):
+            print(f"| {name} | {shown(line)} |")
+        print("\n| exact over | by | " + " | ".join(JUDGED) + " |\n" + "|---" * (2 + len(JUDGED)) + "|")
+        for name, gains in compare.items():
+            cells = [
+                f"{g['mean_gain']:+.3g} [{g['mean_gain_ci95'][0]:+.3g}, {g['mean_gain_ci95'][1]:+.3g}],"
+                f" {g['share_better']:.0%} : {g['share_worse']:.0%}"
+                for g in gains.values()
+            ]
+            print(f"| {name} | " + " | ".join(cells) + " |")
     return report
+
+
+def shown(line: dict[str, float]) -> str:
+    """The cells of a line of the table."""
+    cells = [f"{line['short_median']:,.0f}"]
+    for name, digits in (("azimuth", 1), ("elevation", 1), ("shape", 1), ("iou", 3)):
+        cells.append(f"{line[f'{name}_median']:.{digits}f} / {line[f'{name}_mean']:.{digits}f}")
+        if name == "azimuth":
+            cells.append(f"{line['within_1']:.0%}, {line['within_5']:.0%}")
+    cells.append(f"{line['evaluations']:.0f}")
+    cells.append(f"{line['small_gain']:.0%}, {line['failed']:.0%}")
+    return " | ".join(cells)
+
+
+def against_exact(table: np.ndarray, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
+    """How much better "exact" ends than each other objective under the same optimiser, image by image."""
+    found = {}
+    for number, (name, how) in enumerate(RUNS):
+        if name == "exact":
+            continue
+        ours, theirs = table[:, 1 + RUNS.index(("exact", how))], table[:, 1 + number]
+        found[f"{name} | {how}"] = {
+            column: compared(sign * ours[:, i], sign * theirs[:, i], rng)
+            for column, sign in JUDGED.items()
+            for i in [COLUMNS.index(column)]
+        }
+    return found
 
 
 def main() -> None:
@@ -244,10 +265,10 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--among", type=int, nargs=2, metavar=("FIRST", "END"), help="samples to draw from")
-    parser.add_argument("--photo-prior", action="store_true", help="the pixel prior of a fit, not the paper's")
+    parser.add_argument("--photo-prior", action="store_true", help="pixel priors as in a fit")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    report: dict[str, Any] = {"edge": show_edge()}
+    report: dict[str, Any] = {"edge": show(ROBUST)}
     dataset = read_dataset(arguments.dataset, "train")
     first, end = arguments.among or (max(len(dataset) - HELD_OUT, 0), len(dataset))
     count = min(arguments.count, end - first)
@@ -256,48 +277,11 @@ def main() -> None:
     workers = torch.get_num_threads()
     parts = np.array_split(chosen, min(count, 4 * workers))
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        table = np.concatenate(
-            list(
-                pool.map(
-                    run,
-                    [arguments.dataset] * len(parts),
-                    parts,
-                    [arguments.photo_prior] * len(parts),
-                )
-            )
-        )
-    best, occlusion = table[:, :, 0].max(1), dataset.occlusion[chosen]
-    groups = {
-        "all": np.ones(count, bool),
-        f"at most {HALF_HIDDEN:.0%} hidden": occlusion <= HALF_HIDDEN,
-        f"more than {HALF_HIDDEN:.0%} hidden": occlusion > HALF_HIDDEN,
-    }
-    names = [" | ".join(name) for name in (START, *RUNS)]
-    for group, within in groups.items():
-        if not within.any():
-            continue
-        lines = {name: summary(table[within, i], best[within]) for i, name in enumerate(names)}
-        report[group] = {"count": int(within.sum()), "runs": lines}
-        print(f"\n{group}, {within.sum()} images")
-        print("| objective | optimiser | " + " | ".join(lines[names[0]]) + " |")
-        for name, line in lines.items():
-            print(f"| {name} | " + " | ".join(f"{value:.4g}" for value in line.values()) + " |")
-        print("\nexact against the other, same optimiser: mean gain, 95 % interval, better on, worse on")
-        for (name, how), i in zip(RUNS, range(1, len(names)), strict=True):
-            if name == "exact":
-                continue
-            j = 1 + RUNS.index(("exact", how))
-            for column, sign in (("value", 1), ("azimuth", -1), ("shape", -1), ("iou", 1)):
-                at = COLUMNS.index(column)
-                gain = compared(sign * table[within, j, at], sign * table[within, i, at], rng)
-                report[group][f"exact over {name} | {how}: {column}"] = gain
-                low, high = gain["mean_gain_ci95"]
-                print(
-                    f"  {name} | {how}: {column} {gain['mean_gain']:+.4g} [{low:+.4g}, {high:+.4g}],"
-                    f" {gain['share_better']:.0%}, {gain['share_worse']:.0%}"
-                )
+        work = functools.partial(run, arguments.dataset, photo_prior=arguments.photo_prior)
+        table = np.concatenate(list(pool.map(work, parts)))
+    report |= tables(table, dataset.occlusion[chosen], rng)
     if arguments.json:
-        report.update(count=count, seed=arguments.seed, rows=table.tolist(), names=names, columns=COLUMNS)
+        report |= {"chosen": chosen.tolist(), "columns": COLUMNS, "rows": table.tolist()}
         arguments.json.write_text(json.dumps(report, indent=1) + "\n")
 
 
