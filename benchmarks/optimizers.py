@@ -3,25 +3,25 @@
 One descent each, at full size, from the recognition model's best guess, one thread, kernels warm. The photos
 are made by the raster generator (test split), or are the last ones of `--dataset DIR`. Prints a table: by how
 many nats the end is lower than the best that any optimiser found for that photo, errors of azimuth, elevation
-and shape, evaluations, milliseconds; medians, with the interquartile range behind +-.
+and shape, evaluations, milliseconds; medians, with the interquartile range behind +-. Then, for each row, how
+its time and its final objective compare with the default's on the same photos: a fit's stages run
+Levenberg-Marquardt at falling noise, so that row is the default's.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import re
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy
 import torch
 
-from benchmarks.fit import metric
-from vig import __version__
-from vig.dataset import read_dataset
+from benchmarks import photos
+from benchmarks.report import median_interval, metric, report, write
 from vig.evaluation.metrics import angle_error_deg, shape_error_mm
 from vig.inference import (
     BFGS,
@@ -38,8 +38,9 @@ from vig.inference import (
     objective_of,
 )
 from vig.recognition import Recognizer
-from vig.scene import Latents, ObjectClass, linear_from_srgb
-from vig.synthesis import render, sample
+from vig.scene import Latents, ObjectClass
+
+DEFAULT = "lm, annealed (the default)"
 
 OPTIMIZERS: dict[str, tuple[Optimizer, Budget]] = {
     "lm": (LevenbergMarquardt(), Budget(50)),
@@ -51,7 +52,7 @@ OPTIMIZERS: dict[str, tuple[Optimizer, Budget]] = {
     "gd": (GradientDescent(), Budget(500)),
     "gd, decay 0.01": (GradientDescent(decay=0.01), Budget(500)),
     "gd, no momentum": (GradientDescent(momentum=0.0), Budget(500)),
-    "lm, annealed": (Annealed(LevenbergMarquardt()), Budget(75)),
+    DEFAULT: (Annealed(LevenbergMarquardt()), Budget(75)),
     "dogleg, annealed": (Annealed(Dogleg()), Budget(75)),
     "lbfgs, annealed": (Annealed(LBFGS()), Budget(300)),
     "cg, annealed": (Annealed(ConjugateGradient()), Budget(75)),
@@ -73,30 +74,15 @@ COLUMNS = {
 START = "start"
 
 
-def made(object_class: ObjectClass, count: int, seed: int) -> tuple[np.ndarray, torch.Tensor]:
-    """Photos (N, H, W, 3) uint8 and latents (N, P) of the test split's scenes."""
-    specs = [sample(object_class, seed, index, "test") for index in range(count)]
-    images = np.stack([render(spec, object_class).image for spec in specs])
-    return images, torch.tensor(np.stack([spec.latents() for spec in specs]), dtype=torch.float32)
-
-
-def read(folder: Path, split: str, count: int) -> tuple[np.ndarray, torch.Tensor]:
-    """The last `count` photos and latents of a dataset; the last thousand of a training set validate."""
-    dataset = read_dataset(folder, split)
-    chosen = range(max(0, len(dataset) - count), len(dataset))
-    return dataset.read("rgb", chosen), torch.from_numpy(dataset.latents[chosen.start :])
-
-
-def measure(object_class: ObjectClass, images: np.ndarray, truth: torch.Tensor) -> dict[str, np.ndarray]:
+def measure(object_class: ObjectClass, images: torch.Tensor, truth: torch.Tensor) -> dict[str, np.ndarray]:
     """What each optimiser reached: name to (N, columns), in the order of `COLUMNS`."""
     torch.set_num_threads(1)
     settings = ExplainSettings()
-    photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
-    prediction = Recognizer.of_class(object_class)(photos)
+    prediction = Recognizer.of_class(object_class)(images)
     zero, sigma = torch.zeros(1, dtype=torch.int32), settings.likelihood.sigma
     names = [START, *OPTIMIZERS]
-    table = {name: np.zeros((len(photos), len(COLUMNS))) for name in names}
-    for index, photo in enumerate(photos):
+    table = {name: np.zeros((len(images), len(COLUMNS))) for name in names}
+    for index, photo in enumerate(images):
         objective = objective_of(photo, prediction[index : index + 1], object_class, settings)
         start = objective.point(prediction[index : index + 1].best())
         known = Latents.from_vector(truth[index : index + 1])
@@ -124,29 +110,79 @@ def measure(object_class: ObjectClass, images: np.ndarray, truth: torch.Tensor) 
     return table
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """One optimiser beside the default on the same photos.
+
+    time: median of the ratios of times. gain: median of how many nats its end is higher than the default's;
+    low, high: the 95 % bootstrap interval of that median.
+    """
+
+    time: float
+    gain: float
+    low: float
+    high: float
+
+    @property
+    def verdict(self) -> str:
+        """What the interval says of the final objective."""
+        if self.low > 0:
+            return "better"
+        return "worse" if self.high < 0 else "neither better nor worse"
+
+    @property
+    def default_wins(self) -> bool:
+        """The default takes less time, and its final objective is not shown to be lower."""
+        return self.time > 1 and self.low <= 0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.time:.2f} x the default's time; final objective {self.verdict}:"
+            f" {self.gain:+.4g} nats (95 % {self.low:+.4g} to {self.high:+.4g})"
+        )
+
+
+def compare(table: Mapping[str, np.ndarray]) -> dict[str, Comparison]:
+    """Each row of `measure`'s table, but the start and the default, beside the default."""
+    short, spent = list(COLUMNS).index("short_of_best"), list(COLUMNS).index("fit")
+    default, found = table[DEFAULT], {}
+    for name, rows in table.items():
+        if name not in (START, DEFAULT):
+            gains = default[:, short] - rows[:, short]
+            ratio = float(np.median(rows[:, spent] / default[:, spent]))
+            found[name] = Comparison(ratio, float(np.median(gains)), *median_interval(gains))
+    return found
+
+
+def summary(comparisons: Mapping[str, Comparison]) -> str:
+    """A line for each row, and against how many of them the default wins."""
+    lines = [f"{name}: {comparison}" for name, comparison in comparisons.items()]
+    won = [comparison for comparison in comparisons.values() if comparison.default_wins]
+    behind = [name for name, comparison in comparisons.items() if not comparison.default_wins]
+    last = f"faster than {len(won)} of {len(comparisons)}, at a final objective not shown to be lower"
+    if won:
+        ratios = [comparison.time for comparison in won]
+        last += f", by {min(ratios):.2f} to {max(ratios):.2f} times"
+    if behind:
+        last += "; not so against " + "; ".join(behind)
+    return "\n".join([*lines, f"{DEFAULT}: {last}"])
+
+
 def main() -> None:
     """Measure, print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--count", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--dataset", type=Path)
-    parser.add_argument("--split", default="test")
+    photos.add_arguments(parser, count=100)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     teapot = ObjectClass.load("teapot")
-    if arguments.dataset is None:
-        images, truth = made(teapot, arguments.count, arguments.seed)
-    else:
-        images, truth = read(arguments.dataset, arguments.split, arguments.count)
-    table = measure(teapot, images, truth)
+    table = measure(teapot, *photos.chosen(arguments, teapot))
     head = [column if column == unit else f"{column} ({unit})" for column, unit in COLUMNS.items()]
     print("| optimiser | " + " | ".join(head) + " |\n" + "|---" * (1 + len(head)) + "|")
     metrics = []
     for name, rows in table.items():
-        slug = re.sub(r"\W+", "_", name.split(" (")[0])
         found = [
             metric(
-                f"{slug}_{column}" if column == unit else f"{slug}_{column}_{unit}",
+                f"{slug(name)}_{column}" if column == unit else f"{slug(name)}_{column}_{unit}",
                 rows[:, place].tolist(),
                 unit,
             )
@@ -154,18 +190,14 @@ def main() -> None:
         ]
         print(f"| {name} | " + " | ".join(f"{row['value']:.4g} +-{row['iqr']:.3g}" for row in found) + " |")
         metrics += found
-    report = {
-        "machine": {"processor": platform.machine(), "threads": 1},
-        "versions": {
-            "vig": __version__,
-            "torch": torch.__version__,
-            "scipy": scipy.__version__,
-            "python": platform.python_version(),
-        },
-        "metrics": metrics,
-    }
+    print(f"{len(rows)} photos; each on the same ones as {DEFAULT}:\n{summary(compare(table))}")
     if arguments.json:
-        arguments.json.write_text(json.dumps(report, indent=2) + "\n")
+        write(report(metrics, threads=1, packages=["scipy"]), arguments.json)
+
+
+def slug(name: str) -> str:
+    """A row's name in a metric's: without what stands in brackets."""
+    return re.sub(r"\W+", "_", name.split(" (")[0])
 
 
 if __name__ == "__main__":

@@ -27,14 +27,24 @@ class Ours:
         """The objective at a guess."""
         return self._evaluate(index, derivatives=False)
 
+    def gradient(self, index: int) -> Evaluation:
+        """Objective and gradient of the 24 latents and 3 numbers of framing."""
+        return self._evaluate(index, derivatives=True, curvature=False)
+
     def full(self, index: int) -> Evaluation:
         """Objective, gradient and normal matrix of the 24 latents and 3 numbers of framing."""
         return self._evaluate(index, derivatives=True)
 
     def covered(self) -> int:
         """Area of the first guess's silhouette, in pixels, rounded."""
-        return round(float(self.forward(0).coverage.sum()))
+        coverage = self.images().coverage
+        assert coverage is not None
+        return round(float(coverage.sum()))
 
-    def _evaluate(self, index: int, derivatives: bool) -> Evaluation:
+    def images(self) -> Evaluation:
+        """The first guess with its posterior, coverage and irradiance."""
+        return self.likelihood(self.case.guesses[0], *self._rest, derivatives=False)
+
+    def _evaluate(self, index: int, derivatives: bool, curvature: bool = True) -> Evaluation:
         guess = self.case.guesses[index % len(self.case.guesses)]
-        return self.likelihood(guess, *self._rest, derivatives=derivatives)
+        return self.likelihood(guess, *self._rest, derivatives=derivatives, images=False, curvature=curvature)

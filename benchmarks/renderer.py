@@ -24,6 +24,7 @@ FULL = "full_evaluation"
 
 TITLES = {
     "forward": "vig: objective",
+    "gradient": "vig: objective and gradient",
     FULL: "vig: objective, gradient, normal matrix",
     "deodr_forward": "DEODR: forward",
     "deodr_gradient": "DEODR: forward + gradient",
@@ -35,6 +36,7 @@ RATIOS = {
     "full_evaluation_vs_deodr": ("deodr_gradient", FULL),
     "full_evaluation_vs_deodr_rasterizer": ("deodr_rasterizer", FULL),
     "full_evaluation_vs_mitsuba": ("mitsuba_gradient", FULL),
+    "gradient_vs_deodr": ("deodr_gradient", "gradient"),
     "forward_vs_deodr": ("deodr_forward", "forward"),
     "forward_vs_mitsuba": ("mitsuba_forward", "forward"),
 }
@@ -51,7 +53,7 @@ def contenders(case: Case, peers: tuple[Peer, ...], threads: int) -> Calls:
     """What is timed, checked: every side covers the same pixels and has a gradient that is not zero."""
     ours.set_threads(threads)
     mine = ours.Ours(case)
-    calls: Calls = {"forward": mine.forward, FULL: mine.full}
+    calls: Calls = {"forward": mine.forward, "gradient": mine.gradient, FULL: mine.full}
     gradients: dict[str, Any] = {FULL: mine.full(0).gradient}
     pixels = {FULL: mine.covered()}
     if DEODR in peers and threads == 1:  # it knows no threads
@@ -103,7 +105,7 @@ def metrics_of(times: Mapping[str, np.ndarray], ending: str) -> list[Metric]:
     """Times, and ratios of the rounds' pairs, of one case; `ending` is appended to the names."""
     found = [report.metric(f"{name}_ms{ending}", values, "ms") for name, values in times.items()]
     for name, (theirs, mine) in RATIOS.items():
-        if theirs in times:
+        if theirs in times and mine in times:
             found.append(report.metric(name + ending, times[theirs] / times[mine], "x", "higher"))
     return found
 

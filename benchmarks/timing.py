@@ -1,15 +1,35 @@
-"""Timing several functions side by side on a machine whose speed changes."""
+"""Timing functions, several of them side by side, on a machine whose speed changes."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+
+Result = TypeVar("Result")
 
 LEAST_SECONDS = 0.1
 WARM_UP = 3
 """Calls before any is timed; Mitsuba compiles a second set of kernels at the second one."""
+
+
+@dataclass(frozen=True)
+class Time:
+    """How long a call took by the wall clock, and by this process's processor time, all threads together."""
+
+    wall_ms: float
+    processor_ms: float
+
+
+def timed(call: Callable[[], Result]) -> tuple[Result, Time]:
+    """What a call returns, and its time."""
+    processor, wall = time.process_time(), time.perf_counter()
+    result = call()
+    wall = time.perf_counter() - wall
+    return result, Time(1000 * wall, 1000 * (time.process_time() - processor))
 
 
 def interleaved(calls: Mapping[str, Callable[[int], object]], rounds: int) -> dict[str, np.ndarray]:

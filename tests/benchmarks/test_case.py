@@ -42,7 +42,7 @@ def test_the_photo_is_seeded_and_shows_the_object_only_in_part(standard) -> None
     np.testing.assert_array_equal(standard.photo, make_case(150).photo)
     assert standard.photo.min() >= 0 and standard.photo.max() <= 1
     ours = Ours(standard)
-    found = ours.full(0)
+    found = ours.images()
     covered = found.coverage[0] > 0.5
     explained = float((found.posterior[0][covered] > 0.5).float().mean())
     assert 0.5 < explained < 0.95  # the rest is the occluder's

@@ -15,10 +15,9 @@ from vig.cli.main import main
 from vig.dataset import Dataset, make_dataset, read_dataset
 from vig.errors import UserError
 from vig.evaluation import evaluate
-from vig.evaluation.protocol import MASK_HEAD, METHODS, gaussian_of, silhouettes, write_csv
+from vig.evaluation.protocol import MASK_HEAD, METHODS, silhouettes, write_csv
 from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
-from vig.likelihood import GAUSSIAN
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
 from vig.recognition.training import save_weights
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass
@@ -106,10 +105,6 @@ def test_silhouettes_of_the_truth_are_the_datasets_masks(dataset: Dataset, teapo
     assert masks.dtype == bool and masks.shape == (COUNT, 150, 150)
     union = (masks | dataset.amodal).sum((1, 2))
     assert ((masks & dataset.amodal).sum((1, 2)) / union > 0.97).all()
-
-
-def test_the_gaussian_method_differs_in_its_pixel_model_only() -> None:
-    assert gaussian_of(QUICK) == replace(QUICK, likelihood=GAUSSIAN)
 
 
 def test_the_csv_has_a_row_for_each_image_and_method(results, dataset: Dataset, tmp_path: Path) -> None:

@@ -109,7 +109,8 @@ def test_a_beliefs_derivatives_are_exact_and_its_matrix_is_that_of_its_residuals
     rng = np.random.default_rng(9)
     prior = Objective(objective.likelihood, teapot, belief=some_belief(rng)).prior
     points = objective.point(studio.latents(rng, 3))
-    gradient, normal = prior.derivatives(points)
+    value, gradient, normal = prior.with_derivatives(points)
+    torch.testing.assert_close(value, prior.value(points))
     variable = points.clone().requires_grad_(True)
     (slope,) = torch.autograd.grad(prior.value(variable).sum(), variable)
     torch.testing.assert_close(gradient, slope, atol=1e-9, rtol=1e-9)
@@ -118,7 +119,7 @@ def test_a_beliefs_derivatives_are_exact_and_its_matrix_is_that_of_its_residuals
     fitting = points[:1].clone()
     fitting[:, 15:24] = rotate_z(prior.heading_mean[None], fitting[:, 10])
     curvature = torch.autograd.functional.hessian(lambda p: -prior.value(p[None]).sum(), fitting[0])
-    torch.testing.assert_close(prior.derivatives(fitting)[1][0], curvature, atol=1e-8, rtol=1e-8)
+    torch.testing.assert_close(prior.with_derivatives(fitting)[2][0], curvature, atol=1e-8, rtol=1e-8)
 
 
 def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: Objective) -> None:

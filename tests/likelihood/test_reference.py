@@ -42,7 +42,7 @@ def evaluated(geometry: Geometry, camera: Camera, given: Case) -> Pass:
     likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
     run = Pass(likelihood, 1)
     sigma = torch.tensor([SIGMA], dtype=torch.float64)
-    run(given.point, torch.zeros(1, dtype=torch.int32), sigma, derivatives=True, images=True)
+    run(given.point, torch.zeros(1, dtype=torch.int32), sigma, derivatives=2, images=True)
     return run
 
 
@@ -156,6 +156,15 @@ def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
     assert off.median() < 0.3 and off.max() < 1.5
 
 
+def test_without_curvature_value_and_gradient_are_the_same(studio) -> None:
+    given = case(studio, 7)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    full = likelihood.at(given.point, *studio.whose(1))
+    first = likelihood.at(given.point, *studio.whose(1), curvature=False)
+    assert first.normal is None
+    torch.testing.assert_close((first.value, first.gradient), (full.value, full.gradient))
+
+
 def test_points_that_are_not_finite_are_refused(studio) -> None:
     given = case(studio, 0)
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
@@ -196,3 +205,50 @@ def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> No
 def test_a_transfer_table_of_another_model_is_refused(teapot) -> None:
     with pytest.raises(ValueError, match=r"transfer must be \(11, 2636, 9\) like the shape model"):
         Geometry(teapot.shape_model, transfer=np.zeros((11, 5, 9), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("photo", "sigma", "message"),
+    [
+        ([1], [0.03], "photo must be indices of the 1 photos; got 1 to 1"),
+        ([-1], [0.03], "got -1 to -1"),
+        ([0.5], [0.03], "whole numbers, indices of photos; got torch.float32"),
+        ([0, 0], [0.03], r"must be \(1,\) like the points; got \(2,\) and \(1,\)"),
+        ([0], [0.0], "sigma must be positive"),
+        ([0], [float("nan")], "sigma must be positive"),
+    ],
+)
+def test_photos_and_noise_that_are_none_are_refused(studio, photo: list, sigma: list, message: str) -> None:
+    given = case(studio, 0)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    with pytest.raises(ValueError, match=message):
+        likelihood.at(given.point, torch.tensor(photo), torch.tensor(sigma))
+    with pytest.raises(ValueError, match=r"points must be \(B, 27\)"):
+        likelihood.at(given.point[:, :1], *studio.whose(1))
+    with pytest.raises(ValueError, match="log_prior must be finite"):
+        Photos(given.photo, given.log_prior * float("nan"))
+
+
+def test_no_points_have_no_values(studio) -> None:
+    given = case(studio, 0)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    none = likelihood.at(given.point[:0], *studio.whose(0), images=True)
+    assert (
+        none.value.shape == (0,) and none.gradient.shape == (0, 27) and none.coverage.shape == (0, 150, 150)
+    )
+
+
+def test_rims_stiffen_what_moves_them(studio) -> None:
+    """The normal matrix of the exact silhouette is the paper's and what the edges' gain adds to it."""
+    given = case(studio, 60)
+    photos = Photos(given.photo, given.log_prior)
+    exact, paper = (
+        Likelihood(studio.geometry, studio.camera, photos, silhouette)
+        .at(given.point, *studio.whose(1))
+        .normal
+        for silhouette in ("exact", "paper")
+    )
+    added = torch.diagonal((exact - paper)[0]) / torch.diagonal(paper[0])
+    modes = studio.geometry.layout.modes
+    assert (added[: modes + 2] > 0.005).all()
+    assert added[modes + 2 : -3].abs().max() < 1e-12  # colour and light do not move an edge

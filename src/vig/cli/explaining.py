@@ -43,12 +43,18 @@ LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 class Explainer:
     """Reads, explains and writes photos with one class and one way of fitting."""
 
-    def __init__(self, object_class: str, likelihood: str = "robust", optimizer: str = "lm"):
-        torch.set_num_threads(1)  # a fit's matrices are small: threads cost more than they bring
+    def __init__(
+        self,
+        object_class: str,
+        likelihood: str = "spatial",
+        optimizer: str = "lm",
+        self_shadow: bool = False,
+    ):
         self.object_class = ObjectClass.load(object_class)
         self.recognizer = Recognizer.of_class(self.object_class)
         load_kernels(torch.float32, self.object_class.shape_model.modes)
         self.likelihood, self.optimizer = LIKELIHOODS[likelihood], OPTIMIZERS[optimizer]
+        self.self_shadow = self_shadow
 
     def __call__(
         self, image: Path, folder: Path, box: Box | None = None, framing: str = "auto"
@@ -62,7 +68,9 @@ class Explainer:
         window = Window.of(width, height, box)
         cut, known = window.cut(photo)
         free = framing == "free" or (framing == "auto" and (box is not None or height != width))
-        settings = ExplainSettings(self.likelihood, free_framing=free, optimizer=self.optimizer)
+        settings = ExplainSettings(
+            self.likelihood, free_framing=free, optimizer=self.optimizer, self_shadow=self.self_shadow
+        )
         explanation = next(
             explain(
                 torch.from_numpy(cut)[None],

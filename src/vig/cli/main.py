@@ -24,12 +24,14 @@ class Fit:
     for each. The whole photo by default."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
-    likelihood: Literal["robust", "gaussian", "spatial"] = "robust"
-    """The pixel model: robust allows for occluders, gaussian takes all of the object as visible, spatial is
-    robust with neighbouring pixels hidden or visible together."""
+    likelihood: Literal["robust", "gaussian", "spatial"] = "spatial"
+    """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
+    hidden or visible together; gaussian takes all of the object as visible."""
     optimizer: Literal["lm", "dogleg", "lbfgs", "bfgs", "cg", "gd"] = "lm"
     """Levenberg-Marquardt, Powell's dogleg, L-BFGS, BFGS, nonlinear conjugate gradient, gradient descent with
     momentum; docs/choosing.md compares them."""
+    self_shadow: bool = False
+    """Shade with what the object's parts take from and throw upon each other; see docs/self_shadow.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"
     """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
     out: Path = Path("vig-fit")

@@ -38,7 +38,9 @@ def fit(settings: Fit) -> int:
 
     box = None if settings.box is None else parse_box(settings.box)
     folders = result_folders(settings.images, settings.out)
-    explainer = Explainer(settings.object_class, settings.likelihood, settings.optimizer)
+    explainer = Explainer(
+        settings.object_class, settings.likelihood, settings.optimizer, settings.self_shadow
+    )
     results, failures = {}, 0
     for image, folder in zip(settings.images, folders, strict=True):
         try:

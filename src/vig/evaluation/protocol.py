@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,10 +23,12 @@ from vig.evaluation.metrics import (
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, Explanation, explain_one, geometry_of
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos, load_kernels
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
+from vig.render import map_on_threads
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
 
+LIKELIHOODS = {"gaussian": GAUSSIAN, "robust": ROBUST, "spatial": SPATIAL}
 METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
 
 MASK_HEAD = "rm mask head"
@@ -95,11 +96,7 @@ def evaluate(
             head = {"segmentation_iou": segmentation_iou(said, dataset.visible)}
             results[MASK_HEAD] = MethodResult(head, [""] * len(dataset))
         else:
-            chosen = settings
-            if method == "gaussian":
-                chosen = gaussian_of(settings)
-            elif method == "spatial":
-                chosen = replace(settings, likelihood=SPATIAL)
+            chosen = replace(settings, likelihood=LIKELIHOODS[method])
             fits = list(_fits(photos, prediction, object_class, chosen, threads, advance))
             latents = Latents.from_vector(torch.cat([fit.latents.to_vector() for fit in fits]))
             # The Gaussian model has no outliers: its mask is the whole silhouette, as in the paper.
@@ -109,11 +106,6 @@ def evaluate(
             }
             results[method] = MethodResult(errors, [fit.verdict.name.lower() for fit in fits])
     return results
-
-
-def gaussian_of(settings: ExplainSettings) -> ExplainSettings:
-    """The same fit under the paper's Gaussian pixel model: every pixel of the object is visible."""
-    return replace(settings, likelihood=GAUSSIAN)
 
 
 def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
@@ -158,21 +150,19 @@ def _fits(
     threads: int,
     advance: Callable[[int], None],
 ) -> Iterator[Explanation]:
-    """Fit every photo, `threads` at a time; the kernels run outside Python's lock."""
-    geometry_of(object_class)
+    """Fit every photo, `threads` at a time; after Ctrl-C nobody waits for fits that were not begun."""
+    load_kernels(torch.float32, object_class.shape_model.modes)
 
     def one(index: int) -> Explanation:
         return explain_one(photos[index], prediction[index : index + 1], object_class, settings)
 
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    pool = ThreadPoolExecutor(threads)
+    torch.set_num_threads(threads)
     try:
-        for fit in pool.map(one, range(len(photos))):
+        for fit in map_on_threads(one, range(len(photos))):
             advance(1)
             yield fit
     finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for fits that were not begun
         torch.set_num_threads(before)
 
 

@@ -13,7 +13,7 @@ from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
 from vig.likelihood import load_kernels
 from vig.recognition import Prediction, Recognizer
-from vig.render import map_on_threads
+from vig.render import map_on_threads, on_one_core
 from vig.scene import ObjectClass
 
 
@@ -47,6 +47,16 @@ def explain_one(
     known: torch.Tensor | None = None,
 ) -> Explanation:
     """Refine one photo's prediction (N = 1); see `explain`."""
+    return on_one_core(lambda: _explain_one(photo, prediction, object_class, settings, known))
+
+
+def _explain_one(
+    photo: torch.Tensor,
+    prediction: Prediction,
+    object_class: ObjectClass,
+    settings: ExplainSettings,
+    known: torch.Tensor | None,
+) -> Explanation:
     scales = {stage.scale for stage in settings.stages} | {1.0}
     objectives = objectives_of(photo, prediction, object_class, settings, scales, known)
     objective = objectives[1.0]

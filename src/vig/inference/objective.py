@@ -76,8 +76,9 @@ class Objective:
     ) -> Valuation:
         """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
-        value = evaluation.value + self.prior.value(points)
         if evaluation.gradient is None or evaluation.normal is None:
-            return Valuation(value, None, None, evaluation)
-        gradient, normal = self.prior.derivatives(points)
-        return Valuation(value, evaluation.gradient + gradient, evaluation.normal + normal, evaluation)
+            return Valuation(evaluation.value + self.prior.value(points), None, None, evaluation)
+        value, gradient, normal = self.prior.with_derivatives(points)
+        return Valuation(
+            evaluation.value + value, evaluation.gradient + gradient, evaluation.normal + normal, evaluation
+        )

@@ -67,20 +67,24 @@ class Prior:
             value = value - 0.5 * ((heading - self.heading_mean) ** 2 * self.heading_precision).sum(1)
         return value.double()
 
-    def derivatives(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Gradient (B, P') and Gauss-Newton matrix of -log p (B, P', P')."""
-        gradient = (self.mean - points) @ self.precision
+    def with_derivatives(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """log p(z) (B,) float64, its gradient (B, P') and Gauss-Newton matrix of -log p (B, P', P')."""
+        off = self.mean - points
+        gradient = off @ self.precision
+        value = -0.5 * (off * gradient).sum(1)
         normal = self.precision.expand(len(points), -1, -1)
-        if self.heading_mean is None:
-            return gradient, normal
-        turned, heading = self._heading(points)
-        # jacobian[b, :, i]: d heading / d latent i, first azimuth, then the light in the world frame.
-        jacobian = torch.cat([-turn_rate_z(heading)[:, :, None], turned], dim=2)
-        weighted = jacobian * self.heading_precision[:, None]
-        gradient[:, self._places] += ((self.heading_mean - heading)[:, None] @ weighted)[:, 0]
-        normal = normal.clone()
-        normal[:, self._places[:, None], self._places] += weighted.mT @ jacobian
-        return gradient, normal
+        if self.heading_mean is not None:
+            turned, heading = self._heading(points)
+            miss = self.heading_mean - heading
+            pull = miss * self.heading_precision
+            value = value - 0.5 * (miss * pull).sum(1)
+            # jacobian[b, :, i]: d heading / d latent i, first azimuth, then the light in the world frame.
+            jacobian = torch.cat([-turn_rate_z(heading)[:, :, None], turned], dim=2)
+            gradient[:, self._places] += (pull[:, None] @ jacobian)[:, 0]
+            normal = normal.clone()
+            curved = (jacobian * self.heading_precision[:, None]).mT @ jacobian
+            normal[:, self._places[:, None], self._places] += curved
+        return value.double(), gradient, normal
 
     def _heading(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """The turn of the world to the heading frame (B, 9, 9), and the light in it (B, 9)."""

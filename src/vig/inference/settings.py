@@ -8,7 +8,7 @@ import torch
 
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Budget, Optimizer
-from vig.likelihood import ROBUST, PixelModel
+from vig.likelihood import SPATIAL, PixelModel
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class ExplainSettings:
     silhouette: "exact", or "paper" for the authors' constant mask.
     """
 
-    likelihood: PixelModel = ROBUST
+    likelihood: PixelModel = SPATIAL
     visible_prior: torch.Tensor | None = field(default=None, compare=False, kw_only=True)
     stages: tuple[Stage, ...] = (
         Stage(16, 8, sigma=4.0, scale=0.5, tolerance=20.0),
         Stage(6, 10, sigma=4.0, scale=0.5, tolerance=5.0),
         Stage(4, 12, sigma=2.0, tolerance=5.0),
-        Stage(2, 30, tolerance=0.5),
+        Stage(3, 30, tolerance=0.5),
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0

@@ -3,9 +3,9 @@
 Between two neighbouring pixels an occlusion edge may pass, at a share t of the way from one centre to the
 other. The nearer pixel is then partly the other's surface: by |t - 1/2|, which is its analytic coverage
 along that direction. Log-likelihoods (not colours) are blended by it, so the objective is continuous and
-differentiable in the edge's place. An edge is seen both by rows and by columns; the shares nx^2 and ny^2 of
-its screen normal, interpolated along the edge, weigh the two, so that area is kept and nothing jumps where
-one edge hands over to the next.
+differentiable in the edge's place (docs/objective.md says where it is not). An edge is seen both by rows and
+by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
+area is kept and nothing jumps where one edge hands over to the next.
 """
 
 import functools
@@ -93,12 +93,13 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         on_albedo: wp.array2d(dtype=vec3),
         on_corner: wp.array2d(dtype=vec4),
         on_normal: wp.array2d(dtype=vec3),
-        used: wp.array(dtype=wp.int32),
+        row_count: wp.array(dtype=wp.int32),
         normal_shape: wp.array2d(dtype=shape_row),
         normal_rest: wp.array2d(dtype=rest_row),
         coverage: wp.array2d(dtype=real),
     ):
-        """Every `threads`th rim of an image: what blending across it adds to Eq. 4, and the way back."""
+        """Every `threads`th rim of an image: what blending across it adds to Eq. 4, the way back with
+        differentiate >= 1, rows of the normal matrix with 2."""
         image, part = wp.tid()
         eye = eye_of(rotation[image], distance, intrinsics[image], width)
         back = wp.transpose(eye.rotation)
@@ -307,7 +308,9 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
                             # Gauss-Newton has no residual here; the cusp of gain per pixel is taken one
                             # pixel wide. The row is of u alone.
-                            slot = wp.atomic_add(used, image, 1)
+                            slot = normal_shape.shape[1]
+                            if differentiate > 1:
+                                slot = wp.atomic_add(row_count, image, 1)
                             if slot < normal_shape.shape[1]:
                                 root = wp.sqrt(curvature / ((wp.abs(along_u) + real(0.1)) * brightness))
                                 edge_a = edge_a * root

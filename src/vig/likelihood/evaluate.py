@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import threading
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +14,6 @@ from vig.likelihood.kernels import likelihood_kernels, load_kernels
 from vig.likelihood.passes import Pass
 from vig.render import Geometry, run_on_threads, thread_count, warp_array
 from vig.scene import Camera, Latents
-
-BOUNDARY_CURVATURE = 0.5
-"""Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
-
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
@@ -39,6 +37,8 @@ class Photos:
                 f"log_prior must be {tuple(self.linear.shape)} like the photos;"
                 f" got {tuple(self.log_prior.shape)}"
             )
+        if not torch.isfinite(self.log_prior).all():
+            raise ValueError("log_prior must be finite; got NaN or infinity. NEVER stands for log 0")
         if not torch.isfinite(self.linear).all():
             raise ValueError("photos must be finite linear RGB; got NaN or infinity")
         if self.linear.numel() and self.linear.max() > 8:
@@ -103,7 +103,7 @@ class Likelihood:
         k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
         self.observed_wp = warp_array(self.observed, k.vec3)
         self.log_prior_wp = warp_array(self.log_prior, k.vec3)
-        self._passes = threading.local()
+        self._free: dict[int, list[Pass]] = {}
 
     def __call__(
         self,
@@ -113,9 +113,12 @@ class Likelihood:
         sigma: torch.Tensor,
         derivatives: bool = True,
         images: bool = True,
+        curvature: bool = True,
     ) -> Evaluation:
         """Evaluate B guesses; photo (B,) int says which photo each explains, sigma (B,) its noise."""
-        return self.at(torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images)
+        return self.at(
+            torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images, curvature
+        )
 
     def at(
         self,
@@ -124,38 +127,41 @@ class Likelihood:
         sigma: torch.Tensor,
         derivatives: bool = True,
         images: bool = False,
+        curvature: bool = True,
     ) -> Evaluation:
         """Evaluate points (B, P'), latents followed by framing; else as a call.
+
+        Without curvature there is a gradient but no normal matrix, for searches of first order.
 
         On the CPU points are shared out to as many threads as torch has (`torch.set_num_threads`), each
         taking one at a time, so that what it works on stays in its cache; on a GPU all go in one batch.
         """
+        points = points.to(self.geometry.dtype)
+        self._check(points, photo, sigma)
         count = len(points)
-        if not torch.isfinite(points).all():
-            at = (~torch.isfinite(points)).nonzero()[0].tolist()
-            raise ValueError(
-                f"points must be finite; got {float(points[*at])} in column {at[1]} of point {at[0]}"
-            )
-        group = 1 if self.geometry.device == "cpu" else count
-        threads = min(thread_count(), count) if self.geometry.device == "cpu" else 1
+        group = 1 if self.geometry.device == "cpu" else max(count, 1)
+        threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
         size = self.geometry.layout.size
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
         gradient = torch.empty(count, size, **place) if derivatives else None
-        normal = torch.empty(count, size, size, **place) if derivatives else None
+        normal = torch.empty(count, size, size, **place) if derivatives and curvature else None
+        order = int(derivatives) + int(derivatives and curvature)
         pixels = self.camera.height * self.camera.width
         shown = [torch.empty(count, pixels, **place) for _ in range(3)] if images else []
 
         def every(start: int) -> None:
-            run = self._pass(group)
-            for first in range(start * group, count, threads * group):
-                part = slice(first, first + group)
-                run(points[part], photo[part], sigma[part], derivatives, images)
-                value[part] = run.value
-                if gradient is not None and normal is not None:
-                    gradient[part], normal[part] = run.gradient, run.normal
-                for kept, image in zip(shown, run.images, strict=False):
-                    kept[part] = image
+            with self._pass(group) as run:
+                for first in range(start * group, count, threads * group):
+                    part = slice(first, first + group)
+                    run(points[part], photo[part], sigma[part], order, images)
+                    value[part] = run.value
+                    if gradient is not None:
+                        gradient[part] = run.gradient
+                    if normal is not None:
+                        normal[part] = run.normal
+                    for kept, image in zip(shown, run.images, strict=False):
+                        kept[part] = image
 
         run_on_threads(every, threads)
         shape = count, self.camera.height, self.camera.width
@@ -164,9 +170,45 @@ class Likelihood:
             coverage = coverage.clamp_(0.0, 1.0)
         return Evaluation(value, gradient, normal, posterior, coverage, irradiance)
 
-    def _pass(self, count: int) -> Pass:
-        """The calling thread's pass over `count` points at once, made at first use."""
-        kept: dict[int, Pass] = self._passes.__dict__.setdefault("kept", {})
-        if count not in kept:
-            kept[count] = Pass(self, count)
-        return kept[count]
+    def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
+        """ValueError for what kernels cannot see: they would read beyond an array, or answer NaN."""
+        size, count = self.geometry.layout.size, len(points)
+        if points.ndim != 2 or points.shape[1] != size:
+            raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")
+        if not torch.isfinite(points).all():
+            at = (~torch.isfinite(points)).nonzero()[0].tolist()
+            raise ValueError(
+                f"points must be finite; got {float(points[*at])} in column {at[1]} of point {at[0]}"
+            )
+        if photo.shape != (count,) or sigma.shape != (count,):
+            raise ValueError(
+                f"photo and sigma must be ({count},) like the points;"
+                f" got {tuple(photo.shape)} and {tuple(sigma.shape)}"
+            )
+        if photo.is_floating_point() or photo.is_complex():
+            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
+        if not count:
+            return
+        first, last = (int(end) for end in photo.aminmax())
+        if first < 0 or last >= len(self.observed):
+            raise ValueError(
+                f"photo must be indices of the {len(self.observed)} photos; got {first} to {last}"
+            )
+        least, most = (float(end) for end in sigma.aminmax())
+        if not (least > 0 and most < math.inf):
+            raise ValueError(
+                f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
+            )
+
+    @contextmanager
+    def _pass(self, count: int) -> Iterator[Pass]:
+        """A pass over `count` points that nobody else has, made when there is none."""
+        free = self._free.setdefault(count, [])
+        try:
+            borrowed = free.pop()
+        except IndexError:
+            borrowed = Pass(self, count)
+        try:
+            yield borrowed
+        finally:
+            free.append(borrowed)

@@ -91,7 +91,7 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         keys: wp.array2d(dtype=wp.int64),
         sigma: wp.array(dtype=real),
         posterior: wp.array2d(dtype=real),
-        used: wp.array(dtype=wp.int32),
+        row_count: wp.array(dtype=wp.int32),
         normal_shape: wp.array2d(dtype=shape_row),
         normal_rest: wp.array2d(dtype=rest_row),
     ):
@@ -110,7 +110,7 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             if key != wp.int64(NOTHING):
                 visible = posterior[image, at]
             if visible > negligible:
-                slot = wp.atomic_add(used, image, 1)
+                slot = wp.atomic_add(row_count, image, 1)
                 surface = surface_of(image, int(key & face_mask), faces, screen, irradiances)
                 pixel = vec2(real(x) + real(0.5), real(y) + real(0.5))
                 seen = seen_at(surface, pixel)

@@ -26,18 +26,18 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.kernel(module=module)
     def add_values(
-        lines: wp.array2d(dtype=real),
-        edges: wp.array2d(dtype=real),
+        line_values: wp.array2d(dtype=real),
+        edge_values: wp.array2d(dtype=real),
         background: wp.array(dtype=wp.float64),
         photo: wp.array(dtype=wp.int32),
         value: wp.array(dtype=wp.float64),
     ):
         image = wp.tid()
         total = background[photo[image]]
-        for i in range(lines.shape[1]):
-            total = total + wp.float64(lines[image, i])
-        for i in range(edges.shape[1]):
-            total = total + wp.float64(edges[image, i])
+        for i in range(line_values.shape[1]):
+            total = total + wp.float64(line_values[image, i])
+        for i in range(edge_values.shape[1]):
+            total = total + wp.float64(edge_values[image, i])
         value[image] = total
 
     @wp.kernel(module=module)
@@ -101,7 +101,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
 @functools.cache
 def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
-    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it at once."""
+    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it."""
     kernels = likelihood_kernels(dtype, modes)
     used = kernels.place, kernels.rasterize_faces, kernels.interior, kernels.boundary, kernels.assemble
     wp.force_load(device, modules=[kernel.module for kernel in used], max_workers=2)

@@ -13,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from vig.errors import UserError
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
 from vig.recognition.targets import latents_of, mask_at_pixels
+from vig.render import on_one_core
 from vig.scene import Latents, ObjectClass, srgb_from_linear
 
 
@@ -121,7 +122,8 @@ class Recognizer:
 
     def __call__(self, photos: torch.Tensor, batch: int = 64) -> Prediction:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150."""
-        parts = [self._some(part) for part in photos.float().split(batch)]
+        # On one core, so that what a photo's fit starts from does not depend on how many there are.
+        parts = on_one_core(lambda: [self._some(part) for part in photos.float().split(batch)])
         columns = zip(*[(p.azimuth, p.numbers, p.deviation, p.mask) for p in parts], strict=True)
         return Prediction(*(torch.cat(column) for column in columns))
 

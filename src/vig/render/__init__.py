@@ -7,7 +7,7 @@ from vig.render.primitives import Pyramid, Topology, pyramid
 from vig.render.raster import NOTHING, Fragments, raster_kernels, rasterize
 from vig.render.rendering import render
 from vig.render.scene import DirectionalLight, MeshObject, Pinhole, Rendering, Scene
-from vig.render.threads import map_on_threads, run_on_threads, thread_count
+from vig.render.threads import map_on_threads, on_one_core, run_on_threads, thread_count
 
 __all__ = [
     "NOTHING",
@@ -22,6 +22,7 @@ __all__ = [
     "Topology",
     "jacobian",
     "map_on_threads",
+    "on_one_core",
     "pyramid",
     "raster_kernels",
     "rasterize",

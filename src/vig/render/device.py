@@ -6,6 +6,7 @@ import ctypes
 import functools
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import cast
@@ -18,12 +19,14 @@ from vig.errors import UserError
 wp.config.log_level = wp.LOG_ERROR
 wp.config.enable_backward = False
 
+_starting = threading.Lock()
+
 
 @functools.cache
 def initialise() -> None:
     """Start Warp. UserError when its library cannot be loaded or its kernel cache not be written."""
     try:
-        with _without_native_messages():
+        with _starting, _without_native_messages():
             wp.init()
     except (OSError, RuntimeError) as error:
         raise UserError(f"Warp could not start: {error}; `vig doctor` tells more") from error

@@ -28,6 +28,8 @@ class Geometry:
         device: str = "cpu",
         transfer: np.ndarray | None = None,
     ):
+        if model.modes < 1:
+            raise ValueError("the renderer needs a shape model with one component or more; got none")
         self.model, self.dtype, self.device = model, dtype, device
         self.layout = RowLayout(model.modes)
         stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)

@@ -77,9 +77,15 @@ def pack(scenes: Sequence[Scene]) -> Packed:
     objects = [scenes[index].objects[place] for index, place in owners]
     topologies = [item.topology for item in objects]
     counts = [(len(t.faces), t.vertex_count, len(t.edges)) for t in topologies]
+    # An object without a texture has one row of coordinates, to which all its corners point.
+    plain = [item.texture is None or item.texture_coordinates is None for item in objects]
     coordinates = [
-        like.new_zeros(t.vertex_count, 2) if item.texture_coordinates is None else item.texture_coordinates
-        for item, t in zip(objects, topologies, strict=True)
+        like.new_zeros(1, 2) if bare or item.texture_coordinates is None else item.texture_coordinates
+        for item, bare in zip(objects, plain, strict=True)
+    ]
+    texture_faces = [
+        torch.zeros_like(t.faces) if bare else t.texture_faces
+        for t, bare in zip(topologies, plain, strict=True)
     ]
     starts = _starts([(f, v, len(uv)) for (f, v, _), uv in zip(counts, coordinates, strict=True)])
     device = like.device
@@ -103,7 +109,7 @@ def pack(scenes: Sequence[Scene]) -> Packed:
         face_object=numbered(0),
         faces=_joined([t.faces + s[1] for t, s in zip(topologies, starts, strict=False)], _none(device, 3)),
         texture_faces=_joined(
-            [t.texture_faces + s[2] for t, s in zip(topologies, starts, strict=False)], _none(device, 3)
+            [corners + s[2] for corners, s in zip(texture_faces, starts, strict=False)], _none(device, 3)
         ),
         edges=_joined(
             [_shifted(t.edges, s[1], s[0]) for t, s in zip(topologies, starts, strict=False)],

@@ -1,58 +1,63 @@
 """Work shared out to threads: kernels and matrix products release Python's lock, so they run side by side.
 
-How many is one setting, torch's own: `torch.set_num_threads`, or OMP_NUM_THREADS in the environment.
+How many is one setting, torch's own: `torch.set_num_threads`, or OMP_NUM_THREADS in the environment. On our
+threads torch computes with one core each: a fit's matrices are small, and more cores cost it time.
 """
 
 from __future__ import annotations
 
 import functools
+import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from typing import TypeVar
 
 import torch
 
-Item, Result = TypeVar("Item"), TypeVar("Result")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
-_working = threading.local()
+MOST_CALLERS = 64
+"""How many of a user's threads may be within `on_one_core` at once; others wait."""
+
+_here = threading.local()
+_starting = threading.Lock()
 
 
 def thread_count() -> int:
     """How many threads work may be shared out to here: as torch says, and one within such work."""
-    return 1 if getattr(_working, "is_worker", False) else torch.get_num_threads()
+    kept: int | None = getattr(_here, "count", None)
+    return torch.get_num_threads() if kept is None else kept
+
+
+def on_one_core(work: Callable[[], Result]) -> Result:
+    """work(), with torch on one core, while `thread_count` stays what it is for what is worth sharing out.
+
+    torch's setting is the process's: rather than changing it, work goes to a thread of ours and is awaited.
+    """
+    if getattr(_here, "count", None) is not None:
+        return work()
+    return _callers().submit(_counting, thread_count(), work).result()
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:
     """Call work(0) ... work(count - 1), all at once; with one, on the calling thread."""
-    if count == 1:
-        work(0)
+    if count <= 1:
+        for index in range(count):
+            work(index)
         return
-    with _one_core_each():
-        for _ in _pool(count).map(work, range(count)):
-            pass
+    for _ in _pool(count).map(work, range(count)):
+        pass
 
 
 def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """work(item) of each item in order, as many at once as `thread_count`."""
+    """work(item) of each item in order, as many at once as `thread_count`.
+
+    When its consumer stops early, items that were not begun are dropped.
+    """
     threads = min(thread_count(), len(items))
-    if threads <= 1:
-        yield from map(work, items)
-        return
-    with _one_core_each():
-        yield from _pool(threads).map(work, items)
-
-
-@contextmanager
-def _one_core_each() -> Iterator[None]:
-    """Keep torch from giving each of our threads all cores."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+    yield from map(work, items) if threads <= 1 else _pool(threads).map(work, items)
 
 
 @functools.cache
@@ -60,5 +65,35 @@ def _pool(count: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(count, "vig", initializer=_become_worker)
 
 
+@functools.cache
+def _callers() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(MOST_CALLERS, "vig-caller", initializer=_become_worker)
+
+
 def _become_worker() -> None:
-    _working.is_worker = True
+    """Keep torch to one core on this thread; the process's setting, which new threads take over, stays."""
+    with _starting:
+        before = torch.get_num_threads()
+        torch.set_num_threads(1)
+        restoring = threading.Thread(target=torch.set_num_threads, args=(before,))
+        restoring.start()
+        restoring.join()
+    _here.count = 1
+
+
+def _counting(count: int, work: Callable[[], Result]) -> Result:
+    _here.count = count
+    try:
+        return work()
+    finally:
+        _here.count = 1
+
+
+def _forget_threads() -> None:
+    """A forked child has none of its parent's threads."""
+    _pool.cache_clear()
+    _callers.cache_clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_threads)

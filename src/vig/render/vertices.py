@@ -105,7 +105,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         shape_rows: wp.array2d(dtype=shape_row),
         rest_rows: wp.array2d(dtype=rest_row),
     ):
-        """Normals and irradiance of the vertices in use, and the irradiance's row of derivatives.
+        """Normals and irradiance of the vertices in use; with differentiate = 2 its row of derivatives.
 
         With self-shadow, lobe_changes are added to the nine lobes, and shadow_rates (K + 1, V) to the
         irradiance's derivatives with respect to shape.
@@ -128,7 +128,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                 normals[image, vertex] = normal
                 inverse_lengths[image, vertex] = inverse
                 irradiances[image, vertex] = wp.max(total, real(0.0))
-                if differentiate != 0:
+                if differentiate > 1:
                     tangent = vec3()
                     if total > real(0.0):
                         slope = light_slope(shining, normal)

@@ -48,6 +48,10 @@ class Topology:
         texture_faces = np.ascontiguousarray(texture_faces, np.int32)
         if texture_faces.shape != faces.shape:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
+        if len(faces) and texture_faces.min() < 0:
+            raise ValueError(
+                f"texture_faces must name rows of coordinates, 0 and up; they name {texture_faces.min()}"
+            )
         edges = _edges(_welded(vertices)[faces] if len(faces) else faces)
         return Topology(
             torch.from_numpy(faces).to(device),

@@ -1,0 +1,137 @@
+"""Fits per second by threads and size of batch: descents from one start, and whole fits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+
+from benchmarks.report import metric
+from benchmarks.timing import timed
+from vig.inference import Budget, ExplainSettings, Explanation, Objective, explain, geometry_of
+from vig.inference.posterior import pixel_prior
+from vig.likelihood import Likelihood, Photos
+from vig.recognition import Recognizer
+from vig.scene import Camera, ObjectClass
+
+THREADS = (1, 2)
+BATCHES = (1, 4, 16, 64, 256)
+QUICK_BATCHES = (1, 4, 16)
+LEAST_RUNS = 3
+LARGE_BATCH = 64
+"""A batch of this size is a median in itself: one run of it is enough."""
+ENOUGH_ITERATIONS = 200
+
+
+def descent_budget(settings: ExplainSettings) -> Budget:
+    """A descent from one start ends by the last stage's tolerance: iterations enough to converge."""
+    return Budget(ENOUGH_ITERATIONS, settings.stages[-1].tolerance)
+
+
+class Fits:
+    """Photos (N, H, W, 3) linear RGB, what the class's recognizer says of them, and the default settings."""
+
+    def __init__(self, object_class: ObjectClass, photos: torch.Tensor):
+        self.object_class, self.photos, self.settings = object_class, photos, ExplainSettings()
+        self.recognizer = Recognizer.of_class(object_class)
+        self.prediction = self.recognizer(photos)
+        self.guesses = self.prediction.best().to_vector()
+        self.log_prior = torch.stack(
+            [
+                pixel_prior(photo, mask, self.settings)
+                for photo, mask in zip(photos, self.prediction.mask, strict=True)
+            ]
+        )
+
+    def together(self, which: torch.Tensor) -> tuple[Objective, torch.Tensor]:
+        """One objective of photos `which` (B,), may repeat, and a start for each: points (B, P').
+
+        Its prior is the class's alone: the recognition model's word on the latents is about one photo.
+        """
+        photos = Photos(self.photos[which], self.log_prior[which])
+        camera = Camera.standard(self.photos.shape[1], self.object_class.target_height)
+        likelihood = Likelihood(geometry_of(self.object_class), camera, photos, self.settings.silhouette)
+        objective = Objective(likelihood, self.object_class)
+        framing = torch.zeros(len(which), objective.size - self.guesses.shape[1])
+        starts = torch.cat([self.guesses[which], framing], 1)
+        return objective, starts.clamp(objective.lower, objective.upper)
+
+    def whole(self, which: torch.Tensor) -> list[Explanation]:
+        """Explain photos `which` (B,), from the recognition model on."""
+        return list(explain(self.photos[which], self.object_class, self.recognizer, self.settings))
+
+
+@dataclass
+class Rate:
+    """Fits per second of each run and how many cores they kept busy (processor time over wall clock).
+
+    kind: "one_start" or "whole".
+    """
+
+    kind: str
+    threads: int
+    batch: int
+    per_second: list[float] = field(default_factory=list)
+    cores: list[float] = field(default_factory=list)
+
+    def metric(self) -> dict[str, Any]:
+        """Its median and interquartile range."""
+        name = f"fits_per_s_{self.kind}_threads{self.threads}_batch{self.batch}"
+        return metric(name, self.per_second, "fits/s", "higher")
+
+
+def members(run: int, batch: int, count: int) -> torch.Tensor:
+    """Which of `count` photos are in the `run`th batch: on from where the last one ended, round and round."""
+    return (torch.arange(batch) + run * batch) % count
+
+
+def runs(batch: int, count: int) -> int:
+    """Batches to be timed: until every photo has been in one, and at least `LEAST_RUNS` of small ones."""
+    return max(LEAST_RUNS if batch < LARGE_BATCH else 1, math.ceil(count / batch))
+
+
+def throughput(fits: Fits, batches: Iterable[int]) -> list[Rate]:
+    """Time all kinds of batches, their order turning from run to run so that slow spells hit all."""
+    before, rates = torch.get_num_threads(), []
+    try:
+        for batch in batches:
+            here = [Rate(kind, threads, batch) for kind in ("one_start", "whole") for threads in THREADS]
+            for run in range(runs(batch, len(fits.photos))):
+                which = members(run, batch, len(fits.photos))
+                first = run % len(here)
+                for rate in here[first:] + here[:first]:
+                    _add(rate, fits, which)
+            rates += here
+    finally:
+        torch.set_num_threads(before)
+    return rates
+
+
+def _add(rate: Rate, fits: Fits, which: torch.Tensor) -> None:
+    torch.set_num_threads(rate.threads)
+    if rate.kind == "whole":
+        _, time = timed(lambda: fits.whole(which))
+    else:
+        objective, starts = fits.together(which)
+        photo, sigma = torch.arange(len(which), dtype=torch.int32), fits.settings.likelihood.sigma
+        budget = descent_budget(fits.settings)
+        _, time = timed(lambda: fits.settings.optimizer(objective, starts, photo, sigma, budget))
+    rate.per_second.append(1000 * len(which) / time.wall_ms)
+    rate.cores.append(time.processor_ms / time.wall_ms)
+
+
+def table(rates: Iterable[Rate]) -> str:
+    """A row of each number of threads and batch; cores busy behind the rate."""
+    rows: dict[tuple[int, int], dict[str, str]] = {}
+    for rate in rates:
+        found, busy = rate.metric(), metric("", rate.cores, "")["value"]
+        cell = f"{found['value']:.4g} +-{found['iqr']:.2g} | {busy:.2f}"
+        rows.setdefault((rate.threads, rate.batch), {})[rate.kind] = cell
+    lines = ["| threads | batch | one start (fits/s) | cores busy | whole fit (fits/s) | cores busy |"]
+    lines.append("|---:|---:|---:|---:|---:|---:|")
+    for (threads, batch), cells in sorted(rows.items()):
+        lines.append(f"| {threads} | {batch} | {cells['one_start']} | {cells['whole']} |")
+    return "\n".join(lines)
