@@ -92,8 +92,10 @@ class ColourBlending:
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
     ) -> Valued:
         """Value points (B, P') under noise sigma (B,). There is no normal matrix."""
-        value = self.prior.value(points)
-        gradient = self.prior.derivatives(points)[0] if derivatives else None
+        if derivatives:
+            value, gradient, _ = self.prior.with_derivatives(points)
+        else:
+            value, gradient = self.prior.value(points), None
         for index, point in enumerate(points):
             moving = point.detach().clone().requires_grad_(derivatives)
             found = self.log_likelihood(moving, float(sigma[index]))

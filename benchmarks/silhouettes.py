@@ -174,7 +174,8 @@ def run(folder: Path, chosen: np.ndarray, photo_prior: bool) -> np.ndarray:
         Latents.from_vector(torch.from_numpy(dataset.latents[chosen])),
     )
     prediction = Recognizer.of_class(teapot)(photos)
-    settings = ExplainSettings() if photo_prior else ExplainSettings(mask_weight=0.0, surroundings=0.0)
+    weight = 1.0 if photo_prior else 0.0
+    settings = ExplainSettings(ROBUST, mask_weight=weight, surroundings=weight)
     return np.stack(
         [
             descents(photos[i], prediction[i : i + 1], teapot, truth[i : i + 1], visible[i], settings)
