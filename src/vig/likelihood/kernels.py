@@ -12,7 +12,7 @@ from vig.render.raster import raster_kernels
 from vig.render.vertices import module_name, vertex_kernels
 
 PARTS = 32
-"""Pieces into which the vertices and the rims of one image are cut, one thread each."""
+"""Pieces into which vertices, faces, lines of pixels and rims of one image are cut, one thread each."""
 
 
 @functools.cache
@@ -20,7 +20,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The kernels for one scalar type and number of shape components."""
     interior = interior_kernels(dtype, modes)
     real, vec3, rest_row = interior.real, interior.vec3, interior.rest_row
-    irradiance_at = interior.layout.shape + interior.irradiance_at
+    shape_columns = interior.layout.shape
     albedo_from = modes + 2
     module = module_name("assembly", dtype, modes)
 
@@ -71,7 +71,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             for part in range(edge_albedo.shape[1]):
                 slope = slope + edge_albedo[image, part][channel]
         else:
-            lane = column - (irradiance_at - 11)
+            lane = column - shape_columns
             for part in range(sums.shape[1]):
                 slope = slope + sums[image, part][lane]
         gradient[image, i] = slope

@@ -31,7 +31,7 @@ BOUNDARY_CURVATURE = 0.5
 
 
 class Pass:
-    """Evaluates B points of one `Likelihood`; nothing is allocated after it is made.
+    """Evaluates B points of one `Likelihood` in buffers of its own; launches are recorded at their first use.
 
     value (B,) float64, gradient (B, P'), normal (B, P', P') and images (posterior, coverage, irradiance, each
     (B, H * W)) hold the last results; the next call overwrites them. So do all other buffers, by the names
