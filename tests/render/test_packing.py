@@ -41,7 +41,5 @@ def test_texture_faces_of_an_object_without_a_texture_are_not_read() -> None:
 
 
 def test_texture_faces_below_zero_are_refused() -> None:
-    with pytest.raises(
-        ValueError, match="rows of coordinates, 0 and up; they name -5"
-    ):
+    with pytest.raises(ValueError, match="rows of coordinates, 0 and up; they name -5"):
         square(0.5, FACES - 5)
