@@ -45,8 +45,8 @@ from vig.scene import (
     srgb_from_linear,
 )
 from vig.synthesis.build import export
-from vig.synthesis.layout import sample
 from vig.synthesis.raster import render
+from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.transfer import ALBEDO, BOUNCES, Occlusion, neighbours_of, unoccluded
 from vig.synthesis.view import View

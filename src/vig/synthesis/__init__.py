@@ -1,10 +1,10 @@
 """Stochastic worlds: object designs, rooms, props, textures and light, from (seed, index)."""
 
 from vig.synthesis.build import Instance, build, export
-from vig.synthesis.layout import sample
 from vig.synthesis.panoramas import grey_light, panorama
 from vig.synthesis.props import FAMILIES, Material, Prop
 from vig.synthesis.raster import Picture, render
+from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SPLITS, Placed, Room, SceneSpec, Split, Surface
 from vig.synthesis.textures import texture
 

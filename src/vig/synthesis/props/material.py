@@ -18,11 +18,16 @@ class Material:
     texture: (h, w, 3) float32 linear albedo, row 0 the top (v = 1), repeated outside [0, 1].
     kind: what it is: ceramic, glass, metal, wood, paper, plastic, cloth, leaf, skin (of fruit), wax, earth.
     roughness: in [0, 1], 0 a mirror; for path tracers only.
+    slot: a surface whose finish each sample chooses anew (`wall`, `floor`, `ceiling`, `wood`, `top`,
+    `fabric`), the texture standing in for it; texture coordinates are metres there. Empty: it is kept.
+    emission: radiance (linear, 1 = white paper in the exposed picture) that the surface sends out by itself.
     """
 
     texture: Array
     kind: str
     roughness: float
+    slot: str = ""
+    emission: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from vig.scene import ObjectClass, linear_from_srgb
 from vig.synthesis import assets
 from vig.synthesis.build import build, export, target_vertices
 from vig.synthesis.footprint import Footprint
-from vig.synthesis.layout import TOLERANCE, sample
 from vig.synthesis.occlusion import world
 from vig.synthesis.props import FAMILIES
 from vig.synthesis.raster import render
+from vig.synthesis.sampling import TOLERANCE, sample
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.view import View
 
