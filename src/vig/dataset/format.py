@@ -17,7 +17,7 @@ import numpy as np
 
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass
-from vig.synthesis.raster import Picture
+from vig.synthesis.picture import Picture
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.view import View
 

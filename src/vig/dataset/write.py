@@ -37,7 +37,8 @@ from vig.dataset.format import (
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import ObjectClass
-from vig.synthesis.raster import Picture, render
+from vig.synthesis.picture import Picture
+from vig.synthesis.raster import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SPLITS, Split
 

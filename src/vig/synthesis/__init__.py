@@ -2,8 +2,9 @@
 
 from vig.synthesis.build import Instance, build, export
 from vig.synthesis.panoramas import grey_light, panorama
+from vig.synthesis.picture import Picture
 from vig.synthesis.props import FAMILIES, Material, Prop
-from vig.synthesis.raster import Picture, render
+from vig.synthesis.raster import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SPLITS, Placed, Room, SceneSpec, Split, Surface
 from vig.synthesis.textures import texture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -10,6 +10,7 @@ import torch
 from vig.render import rasterize
 from vig.scene import IMAGE_SIZE, Mesh, ObjectClass, irradiance, srgb8_from_linear
 from vig.synthesis.build import Instance, build
+from vig.synthesis.picture import CANVAS, Picture
 from vig.synthesis.shadow import ground_shade
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.texturing import sample_texture
@@ -18,26 +19,6 @@ from vig.synthesis.view import View
 SUPERSAMPLING = 2
 NEAR = 0.02
 """Metres; surfaces of the room are cut off here."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A rendered sample.
-
-    image: (H, W, 3) uint8 sRGB. depth: (H, W) float32 metres along the optical axis, the nearest of a pixel's
-    samples. amodal, visible: (H, W) bool, pixels of the object alone and as seen; at least half of the
-    pixel's samples. visible is a part of amodal.
-    """
-
-    image: np.ndarray
-    depth: np.ndarray
-    amodal: np.ndarray
-    visible: np.ndarray
-
-    @property
-    def occlusion(self) -> float:
-        """1 - visible / alone, pixels within the frame."""
-        return 1.0 - float(self.visible.sum()) / float(self.amodal.sum())
 
 
 def render(spec: SceneSpec, object_class: ObjectClass) -> Picture:
@@ -51,13 +32,20 @@ def render(spec: SceneSpec, object_class: ObjectClass) -> Picture:
     instances = [_clipped(instance, view) for instance in build(spec, object_class)]
     linear, owner, depth = _shade(spec, instances, view)
     target = instances[0].mesh
-    alone = np.isfinite(view.depth(target.vertices, target.faces))
+    whole = _samples(np.isfinite(view.widened(CANVAS).depth(target.vertices, target.faces)))
     half = SUPERSAMPLING**2 / 2
+    canvas = np.add.reduce(whole, dtype=np.uint8) >= half
+    room = np.array([i.name != "target" and not i.name.startswith("prop") for i in instances] + [False])
+    behind_room = np.add.reduce(_samples(room[owner]), dtype=np.uint8) >= half
+    amodal = canvas[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE]
     return Picture(
         image=srgb8_from_linear(np.add.reduce(_samples(linear)) / SUPERSAMPLING**2),
         depth=np.minimum.reduce(_samples(depth)),
-        amodal=np.add.reduce(_samples(alone), dtype=np.uint8) >= half,
+        amodal=amodal,
         visible=np.add.reduce(_samples(owner == 0), dtype=np.uint8) >= half,
+        by_support=amodal & behind_room,
+        canvas=canvas,
+        light=np.array(spec.light, np.float32),
     )
 
 

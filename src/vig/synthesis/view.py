@@ -28,6 +28,13 @@ class View:
         )
         return View(camera, rotation[0].numpy(), translation[0].numpy())
 
+    def widened(self, factor: int) -> View:
+        """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
+        c, aside = self.camera, (factor - 1) // 2
+        cx, cy = c.cx + aside * c.width, c.cy + aside * c.height
+        camera = Camera(factor * c.width, factor * c.height, c.focal, cx, cy)
+        return View(camera, self.rotation, self.translation)
+
     @property
     def eye(self) -> np.ndarray:
         """The eye in the world (3,), metres."""

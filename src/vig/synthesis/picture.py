@@ -1,0 +1,55 @@
+"""What a renderer of synthetic scenes gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+CANVAS = 3
+"""The whole silhouette is drawn on a canvas this many times as wide and high as the image, as BOP does."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A rendered sample.
+
+    image: (H, W, 3) uint8 sRGB. depth: (H, W) float32 metres along the optical axis, the nearest of a pixel's
+    samples. amodal, visible: (H, W) bool, pixels of the object alone and as seen; at least half of the
+    pixel's samples. visible is a part of amodal. by_support: (H, W) bool, pixels of amodal that the room or
+    its furniture hides; the other hidden ones are behind props. canvas: (3H, 3W) bool, the object alone on a
+    canvas whose middle third is the image: what lies outside is cut off by the frame. light: (9,) float32, SH
+    of incident radiance at the object's place, world frame, at the paper's exposure.
+    """
+
+    image: np.ndarray
+    depth: np.ndarray
+    amodal: np.ndarray
+    visible: np.ndarray
+    by_support: np.ndarray
+    canvas: np.ndarray
+    light: np.ndarray
+
+    @property
+    def occlusion(self) -> float:
+        """1 - visible / alone, pixels within the frame, as in the paper."""
+        return 1.0 - float(self.visible.sum()) / float(self.amodal.sum())
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Which share of the canvas's silhouette is lost to an `occluder`, a `support`, to `truncation`."""
+        whole = float(self.canvas.sum())
+        hidden = self.amodal & ~self.visible
+        support = float((hidden & self.by_support).sum())
+        return {
+            "occluder": (float(hidden.sum()) - support) / whole,
+            "support": support / whole,
+            "truncation": 1.0 - float(self.amodal.sum()) / whole,
+        }
+
+    @property
+    def cause(self) -> str:
+        """The greatest of `shares`, `none` when nothing is lost."""
+        shares = self.shares
+        cause = max(shares, key=lambda name: shares[name])
+        return cause if shares[cause] > 0 else "none"
