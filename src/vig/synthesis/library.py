@@ -1,0 +1,167 @@
+"""A split's finite catalogues of rooms, props, finishes and lights, and users' own beside or instead of them.
+
+An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
+the test split ever occurs in training, and a worker can keep what it has made.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+
+from vig.scene import EXPOSURE_L00, grey, project_panorama, rotate_z
+from vig.synthesis.fixtures import HOLDERS
+from vig.synthesis.footprint import extreme_points
+from vig.synthesis.furniture import FAMILIES as FURNITURE
+from vig.synthesis.furniture import Furniture
+from vig.synthesis.layouts import Layout, draw_layout
+from vig.synthesis.own import OwnFurniture, OwnPanorama, OwnProp
+from vig.synthesis.panoramas import local_light, panorama
+from vig.synthesis.props import FAMILIES, ZONES, Prop
+from vig.synthesis.raster import Packed, Pyramid
+from vig.synthesis.spec import SPLITS, Split, Surface
+from vig.synthesis.textures import FINISHES, texture
+
+PROPS_PER_FAMILY = {"train": 32, "test": 16}
+SURFACES_PER_KIND = {"train": 40, "test": 16}
+PANORAMAS = {"train": 200, "test": 70}
+LAYOUTS = {"train": 96, "test": 32}
+TEXTURE_SIZE = 128
+MOST_ALBEDO = 0.85
+"""Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
+METRES = {"wall": (0.6, 1.6), "floor": (0.5, 1.4), "ceiling": (1.0, 2.0), "wood": (0.4, 0.9),
+          "top": (0.3, 0.8), "fabric": (0.15, 0.5)}  # fmt: skip
+"""Metres per repeat of the finishes of each slot, least and most."""
+SLOTS = tuple(METRES)
+
+
+def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:
+    """The generator that makes asset `number` of a catalogue, such as `prop/mug`, of a split."""
+    entropy = [SPLITS.index(split), zlib.crc32(catalogue.encode()), number]
+    return np.random.default_rng(np.random.SeedSequence(entropy))
+
+
+@dataclass(frozen=True)
+class OwnAssets:
+    """What a user brings: each kind that is there takes the place of ours."""
+
+    props: tuple[OwnProp, ...] = ()
+    furniture: tuple[OwnFurniture, ...] = ()
+    panoramas: tuple[OwnPanorama, ...] = ()
+
+
+class Library:
+    """Everything that scenes of a split are made of; what was made is kept, up to a bound."""
+
+    def __init__(self, split: Split, own: OwnAssets | None = None) -> None:
+        self.split = split
+        self.own = own or OwnAssets()
+        self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
+        self.prop = lru_cache(maxsize=128)(self._prop)
+        self.packed = lru_cache(maxsize=4096)(self._packed)
+        self.extremes = lru_cache(maxsize=4096)(self._extremes)
+        self.layout = lru_cache(maxsize=128)(self._layout)
+        self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
+        self.finish = lru_cache(maxsize=128)(self._finish)
+        self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
+        self.albedo = lru_cache(maxsize=4096)(self._albedo)
+        self.radiance = lru_cache(maxsize=16)(self._radiance)
+
+    # Props
+
+    def families(self, zone: str) -> tuple[str, ...]:
+        """The families of props that belong in a zone."""
+        if self._own_props:
+            fit = tuple(name for name, own in self._own_props.items() if not own.zones or zone in own.zones)
+            return fit or tuple(self._own_props)
+        return _families_of(zone)
+
+    def members(self, family: str) -> int:
+        """How many members a family has."""
+        return 1 if family in self._own_props else PROPS_PER_FAMILY[self.split]
+
+    def _prop(self, family: str, number: int) -> Prop:
+        if family in self._own_props:
+            return self._own_props[family].prop
+        make = FAMILIES.get(family) or HOLDERS[family]
+        return make(asset_rng(self.split, f"prop/{family}", number))
+
+    def _packed(self, family: str, number: int) -> Packed:
+        return Packed.of(self.prop(family, number).parts)
+
+    def _extremes(self, family: str, number: int) -> np.ndarray:
+        """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
+        return extreme_points(np.concatenate([mesh.vertices for mesh, _ in self.prop(family, number).parts]))
+
+    # Rooms
+
+    @property
+    def layouts(self) -> int:
+        """How many furnished rooms there are."""
+        return LAYOUTS[self.split]
+
+    def _layout(self, number: int) -> Layout:
+        """Furnished room `number`."""
+        return draw_layout(asset_rng(self.split, "layout", number), self._furniture)
+
+    def _furniture(self, family: str, rng: np.random.Generator) -> Furniture:
+        own = [each.furniture for each in self.own.furniture if each.furniture.family == family]
+        return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
+
+    def _packed_layout(self, number: int) -> Packed:
+        return Packed.of(self.layout(number).parts)
+
+    # Finishes
+
+    def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
+        """A random finish that suits a slot."""
+        kind = str(rng.choice(FINISHES[slot]))
+        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[slot]))
+
+    def _finish(self, kind: str, number: int) -> np.ndarray:
+        """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish; less gaudy than props are."""
+        rng = asset_rng(self.split, f"surface/{kind}", number)
+        image = texture(kind, rng, TEXTURE_SIZE)
+        luminance = image.mean(axis=2, keepdims=True)
+        return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
+
+    def _pyramid(self, kind: str, number: int) -> Pyramid:
+        return Pyramid.of(self.finish(kind, number))
+
+    def _albedo(self, kind: str, number: int) -> float:
+        """Mean grey albedo of a finish."""
+        return float(self.finish(kind, number).mean())
+
+    # Light
+
+    @property
+    def panoramas(self) -> int:
+        """How many panoramas there are."""
+        return len(self.own.panoramas) or PANORAMAS[self.split]
+
+    def _radiance(self, number: int, height: int = 64) -> np.ndarray:
+        """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; users' at their own size."""
+        if self.own.panoramas:
+            image = self.own.panoramas[number].radiance
+        else:
+            image = panorama(asset_rng(self.split, "panorama", number), height)
+        return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+
+    def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
+        """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
+
+        At the paper's exposure. What the object gets from below is the support's grey albedo times what
+        the support gets from above.
+        """
+        local = local_light(self.radiance(number), ground_albedo)
+        return rotate_z(torch.from_numpy(local), angle).numpy()
+
+
+@lru_cache(maxsize=64)
+def _families_of(zone: str) -> tuple[str, ...]:
+    return tuple(family for family, zones in ZONES.items() if zone in zones)
+

@@ -1,0 +1,162 @@
+"""Ways to hide an object: something in front of it, a hand, a branch, a board, something that hangs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vig.synthesis.spec import Placed, Role
+from vig.synthesis.stage import MARGIN, NEAREST, Stage
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Props that move together along a line: at offset `least` they hide most, at `most` nothing.
+
+    motion: (3,) metres per unit of offset. stands: on the object's own support; otherwise in mid-air, held.
+    """
+
+    parts: list[Placed]
+    motion: np.ndarray
+    least: float
+    most: float
+    stands: bool
+
+
+Kind = Callable[[Stage, np.random.Generator], Candidate]
+
+
+def draw_kind(stage: Stage, rng: np.random.Generator) -> Kind:
+    """A way to hide the object that suits the elevation: what stands hides little from above."""
+    high = float(np.clip((stage.actor.elevation - 0.6) / 0.7, 0, 1))
+    chances: dict[Kind, float] = {
+        standing: 0.85 - 0.75 * high,
+        in_hand: 0.08 + 0.42 * high,
+        reaching: 0.06 + 0.2 * high,
+        branch: 0.08 + 0.08 * high,
+        hanging: 0.05 * (stage.actor.elevation < 0.7),
+        board: 0.08 * (stage.actor.elevation > 0.5),
+    }
+    kinds, weights = list(chances), np.array(list(chances.values()))
+    return kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
+
+
+def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, int]:
+    """A random prop that belongs in a zone: its family and number."""
+    families = stage.library.families(zone)
+    family = families[int(rng.integers(len(families)))]
+    return family, int(rng.integers(stage.library.members(family)))
+
+
+def placed(
+    name: tuple[str, int], position: np.ndarray, rotation: Rotation, role: Role = "occluder"
+) -> Placed:
+    """A prop as plain data."""
+    x, y, z = np.asarray(position, float).tolist()
+    rx, ry, rz = rotation.as_rotvec().tolist()
+    return Placed(name[0], name[1], (x, y, z), (rx, ry, rz), role)
+
+
+def standing(stage: Stage, rng: np.random.Generator) -> Candidate:
+    """A prop on the same support, between the eye and the object; moves sideways."""
+    name = draw_prop(stage, rng, stage.room.zone)
+    turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi))
+    points = turn.apply(stage.library.extremes(*name))
+    gap = MARGIN + 0.002 + rng.uniform(0, 0.1) * np.cos(stage.actor.elevation)
+    ahead = stage.actor.ahead
+    distance = (stage.actor.body.outline @ -ahead[:2]).max() + (points @ ahead).max() + gap
+    part = placed(name, -distance * ahead, turn)
+    return Candidate([part], rng.choice([-1.0, 1.0]) * stage.actor.aside, 0.0, 0.5, True)
+
+
+def in_hand(stage: Stage, rng: np.random.Generator) -> Candidate:
+    """A tilted prop held by an arm that comes from outside the frame."""
+    name = draw_prop(stage, rng, stage.room.zone)
+    turn = Rotation.from_euler("zxz", [rng.uniform(0, 6.3), rng.uniform(0, 1.2), rng.uniform(0, 6.3)])
+    points = turn.apply(stage.library.extremes(*name))
+    middle = (points.max(0) + points.min(0)) / 2
+    depth = points @ stage.actor.view.forward
+    outward = _outward(stage, rng)
+    aim = _aim(stage, rng, (depth.max() - depth.min()) / 2)
+    grip = 0.75 * ((points - middle) @ outward).max()
+    arm = _arm(stage, rng, aim + grip * outward, outward, "holder")
+    return Candidate([placed(name, aim - middle, turn), arm], outward, -0.06, 0.4, False)
+
+
+def reaching(stage: Stage, rng: np.random.Generator) -> Candidate:
+    """A bare hand and its arm before the object."""
+    outward = _outward(stage, rng)
+    return Candidate(
+        [_arm(stage, rng, _aim(stage, rng, 0.04), outward, "occluder")], outward, -0.2, 0.3, False
+    )
+
+
+def branch(stage: Stage, rng: np.random.Generator) -> Candidate:
+    """A leafy twig that reaches into the frame."""
+    outward = _outward(stage, rng)
+    twig = ("twig", _member(stage, rng))
+    rotation = _along(outward, stage.actor.view.forward, rng.normal(0, 0.3))
+    return Candidate([placed(twig, _aim(stage, rng, 0.03), rotation)], outward, -0.3, 0.2, False)
+
+
+def board(stage: Stage, rng: np.random.Generator) -> Candidate:
+    """The end of a shelf board above the object."""
+    turn = rng.uniform(-0.3, np.pi + 0.3)
+    outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
+    rotation = Rotation.from_euler("z", np.arctan2(outward[1], outward[0]))
+    part = placed(("board", _member(stage, rng)), _aim(stage, rng, 0.06), rotation)
+    return Candidate([part], outward, -0.3, 0.3, False)
+
+
+def hanging(stage: Stage, rng: np.random.Generator) -> Candidate:
+    """An upright prop on a cord; moves sideways."""
+    name = draw_prop(stage, rng, stage.room.zone)
+    turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi))
+    points = turn.apply(stage.library.extremes(*name))
+    depth = points @ stage.actor.view.forward
+    middle = (points.max(0) + points.min(0)) / 2
+    aim = _aim(stage, rng, (depth.max() - depth.min()) / 2)
+    top = aim + np.array([0.0, 0.0, np.ptp(points[:, 2]) / 2 - 0.002])
+    cord = placed(("cord", _member(stage, rng)), top, Rotation.identity(), "holder")
+    parts = [placed(name, aim - middle, turn), cord]
+    return Candidate(parts, rng.choice([-1.0, 1.0]) * stage.actor.aside, 0.0, 0.4, False)
+
+
+def _member(stage: Stage, rng: np.random.Generator) -> int:
+    return int(rng.integers(stage.library.members("arm")))
+
+
+def _arm(
+    stage: Stage, rng: np.random.Generator, fingertips: np.ndarray, outward: np.ndarray, role: Role
+) -> Placed:
+    rotation = _along(outward, stage.actor.view.forward, rng.uniform(0, 6.3))
+    return placed(("arm", _member(stage, rng)), fingertips, rotation, role)
+
+
+def _aim(stage: Stage, rng: np.random.Generator, half_depth: float) -> np.ndarray:
+    """A point (3,) on the ray to the object's middle, nearer than the object by more than `half_depth`."""
+    view, seen = stage.actor.view, np.isfinite(stage.actor.depth)
+    free = stage.actor.body.depths[0] - view.forward @ view.eye - half_depth - 2 * MARGIN
+    nearest = NEAREST + half_depth
+    depth = rng.uniform(min(nearest, free), max(free, nearest))
+    rows, columns = np.nonzero(seen)
+    x = (columns.mean() + 0.5 + rng.normal(0, 2) - view.camera.cx) / view.camera.focal
+    y = (rows.mean() + 0.5 + rng.normal(0, 2) - view.camera.cy) / view.camera.focal
+    return view.eye + view.rotation.T @ (depth * np.array([x, y, 1.0]))
+
+
+def _outward(stage: Stage, rng: np.random.Generator) -> np.ndarray:
+    """A random unit vector (3,) in the image plane."""
+    angle = rng.uniform(0, 2 * np.pi)
+    return np.cos(angle) * stage.actor.view.rotation[0] + np.sin(angle) * stage.actor.view.rotation[1]
+
+
+def _along(direction: np.ndarray, forward: np.ndarray, roll: float = 0.0) -> Rotation:
+    """A rotation that takes +X to `direction`, with `roll` radians about it."""
+    y = np.cross(forward, direction)
+    y /= np.linalg.norm(y)
+    frame = Rotation.from_matrix(np.stack([direction, y, np.cross(direction, y)], axis=1))
+    return frame * Rotation.from_euler("x", roll)
