@@ -29,9 +29,9 @@ def painted(vertices: np.ndarray, faces: np.ndarray, visual: Any, gltf: bool) ->
         image = getattr(material, "baseColorTexture", None) if gltf else getattr(material, "image", None)
         colour = getattr(material, "baseColorFactor" if gltf else "diffuse", None)
         rgb = _rgb(colour, linear=gltf)
-        if image is not None and uv is not None and len(uv) == len(vertices):
+        texture = _linear(image) if image is not None else None
+        if texture is not None and uv is not None and len(uv) == len(vertices):
             coordinates = np.nan_to_num(np.asarray(uv, np.float32)[:, :2], posinf=0.0, neginf=0.0)
-            texture = _linear(image)
             # MTL's Kd beside a picture is by many programs left at 0 or 0.8: there the picture alone counts.
             return vertices, faces, coordinates, _albedo(texture * rgb if gltf else texture)
         return vertices, faces, blank, _albedo(rgb[None, None])
@@ -53,8 +53,12 @@ def _rgb(colour: Any, linear: bool) -> np.ndarray:
     return np.clip(values if linear else linear_from_srgb(values), 0, 1)
 
 
-def _linear(image: Image.Image) -> np.ndarray:
-    """A picture as linear RGB, each side at most MOST_TEXELS."""
+def _linear(image: Image.Image) -> np.ndarray | None:
+    """A picture as linear RGB, each side at most MOST_TEXELS; None when it cannot be decoded."""
+    try:
+        image.load()
+    except Exception:  # a decoder may raise anything on a damaged picture
+        return None
     small = image.convert("RGBA") if image.mode in ("P", "PA") else image
     if small.mode.startswith("I") or small.mode == "F":
         levels = np.asarray(small, np.float64)
