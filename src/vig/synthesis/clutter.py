@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vig.synthesis.footprint import Footprint
 from vig.synthesis.furniture import Support
 from vig.synthesis.occluders import draw_prop, placed
+from vig.synthesis.rotations import about_z
 from vig.synthesis.spec import Placed
 from vig.synthesis.stage import Stage
 
@@ -68,7 +68,7 @@ def _upright(stage: Stage, rng: np.random.Generator, support: Support, spot: np.
     name = draw_prop(stage, rng, support.zone)
     square = support.turn + stage.room.turn + rng.choice([0.0, np.pi, np.pi / 2]) + rng.normal(0, 0.08)
     turn = square if rng.uniform() < 0.5 else rng.uniform(0, 2 * np.pi)
-    return placed(name, spot, Rotation.from_euler("z", turn), "clutter")
+    return placed(name, spot, about_z(turn), "clutter")
 
 
 def _try(stage: Stage, support: Support, part: Placed, rejected: Counter[str]) -> bool:

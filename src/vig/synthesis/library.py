@@ -20,7 +20,7 @@ from vig.synthesis.furniture import FAMILIES as FURNITURE
 from vig.synthesis.furniture import Furniture
 from vig.synthesis.layouts import Layout, draw_layout
 from vig.synthesis.own import OwnFurniture, OwnPanorama, OwnProp
-from vig.synthesis.panoramas import local_light, panorama
+from vig.synthesis.panoramas import light_parts, local_light, panorama
 from vig.synthesis.props import FAMILIES, ZONES, Prop
 from vig.synthesis.raster import Packed, Pyramid
 from vig.synthesis.spec import SPLITS, Split, Surface
@@ -70,6 +70,7 @@ class Library:
         self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
         self.albedo = lru_cache(maxsize=4096)(self._albedo)
         self.radiance = lru_cache(maxsize=16)(self._radiance)
+        self.light_parts = lru_cache(maxsize=4096)(self._light_parts)
 
     # Props
 
@@ -143,13 +144,14 @@ class Library:
         """How many panoramas there are."""
         return len(self.own.panoramas) or PANORAMAS[self.split]
 
-    def _radiance(self, number: int, height: int = 64) -> np.ndarray:
+    def _radiance(self, number: int) -> np.ndarray:
         """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; users' at their own size."""
-        if self.own.panoramas:
-            image = self.own.panoramas[number].radiance
-        else:
-            image = panorama(asset_rng(self.split, "panorama", number), height)
+        own = self.own.panoramas
+        image = own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number))
         return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+
+    def _light_parts(self, number: int) -> np.ndarray:
+        return light_parts(self.radiance(number))
 
     def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
         """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
@@ -157,7 +159,7 @@ class Library:
         At the paper's exposure. What the object gets from below is the support's grey albedo times what
         the support gets from above.
         """
-        local = local_light(self.radiance(number), ground_albedo)
+        local = local_light(self.light_parts(number), ground_albedo)
         return rotate_z(torch.from_numpy(local), angle).numpy()
 
 

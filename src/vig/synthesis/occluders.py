@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from vig.synthesis.rotations import about_x, about_z, along, vector_of
 from vig.synthesis.spec import Placed, Role
 from vig.synthesis.stage import MARGIN, NEAREST, Stage
 
@@ -52,19 +52,18 @@ def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, i
 
 
 def placed(
-    name: tuple[str, int], position: np.ndarray, rotation: Rotation, role: Role = "occluder"
+    name: tuple[str, int], position: np.ndarray, rotation: np.ndarray, role: Role = "occluder"
 ) -> Placed:
-    """A prop as plain data."""
+    """A prop at (3,) turned by (3, 3), as plain data."""
     x, y, z = np.asarray(position, float).tolist()
-    rx, ry, rz = rotation.as_rotvec().tolist()
-    return Placed(name[0], name[1], (x, y, z), (rx, ry, rz), role)
+    return Placed(name[0], name[1], (x, y, z), vector_of(rotation), role)
 
 
 def standing(stage: Stage, rng: np.random.Generator) -> Candidate:
     """A prop on the same support, between the eye and the object; moves sideways."""
     name = draw_prop(stage, rng, stage.room.zone)
-    turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi))
-    points = turn.apply(stage.library.extremes(*name))
+    turn = about_z(rng.uniform(0, 2 * np.pi))
+    points = stage.library.extremes(*name) @ turn.T
     gap = MARGIN + 0.002 + rng.uniform(0, 0.1) * np.cos(stage.actor.elevation)
     ahead = stage.actor.ahead
     distance = (stage.actor.body.outline @ -ahead[:2]).max() + (points @ ahead).max() + gap
@@ -75,8 +74,8 @@ def standing(stage: Stage, rng: np.random.Generator) -> Candidate:
 def in_hand(stage: Stage, rng: np.random.Generator) -> Candidate:
     """A tilted prop held by an arm that comes from outside the frame."""
     name = draw_prop(stage, rng, stage.room.zone)
-    turn = Rotation.from_euler("zxz", [rng.uniform(0, 6.3), rng.uniform(0, 1.2), rng.uniform(0, 6.3)])
-    points = turn.apply(stage.library.extremes(*name))
+    turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
+    points = stage.library.extremes(*name) @ turn.T
     middle = (points.max(0) + points.min(0)) / 2
     depth = points @ stage.actor.view.forward
     outward = _outward(stage, rng)
@@ -98,7 +97,7 @@ def branch(stage: Stage, rng: np.random.Generator) -> Candidate:
     """A leafy twig that reaches into the frame."""
     outward = _outward(stage, rng)
     twig = ("twig", _member(stage, rng))
-    rotation = _along(outward, stage.actor.view.forward, rng.normal(0, 0.3))
+    rotation = along(outward, stage.actor.view.forward) @ about_x(rng.normal(0, 0.3))
     return Candidate([placed(twig, _aim(stage, rng, 0.03), rotation)], outward, -0.3, 0.2, False)
 
 
@@ -106,7 +105,7 @@ def board(stage: Stage, rng: np.random.Generator) -> Candidate:
     """The end of a shelf board above the object."""
     turn = rng.uniform(-0.3, np.pi + 0.3)
     outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
-    rotation = Rotation.from_euler("z", np.arctan2(outward[1], outward[0]))
+    rotation = about_z(np.arctan2(outward[1], outward[0]))
     part = placed(("board", _member(stage, rng)), _aim(stage, rng, 0.06), rotation)
     return Candidate([part], outward, -0.3, 0.3, False)
 
@@ -114,13 +113,13 @@ def board(stage: Stage, rng: np.random.Generator) -> Candidate:
 def hanging(stage: Stage, rng: np.random.Generator) -> Candidate:
     """An upright prop on a cord; moves sideways."""
     name = draw_prop(stage, rng, stage.room.zone)
-    turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi))
-    points = turn.apply(stage.library.extremes(*name))
+    turn = about_z(rng.uniform(0, 2 * np.pi))
+    points = stage.library.extremes(*name) @ turn.T
     depth = points @ stage.actor.view.forward
     middle = (points.max(0) + points.min(0)) / 2
     aim = _aim(stage, rng, (depth.max() - depth.min()) / 2)
     top = aim + np.array([0.0, 0.0, np.ptp(points[:, 2]) / 2 - 0.002])
-    cord = placed(("cord", _member(stage, rng)), top, Rotation.identity(), "holder")
+    cord = placed(("cord", _member(stage, rng)), top, np.eye(3), "holder")
     parts = [placed(name, aim - middle, turn), cord]
     return Candidate(parts, rng.choice([-1.0, 1.0]) * stage.actor.aside, 0.0, 0.4, False)
 
@@ -132,7 +131,7 @@ def _member(stage: Stage, rng: np.random.Generator) -> int:
 def _arm(
     stage: Stage, rng: np.random.Generator, fingertips: np.ndarray, outward: np.ndarray, role: Role
 ) -> Placed:
-    rotation = _along(outward, stage.actor.view.forward, rng.uniform(0, 6.3))
+    rotation = along(outward, stage.actor.view.forward) @ about_x(rng.uniform(0, 6.3))
     return placed(("arm", _member(stage, rng)), fingertips, rotation, role)
 
 
@@ -152,11 +151,3 @@ def _outward(stage: Stage, rng: np.random.Generator) -> np.ndarray:
     """A random unit vector (3,) in the image plane."""
     angle = rng.uniform(0, 2 * np.pi)
     return np.cos(angle) * stage.actor.view.rotation[0] + np.sin(angle) * stage.actor.view.rotation[1]
-
-
-def _along(direction: np.ndarray, forward: np.ndarray, roll: float = 0.0) -> Rotation:
-    """A rotation that takes +X to `direction`, with `roll` radians about it."""
-    y = np.cross(forward, direction)
-    y /= np.linalg.norm(y)
-    frame = Rotation.from_matrix(np.stack([direction, y, np.cross(direction, y)], axis=1))
-    return frame * Rotation.from_euler("x", roll)

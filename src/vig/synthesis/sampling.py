@@ -95,4 +95,4 @@ def measure(
     alone = view.depth(actor.vertices, object_class.shape_model.faces)
     items = [Item(library.packed_layout(room.layout), room.rotation(), np.array(room.origin))]
     items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
-    return float((depth(items, view) < alone)[np.isfinite(alone)].mean())
+    return float((depth(items, view)[0] < alone)[np.isfinite(alone)].mean())

@@ -8,7 +8,8 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+
+from vig.synthesis.rotations import about_z, matrix_of
 
 WORLD_VERSION = 2
 """Goes up whenever the same seed and index would give another scene."""
@@ -45,8 +46,7 @@ class Room:
 
     def rotation(self) -> np.ndarray:
         """Layout to world, (3, 3) float64."""
-        c, s = np.cos(self.turn), np.sin(self.turn)
-        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return about_z(self.turn)
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the layout in the world."""
@@ -122,7 +122,7 @@ class SceneSpec:
 
 @lru_cache(maxsize=256)
 def _matrix(rotation: tuple[float, float, float]) -> np.ndarray:
-    matrix = Rotation.from_rotvec(rotation).as_matrix()
+    matrix = matrix_of(rotation)
     matrix.setflags(write=False)
     return matrix
 

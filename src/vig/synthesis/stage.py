@@ -26,8 +26,9 @@ NEAREST = 0.12
 class Actor:
     """The object as seen from its eye.
 
-    depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those that show it. body:
-    its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
+    depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those that show it, own:
+    their depths, sums:
+    (76, 76) how many of them lie above and left of each corner. body: its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
     """
 
     vertices: np.ndarray
@@ -37,6 +38,8 @@ class Actor:
     body: Footprint
     depth: np.ndarray
     pixels: np.ndarray
+    own: np.ndarray
+    sums: np.ndarray
     ahead: np.ndarray
     aside: np.ndarray
 
@@ -53,6 +56,8 @@ class Actor:
             body=Footprint.of(vertices.astype(np.float64), view.forward),
             depth=alone,
             pixels=np.flatnonzero(np.isfinite(alone)),
+            own=alone[np.isfinite(alone)],
+            sums=np.pad(np.isfinite(alone), ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1),
             ahead=np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]),
             aside=np.array([np.cos(azimuth), np.sin(azimuth), 0.0]),
         )
@@ -79,23 +84,25 @@ class Stage:
     def empty(library: Library, actor: Actor, room: Room) -> Stage:
         """A furnished room with the object alone."""
         packed = library.packed_layout(room.layout)
-        behind = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
+        behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
         support = library.layout(room.layout).supports[room.support]
         return Stage(library, actor, room, support, behind, behind)
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
         """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
-        pixels, own = self.actor.pixels, self.actor.depth.ravel()[self.actor.pixels]
+        pixels, own = self.actor.pixels, self.actor.own
         hidden = self.blockers.ravel()[pixels] < own
         if extra is not None:
             hidden |= extra.ravel()[pixels] < own
-        return float(hidden.mean())
+        return np.count_nonzero(hidden) / len(pixels)
 
     def hidden_at_most(self, points: np.ndarray) -> float:
-        """A bound of `hidden` for world points (N, 3), from their window in the frame."""
-        full = np.full_like(self.blockers, np.inf)
-        full[self.actor.view.window(points)] = 0.0
-        return self.hidden(full)
+        """A bound of `hidden` with world points (N, 3) before the object, from their window in the frame."""
+        rows, columns = self.actor.view.window(points)
+        sums = self.actor.sums
+        inside = sums[rows.stop, columns.stop] - sums[rows.start, columns.stop]
+        inside -= sums[rows.stop, columns.start] - sums[rows.start, columns.start]
+        return self.hidden() + float(inside) / len(self.actor.pixels)
 
     def seen_at(self, placed: list[Placed], shift: np.ndarray | None = None) -> np.ndarray:
         """Depth (75, 75) of props alone, all of them moved by `shift` (3,)."""
@@ -104,7 +111,7 @@ class Stage:
             Item(self.library.packed(p.family, p.asset), p.matrix(), np.array(p.position) + offset)
             for p in placed
         ]
-        return depth(items, self.actor.view)
+        return depth(items, self.actor.view)[0]
 
     def points(self, placed: Placed) -> np.ndarray:
         """Farthest points (N, 3) of a prop in the world."""
