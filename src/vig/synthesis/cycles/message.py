@@ -33,7 +33,7 @@ Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 def compose(spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Message:
     """Header and arrays of everything in the scene; sampling settings are the renderer's to add.
 
-    The header holds `things` (material, shell, target), `camera`, `angle`, `seed` and the probe's position;
+    The header holds `things` (material, shell, target), `camera`, `angle`, `seed` and the probe's height;
     the arrays are `N_vertices` (V, 3), `N_normals` (V, 3), `N_faces` (F, 3) and, where thing N has a texture,
     `N_uv` (F, 3, 2), further `texture_*` (h, w, 3) and `panorama` (H, W, 3).
     """
@@ -58,7 +58,7 @@ def compose(spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Messa
             "rotation": view.rotation.tolist(),
             "translation": view.translation.tolist(),
         },
-        "probe": {"position": [0.0, 0.0, object_class.target_height]},
+        "probe": {"z": object_class.target_height},
     }
     return header, scene.arrays
 

@@ -76,7 +76,7 @@ class Worker:
     def _answer(self, timeout: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         with self._limit(timeout):
             try:
-                return wire.receive(_pipe(self._process.stdout))
+                return wire.receive(self._process.stdout)  # type: ignore[arg-type]
             except (EOFError, OSError):
                 self._fail()
         raise AssertionError

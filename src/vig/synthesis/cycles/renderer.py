@@ -12,9 +12,10 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+import torch
 
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, grey, project_panorama, srgb8_from_linear
+from vig.scene import EXPOSURE_L00, ObjectClass, grey, project_panorama, rotate_z, srgb8_from_linear
 from vig.synthesis import raster
 from vig.synthesis.cycles.appearance import FINISHES, Finish
 from vig.synthesis.cycles.message import compose
@@ -25,7 +26,7 @@ from vig.synthesis.spec import SceneSpec
 PYTHON_VARIABLE = "VIG_BLENDER_PYTHON"
 WORKER = Path(__file__).parent / "blender" / "worker.py"
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
-PROBE_HEIGHT, PROBE_SAMPLES = 32, 64
+PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT = 120.0
 """Seconds for one scene; one that takes longer is tried once more, then given up."""
 
@@ -60,7 +61,7 @@ class CyclesRenderer:
     def __init__(
         self,
         python: str | None = None,
-        samples: int = 64,
+        samples: int = 32,
         threads: int = 1,
         recycle: int = 200,
         finish: Finish = "diffuse",
@@ -90,7 +91,7 @@ class CyclesRenderer:
         name = f"sample {spec.index} of seed {spec.seed}"
         answer, traced = self._ask(header, arrays, name)
         self.timing = answer
-        probe = project_panorama(traced["probe"])
+        probe = arriving(traced["probe"], arrays["panorama"], spec.panorama_angle)
         if not (probe[0] > 0).all():
             raise UserError(
                 f"{name}: expected light at the object's place; got none. Choose another panorama."
@@ -146,6 +147,20 @@ class CyclesRenderer:
                 f"expected {self._command[0]} to run Blender as a module; it {death}."
                 f" Install it in an environment of its own: {INSTALL}"
             ) from None
+
+
+def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarray:
+    """SH (9, 3) of the light at a probe, world frame.
+
+    probe: (h, 2h, 4), what it sees of the scene, with coverage. panorama: (H, 2H, 3), what it sees through
+    the gaps. Both have the panorama's columns, which are to be turned by `angle` radians about +Z.
+    """
+    height, width = panorama.shape[:2]
+    rows = (2 * np.arange(height) + 1) * len(probe) // (2 * height)
+    columns = (2 * np.arange(width) + 1) * probe.shape[1] // (2 * width)
+    gaps = 1 - probe[rows[:, None], columns, 3:]
+    light = project_panorama(probe[..., :3]) + project_panorama(panorama * gaps)
+    return rotate_z(torch.from_numpy(light.T), angle).numpy().T
 
 
 def find_python(python: str | None = None) -> str:

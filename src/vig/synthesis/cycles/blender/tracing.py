@@ -26,10 +26,12 @@ def version() -> str:
 def trace(
     header: dict[str, Any], arrays: dict[str, np.ndarray], folder: Path
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Render a scene's `image` (H, W, 3) and `probe` (h, 2h, 3), linear; the header tells the seconds.
+    """Render a scene's `image` (H, W, 3) and `probe` (h, 2h, 4), linear; the header tells the seconds.
 
     The scene is built from nothing, so that it does not depend on what came before, and turned by minus
-    `angle` about +Z instead of turning the panorama, which is looked up at every path's end.
+    `angle` about +Z instead of turning the panorama, which is looked up at every path's end. The probe's
+    columns are the panorama's; its colours lack the panorama itself, seen where the fourth channel, coverage,
+    is less than 1: the bright specks of a panorama would need many more samples than all the rest.
     """
     began = (time.perf_counter(), os.times())
     clear()
@@ -45,11 +47,11 @@ def trace(
     built = time.perf_counter()
 
     scene.camera = pinhole(scene, header["camera"], turn)
-    results = {"image": render(scene, folder)}
+    results = {"image": render(scene, folder)[..., :3]}
     drawn = time.perf_counter()
 
     probe_settings(scene, header)
-    scene.camera = probe(scene, header["probe"], turn)
+    scene.camera = probe(scene, header["probe"])
     results["probe"] = mirrored(render(scene, folder))
     ended, times = time.perf_counter(), os.times()
     return {
@@ -74,8 +76,9 @@ def settle(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
     scene.render.use_compositing = scene.render.use_sequencer = False
     scene.render.use_file_extension = False
     image = scene.render.image_settings
-    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGB", "32"
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"
     image.exr_codec = "NONE"
+    scene.render.film_transparent = False
     cycles = scene.cycles
     cycles.device, cycles.seed, cycles.samples = "CPU", header["seed"], header["samples"]
     cycles.sampling_pattern = "TABULATED_SOBOL"
@@ -160,16 +163,16 @@ def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> 
     return _placed(scene, data, turn @ pose)
 
 
-def probe(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> bpy.types.Object:
-    """A camera at `position` that sees all directions, the world's +X in the middle."""
+def probe(scene: bpy.types.Scene, about: dict[str, Any]) -> bpy.types.Object:
+    """A camera at (0, 0, `z`) that sees all directions, the panorama's +X in the middle."""
     scene.render.resolution_x, scene.render.resolution_y = 2 * about["height"], about["height"]
     data = bpy.data.cameras.new("probe")
     data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"
     data.clip_start = 0.001
     pose = np.eye(4)
     pose[:3, :3] = [[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]  # columns: right, up, backwards
-    pose[:3, 3] = about["position"]
-    return _placed(scene, data, turn @ pose)
+    pose[2, 3] = about["z"]
+    return _placed(scene, data, pose)
 
 
 def probe_settings(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
@@ -178,6 +181,7 @@ def probe_settings(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
         thing.hide_render = not thing.get("in_probe", True)
     scene.cycles.samples = header["probe"]["samples"]
     scene.cycles.use_denoising = False
+    scene.render.film_transparent = True
 
 
 def _placed(scene: bpy.types.Scene, data: bpy.types.Camera, pose: np.ndarray) -> bpy.types.Object:
@@ -188,12 +192,12 @@ def _placed(scene: bpy.types.Scene, data: bpy.types.Camera, pose: np.ndarray) ->
 
 
 def render(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
-    """Render to linear RGB (H, W, 3) float32, row 0 on top."""
+    """Render to linear RGBA (H, W, 4) float32, row 0 on top."""
     scene.render.filepath = str(folder / "render.exr")
     bpy.ops.render.render(write_still=True)
     image = bpy.data.images.load(scene.render.filepath)
     width, height = image.size
-    pixels = np.empty(height * width * image.channels, np.float32)
+    pixels = np.empty(height * width * 4, np.float32)
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
-    return pixels.reshape(height, width, -1)[::-1, :, :3].copy()
+    return pixels.reshape(height, width, 4)[::-1].copy()

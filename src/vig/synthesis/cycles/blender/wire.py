@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+Readable = io.RawIOBase | io.BufferedIOBase
 _LENGTH = struct.Struct("<Q")
 
 
@@ -27,7 +28,7 @@ def send(stream: BinaryIO, header: dict[str, Any], arrays: dict[str, np.ndarray]
     stream.flush()
 
 
-def receive(stream: BinaryIO | io.FileIO) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def receive(stream: Readable) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Read one message: its header and its arrays. Raises EOFError when the other side has gone."""
     (length,) = _LENGTH.unpack(_exactly(stream, _LENGTH.size))
     header = json.loads(_exactly(stream, length))
@@ -39,12 +40,12 @@ def receive(stream: BinaryIO | io.FileIO) -> tuple[dict[str, Any], dict[str, np.
     return header, arrays
 
 
-def _exactly(stream: BinaryIO | io.FileIO, count: int) -> bytearray:
+def _exactly(stream: Readable, count: int) -> bytearray:
     """`count` bytes. Raises EOFError when there are no more."""
     data = bytearray(count)
     view, got = memoryview(data), 0
     while got < count:
-        read = stream.readinto(view[got:])  # type: ignore[attr-defined]
+        read = stream.readinto(view[got:])
         if not read:
             raise EOFError(f"{got} of {count} bytes came")
         got += read
