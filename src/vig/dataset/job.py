@@ -1,0 +1,157 @@
+"""What a worker needs to make any sample of a split, and the sample as files."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+from PIL import Image
+
+from vig.dataset.format import (
+    class_fingerprint,
+    depth_units,
+    describe,
+    image_paths,
+    sidecar_path,
+    write_bytes,
+)
+from vig.scene import ObjectClass
+from vig.synthesis import spec as synthesis_spec
+from vig.synthesis.picture import Picture
+from vig.synthesis.raster import render
+from vig.synthesis.sampling import sample
+from vig.synthesis.spec import SceneSpec, Split
+
+TIERS = ("raster", "cycles")
+WORLD_VERSION: int = getattr(synthesis_spec, "WORLD_VERSION", 1)
+"""Scenes of the same seed and index are the same as long as this is."""
+RUN_LENGTHS = 3
+"""zlib's strategy Z_RLE: quickest for pictures with noise, and the smallest files of level 1."""
+
+
+class Renderer(Protocol):
+    """A tier: something that makes pictures of scenes. It lives in one worker process."""
+
+    def render(self, spec: SceneSpec) -> Picture:
+        """The picture of a scene: a pure function of it."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what rendering holds, such as a child process."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Raster:
+    """The raster tier as a renderer."""
+
+    object_class: ObjectClass
+
+    def render(self, spec: SceneSpec) -> Picture:
+        return render(spec, self.object_class)
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass(frozen=True)
+class Job:
+    """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
+
+    options: settings of the tier's renderer; they are recorded in the dataset.
+    """
+
+    seed: int
+    split: Split
+    tier: str
+    object_class: ObjectClass
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Tells classes apart."""
+        return class_fingerprint(self.object_class)
+
+    def sample(self, index: int) -> SceneSpec:
+        """The scene of sample `index`."""
+        return sample(self.object_class, self.seed, index, self.split)
+
+    def renderer(self) -> Renderer:
+        """A new renderer of the tier; close it. Raises UserError when the tier cannot run here."""
+        if self.tier == "cycles":
+            from vig.synthesis.cycles import CyclesRenderer  # starts Blender: only when asked for
+
+            return CyclesRenderer(self.object_class, **self.options)
+        return _Raster(self.object_class)
+
+
+class Maker:
+    """Makes samples of a job in this process, with one renderer that is started when first needed."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self._renderer: Renderer | None = None
+
+    def make(self, index: int) -> dict[str, bytes]:
+        """The files of sample `index` by their names in the split's folder; see `encode`."""
+        with one_thread():
+            if self._renderer is None:
+                self._renderer = self.job.renderer()
+            spec = self.job.sample(index)
+            return encode(spec, self._renderer.render(spec), self.job.object_class)
+
+    def close(self) -> None:
+        """Close the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def encode(spec: SceneSpec, picture: Picture, object_class: ObjectClass) -> dict[str, bytes]:
+    """A sample as files: name in the split's folder to content; the sidecar, which says it is whole, last."""
+    root = Path()
+    pictures = {
+        "rgb": picture.image,
+        "depth": depth_units(picture.depth),
+        "mask": picture.amodal.astype("uint8") * 255,
+        "mask_visib": picture.visible.astype("uint8") * 255,
+    }
+    files = {}
+    for kind, path in image_paths(root, spec.index).items():
+        buffer = io.BytesIO()
+        image = Image.fromarray(pictures[kind])
+        image.save(buffer, "PNG", compress_level=1, compress_type=RUN_LENGTHS)
+        files[path.as_posix()] = buffer.getvalue()
+    hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    described = describe(spec, picture, object_class) | {"sha256": hashes}
+    files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()
+    return files
+
+
+def store(folder: Path, files: dict[str, bytes]) -> None:
+    """Write the files of a sample into the split's folder, in their order."""
+    for name, data in files.items():
+        write_bytes(folder / name, data)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Sums in torch depend on the number of threads; bytes must not."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+Advance = Callable[[int], None]
+"""Called with how many more samples are on the disk."""
