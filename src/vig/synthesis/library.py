@@ -6,7 +6,9 @@ the test split ever occurs in training, and a worker can keep what it has made.
 
 from __future__ import annotations
 
+import os
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -19,12 +21,19 @@ from vig.synthesis.footprint import extreme_points
 from vig.synthesis.furniture import FAMILIES as FURNITURE
 from vig.synthesis.furniture import Furniture
 from vig.synthesis.layouts import Layout, draw_layout
-from vig.synthesis.own import OwnFurniture, OwnPanorama, OwnProp
+from vig.synthesis.own import (
+    OwnFurniture,
+    OwnPanorama,
+    OwnProp,
+    read_envmaps,
+    read_furniture,
+    read_props,
+)
 from vig.synthesis.panoramas import light_parts, local_light, panorama
 from vig.synthesis.props import FAMILIES, ZONES, Prop
 from vig.synthesis.raster import Packed, Pyramid
 from vig.synthesis.spec import SPLITS, Split, Surface
-from vig.synthesis.textures import FINISHES, texture
+from vig.synthesis.textures import FINISHES, METRES, texture
 
 PROPS_PER_FAMILY = {"train": 32, "test": 16}
 SURFACES_PER_KIND = {"train": 40, "test": 16}
@@ -33,10 +42,9 @@ LAYOUTS = {"train": 96, "test": 32}
 TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
-METRES = {"wall": (0.6, 1.6), "floor": (0.5, 1.4), "ceiling": (1.0, 2.0), "wood": (0.4, 0.9),
-          "top": (0.3, 0.8), "fabric": (0.15, 0.5)}  # fmt: skip
-"""Metres per repeat of the finishes of each slot, least and most."""
-SLOTS = tuple(METRES)
+SLOTS = tuple(FINISHES)
+BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
+"""The environment variable that names an interpreter which can import bpy."""
 
 
 def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:
@@ -46,12 +54,43 @@ def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:
 
 
 @dataclass(frozen=True)
+class OwnFolders:
+    """Where a user's own assets lie; None: ours are taken. panoramas may be `bpy`, see `read_envmaps`."""
+
+    panoramas: str | None = None
+    props: str | None = None
+    furniture: str | None = None
+
+
+@dataclass(frozen=True)
 class OwnAssets:
-    """What a user brings: each kind that is there takes the place of ours."""
+    """What a user brings: each kind that is there takes the place of ours, furniture family by family."""
 
     props: tuple[OwnProp, ...] = ()
     furniture: tuple[OwnFurniture, ...] = ()
     panoramas: tuple[OwnPanorama, ...] = ()
+
+    @staticmethod
+    def read(folders: OwnFolders) -> tuple[OwnAssets, list[str]]:
+        """Read folders; also one sentence for each file that was left out or guessed at. Raises UserError."""
+        notes: list[str] = []
+
+        def read(reader: Callable[[str], tuple[list, list[str]]], folder: str | None) -> tuple:
+            if folder is None:
+                return ()
+            found, problems = reader(folder)
+            notes.extend(problems)
+            return tuple(found)
+
+        props, furniture = read(read_props, folders.props), read(read_furniture, folders.furniture)
+        blender = os.environ.get(BLENDER_VARIABLE)
+        panoramas = read(lambda folder: read_envmaps(folder, blender), folders.panoramas)
+        return OwnAssets(props, furniture, panoramas), notes
+
+    def fingerprints(self) -> dict[str, str]:
+        """What tells the assets apart: kind and name to hash."""
+        kinds = {"panorama": self.panoramas, "prop": self.props, "furniture": self.furniture}
+        return {f"{kind}/{each.name}": each.fingerprint for kind, own in kinds.items() for each in own}
 
 
 class Library:
@@ -110,7 +149,7 @@ class Library:
         return draw_layout(asset_rng(self.split, "layout", number), self._furniture)
 
     def _furniture(self, family: str, rng: np.random.Generator) -> Furniture:
-        own = [each.furniture for each in self.own.furniture if each.furniture.family == family]
+        own = [each.furniture for each in self.own.furniture if _stands_for(each.furniture.family, family)]
         return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
 
     def _packed_layout(self, number: int) -> Packed:
@@ -121,7 +160,7 @@ class Library:
     def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
         """A random finish that suits a slot."""
         kind = str(rng.choice(FINISHES[slot]))
-        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[slot]))
+        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[kind]))
 
     def _finish(self, kind: str, number: int) -> np.ndarray:
         """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish; less gaudy than props are."""
@@ -150,6 +189,13 @@ class Library:
         image = own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number))
         return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
 
+    def surroundings(self, number: int) -> np.ndarray:
+        """Panorama `number` for a path tracer: as `radiance`, users' at their full size."""
+        if not self.own.panoramas:
+            return self.radiance(number)
+        image = self.own.panoramas[number].sharp()
+        return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+
     def _light_parts(self, number: int) -> np.ndarray:
         return light_parts(self.radiance(number))
 
@@ -167,3 +213,24 @@ class Library:
 def _families_of(zone: str) -> tuple[str, ...]:
     return tuple(family for family, zones in ZONES.items() if zone in zones)
 
+
+STANDS_FOR = {
+    "table": ("dining_table", "cafe_table", "kitchen_island", "side_table"),
+    "coffee_table": ("coffee_table", "side_table"),
+    "desk": ("desk",),
+    "counter": ("kitchen_counter", "kitchen_island"),
+    "shelf": ("bookshelf", "wall_shelf"),
+    "cabinet": ("sideboard", "chest_of_drawers", "media_bench", "console", "wardrobe", "dresser"),
+    "nightstand": ("bedside_table",),
+    "sofa": ("sofa",),
+    "armchair": ("armchair",),
+    "chair": ("chair",),
+    "stool": ("stool", "side_table", "bar_stool"),
+    "bench": ("bench", "window_seat"),
+    "bed": ("bed",),
+}
+"""Which families of ours a user's piece of furniture takes the place of."""
+
+
+def _stands_for(own: str, family: str) -> bool:
+    return family == own or family in STANDS_FOR.get(own, ("side_table", "sideboard"))
