@@ -7,7 +7,7 @@ import numpy as np
 from vig.synthesis.furniture import finishes
 from vig.synthesis.furniture.fronts import legs
 from vig.synthesis.furniture.furniture import Furniture
-from vig.synthesis.furniture.joinery import Joinery, cushion, rod, slab, turned_post
+from vig.synthesis.furniture.joinery import Joinery, cushion, rod, slab, stick, turned_post
 from vig.synthesis.props.shapes import tube
 
 
@@ -59,20 +59,30 @@ def floor_lamp(rng: np.random.Generator) -> Furniture:
         for k in range(3):
             angle = 2 * np.pi * k / 3 + 0.5
             foot = [0.24 * np.cos(angle), 0.24 * np.sin(angle), 0.0]
-            j.add(stuff, rod([foot, [0, 0, shade_low - 0.08]], 0.013, 6, (0.3, 0.2, 0.1)))
-        j.add(metal, rod([[0, 0, shade_low - 0.1], [0, 0, high - 0.05]], 0.008, 6, (1.0, 0.0, 0.0)))
+            j.add(stuff, stick(foot, [0, 0, shade_low - 0.08], 0.013, 6))
+        j.add(metal, stick([0, 0, shade_low - 0.1], [0, 0, high - 0.05], 0.008, 6))
     else:
         r = np.array([0, 0.14, 0.14, 0.11, 0.012, 0.011, 0.011, 0])
         h = np.array([0, 0, 0.018, 0.026, 0.035, 0.1, high - 0.05, high - 0.05])
         j.add(metal, turned_post(np.stack([r, h], -1), 14))
     narrow = wide * float(rng.uniform(0.6, 1.0))
     wall = 0.004
-    profile = [(wide - wall, shade_low), (wide, shade_low), (narrow, high), (narrow - wall, high),
-               (wide - wall, shade_low)]  # fmt: skip
+    profile = [
+        (wide - wall, shade_low),
+        (wide, shade_low),
+        (narrow, high),
+        (narrow - wall, high),
+        (wide - wall, shade_low),
+    ]
     warm = np.array([0.85, 0.74, 0.55]) * rng.uniform(0.8, 1.0)
     lit = rng.uniform() < 0.7
     j.add(finishes.glow(warm, float(rng.uniform(0.5, 1.2)) if lit else 0.0), turned_post(profile, 20))
-    bulb = [(0.0, shade_low + 0.05), (0.03, shade_low + 0.08), (0.03, shade_low + 0.12), (0.0, shade_low + 0.15)]
+    bulb = [
+        (0.0, shade_low + 0.05),
+        (0.03, shade_low + 0.08),
+        (0.03, shade_low + 0.12),
+        (0.0, shade_low + 0.15),
+    ]
     j.add(finishes.glow((0.95, 0.85, 0.65), 3.0 if lit else 0.0), turned_post(bulb, 8))
     return j.done("floor_lamp")
 
@@ -82,12 +92,26 @@ def potted_tree(rng: np.random.Generator) -> Furniture:
     j = Joinery(rng)
     radius, deep = float(rng.uniform(0.14, 0.2)), float(rng.uniform(0.25, 0.38))
     tub = finishes.paint(rng)
-    j.add(tub, slab((radius, radius), radius, [[(0.2 * radius, 0.0), (0.0, deep)], [(0.0, deep), (0.012, deep)],
-                                               [(0.012, deep), (0.02, deep - 0.04)]], 4))  # fmt: skip
+    j.add(
+        tub,
+        slab(
+            (radius, radius),
+            radius,
+            [
+                [(0.2 * radius, 0.0), (0.0, deep)],
+                [(0.0, deep), (0.012, deep)],
+                [(0.012, deep), (0.02, deep - 0.04)],
+            ],
+            4,
+        ),
+    )
     green = np.array([0.07, 0.2, 0.05]) * rng.uniform(0.6, 1.5, 3)
     leaf, trunk = finishes.plain(green, "leaf", 0.5), finishes.plain((0.2, 0.13, 0.08), "wood", 0.8)
     high = float(rng.uniform(1.0, 1.7))
-    j.add(trunk, rod([[0, 0, deep - 0.05], [0.02, 0.01, 0.6 * high], [0.0, 0.0, 0.85 * high]], 0.016, 6, (1, 0, 0)))
+    j.add(
+        trunk,
+        rod([[0, 0, deep - 0.05], [0.02, 0.01, 0.6 * high], [0.0, 0.0, 0.85 * high]], 0.016, 6, (1, 0, 0)),
+    )
     count = int(rng.integers(16, 30))
     long = float(rng.uniform(0.25, 0.42))
     for k in range(count):
@@ -99,4 +123,3 @@ def potted_tree(rng: np.random.Generator) -> Furniture:
         width = np.array([[0.004, 0.003], [0.16 * long, 0.002], [0.006, 0.002]])
         j.add(leaf, tube(stations, width, 4))
     return j.done("potted_tree")
-

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,30 +11,47 @@ from vig.synthesis.props.material import Material, material, metal
 from vig.synthesis.textures import near, texture
 
 _SIZE = 32
+_STAND_INS = 12
+"""Textures that stand in for a finish until a sample chooses one."""
 _PAINTS = np.array(
-    [[0.82, 0.81, 0.78], [0.70, 0.67, 0.60], [0.10, 0.11, 0.12], [0.16, 0.24, 0.20], [0.14, 0.19, 0.30],
-     [0.45, 0.50, 0.48], [0.55, 0.28, 0.20], [0.62, 0.60, 0.42], [0.30, 0.32, 0.34]],
+    [
+        [0.82, 0.81, 0.78],
+        [0.70, 0.67, 0.60],
+        [0.10, 0.11, 0.12],
+        [0.16, 0.24, 0.20],
+        [0.14, 0.19, 0.30],
+        [0.45, 0.50, 0.48],
+        [0.55, 0.28, 0.20],
+        [0.62, 0.60, 0.42],
+        [0.30, 0.32, 0.34],
+    ],
     np.float32,
-)  # fmt: skip
+)
 
 
-def _drawn(rng: np.random.Generator, pattern: str, kind: str, roughness: float, slot: str) -> Material:
-    return Material(texture(pattern, rng, _SIZE), kind, roughness, slot)
+@lru_cache(maxsize=64)
+def _stand_in(pattern: str, number: int) -> np.ndarray:
+    return texture(pattern, np.random.default_rng(number), _SIZE)
+
+
+def _slot(rng: np.random.Generator, slot: str, pattern: str, low: float, high: float) -> Material:
+    image = _stand_in(pattern, int(rng.integers(_STAND_INS)))
+    return Material(image, "cloth" if pattern == "cloth" else "wood", float(rng.uniform(low, high)), slot)
 
 
 def wood(rng: np.random.Generator) -> Material:
     """The main surface of wooden furniture."""
-    return _drawn(rng, "wood", "wood", float(rng.uniform(0.35, 0.7)), "wood")
+    return _slot(rng, "wood", "wood", 0.35, 0.7)
 
 
 def top(rng: np.random.Generator) -> Material:
     """What things stand on: a table's top, a worktop."""
-    return _drawn(rng, "wood", "wood", float(rng.uniform(0.2, 0.6)), "top")
+    return _slot(rng, "top", "wood", 0.2, 0.6)
 
 
 def fabric(rng: np.random.Generator) -> Material:
     """Covers of seats and beds."""
-    return _drawn(rng, "cloth", "cloth", float(rng.uniform(0.85, 1.0)), "fabric")
+    return _slot(rng, "fabric", "cloth", 0.85, 1.0)
 
 
 def fabric_own(rng: np.random.Generator) -> Material:
@@ -47,7 +66,9 @@ def plain(base: ArrayLike, kind: str = "plastic", roughness: float = 0.5) -> Mat
 
 def paint(rng: np.random.Generator) -> Material:
     """Painted wood, of a colour that furniture has."""
-    base = near(_PAINTS[rng.choice(len(_PAINTS), p=[0.3, 0.12, 0.1, 0.09, 0.09, 0.09, 0.06, 0.06, 0.09])], rng)
+    base = near(
+        _PAINTS[rng.choice(len(_PAINTS), p=[0.3, 0.12, 0.1, 0.09, 0.09, 0.09, 0.06, 0.06, 0.09])], rng
+    )
     return Material(texture("paint", rng, _SIZE, base), "wood", float(rng.uniform(0.3, 0.6)))
 
 

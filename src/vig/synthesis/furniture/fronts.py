@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.synthesis.furniture.joinery import Joinery, rod, rounding, slab, turned_post
+from vig.synthesis.furniture.joinery import Joinery, rounding, slab, stick, turned_post
 from vig.synthesis.props.material import Material
 
 HANDLES = ("bar", "knob", "cup", "none")
@@ -22,7 +22,9 @@ def handle(
     if kind == "bar":
         half = length / 2
         reach = (0.006, half) if upright else (half, 0.006)
-        j.board(stuff, (x - reach[0], y - 0.034, z - reach[1]), (x + reach[0], y - 0.024, z + reach[1]), 0.003)
+        j.board(
+            stuff, (x - reach[0], y - 0.034, z - reach[1]), (x + reach[0], y - 0.024, z + reach[1]), 0.003
+        )
         for side in (-0.8 * half, 0.8 * half):
             px, pz = (x, z + side) if upright else (x + side, z)
             j.board(stuff, (px - 0.005, y - 0.028, pz - 0.005), (px + 0.005, y, pz + 0.005))
@@ -30,8 +32,12 @@ def handle(
         profile = [(0.008, 0.0), (0.0, 0.016), (0.0, 0.022), (0.006, 0.028)]
         j.add(stuff, slab((0.015, 0.015), 0.015, [profile], 2, soft=True), (x, y, z), tilt=np.pi / 2)
     elif kind == "cup":
-        j.add(stuff, slab((0.04, 0.015), 0.012, [[(0.0, 0.0), *rounding(0.01, 0.012, 0.024, 1)]],
-                          1, soft=True), (x, y, z), tilt=np.pi / 2)  # fmt: skip
+        j.add(
+            stuff,
+            slab((0.04, 0.015), 0.012, [[(0.0, 0.0), *rounding(0.01, 0.012, 0.024, 1)]], 1, soft=True),
+            (x, y, z),
+            tilt=np.pi / 2,
+        )
 
 
 def front(
@@ -56,9 +62,16 @@ def front(
 
 
 def fronts(
-    j: Joinery, stuff: Material, metal: Material, low: tuple[float, float], high: tuple[float, float], y: float,
-    rows: list[float], columns: int, style: tuple[str, str],
-) -> None:  # fmt: skip
+    j: Joinery,
+    stuff: Material,
+    metal: Material,
+    low: tuple[float, float],
+    high: tuple[float, float],
+    y: float,
+    rows: list[float],
+    columns: int,
+    style: tuple[str, str],
+) -> None:
     """A field of drawers (several rows) or doors (one row) that faces -Y.
 
     low, high: (x, z) corners; rows: relative heights from the bottom; style: kinds of front and handle.
@@ -97,9 +110,7 @@ def leg(j: Joinery, stuff: Material, x: float, y: float, z: float, thick: float,
         j.add(stuff, turned_post(np.stack([r, h], -1), 10), (x, y, 0))
 
 
-def legs(
-    j: Joinery, stuff: Material, half: tuple[float, float], z: float, thick: float, kind: str
-) -> None:
+def legs(j: Joinery, stuff: Material, half: tuple[float, float], z: float, thick: float, kind: str) -> None:
     """Four legs whose centres are at the corners (+-x, +-y)."""
     for x in (-half[0], half[0]):
         for y in (-half[1], half[1]):
@@ -124,4 +135,4 @@ def splayed(
         for sy in (-1, 1):
             foot = np.array([sx * half[0], sy * half[1], 0.0])
             head = foot + [-sx * lean * z, -sy * lean * z, z]
-            j.add(stuff, rod([foot, head], thick / 2, 8))
+            j.add(stuff, stick(foot, head, thick / 2, 8))

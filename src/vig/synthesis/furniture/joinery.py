@@ -63,19 +63,31 @@ def board(size: ArrayLike, bevel: float = 0.0) -> Mesh:
     return boards([[-x / 2, -y / 2, 0]], [[x / 2, y / 2, z]], bevel, [[x / 2, y / 2]])
 
 
-def _outline(half: Array, radius: float, inset: float, corner: int) -> tuple[Array, Array]:
-    """A rectangle with rounded corners, counter-clockwise: points (N, 2) and outward directions (N, 2).
-
-    corner: pieces of each quarter circle; 0 makes sharp corners, whose points come twice.
-    """
-    half = np.maximum(half - inset, 1e-4)
-    radius = float(np.clip(radius - inset, 0.0, half.min()))
+@lru_cache(maxsize=16)
+def _corners(corner: int) -> tuple[Array, Array]:
+    """A rounded rectangle's points, counter-clockwise: their corners' signs (N, 2) and directions (N, 2)."""
     quarters = np.array([-1, 0, 1, 2]) * np.pi / 2
     steps = np.linspace(0, np.pi / 2, corner + 1) if corner else np.array([0.0, np.pi / 2])
     angle = (quarters[:, None] + steps).ravel()
-    signs = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]).repeat(len(steps), 0)
-    outward = np.stack([np.cos(angle), np.sin(angle)], -1)
-    return signs * (half - radius) + radius * outward, outward
+    signs = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]).repeat(len(steps), 0)
+    return signs, np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+@lru_cache(maxsize=256)
+def _ring_faces(lengths: tuple[int, ...], n: int, sharp: bool, soft: bool) -> Array:
+    """Triangles between the rings of n + 1 vertices of each run, and of the two ends."""
+    faces, start = [], 0
+    for length in lengths:
+        r, c = np.meshgrid(np.arange(length - 1), np.arange(n), indexing="ij")
+        if sharp:
+            r, c = r[:, 1::2], c[:, 1::2]  # the sides; between them the corners' two points coincide
+        a = start + r * (n + 1) + c
+        faces.append(np.stack([a, a + 1, a + n + 2, a, a + n + 2, a + n + 1], -1).reshape(-1, 3))
+        start += length * (n + 1)
+    k = np.arange(1, n - 1)
+    fan = np.stack([np.zeros_like(k), k, k + 1], -1)
+    bottom, top = (0, start - n - 1) if soft else (start, start + n)
+    return np.concatenate([*faces, bottom + fan[:, ::-1], top + fan]).astype(np.int32)
 
 
 def slab(
@@ -88,56 +100,47 @@ def slab(
     between runs. corner: pieces per quarter circle, 0 for sharp corners. soft: the ends join smoothly too.
     """
     half = np.asarray(half, np.float64)
-    points: list[Array] = []
-    uv: list[Array] = []
-    faces: list[Array] = []
-    total = 0
-    turned = half[0] > half[1]
-    rings: list[Array] = []
-    for run in runs:
-        sections = [_outline(half, radius, inset, corner) for inset, _ in run]
-        n = len(sections[0][0])
-        flat = np.array([section for section, _ in sections])
-        z = np.array([[height] for _, height in run])
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(np.asarray(run, float), axis=0).T))])
-        closed = np.concatenate([flat, flat[:, :1]], 1)
-        around = np.cumsum(np.linalg.norm(np.diff(closed[0], axis=0), axis=1))
-        around = np.concatenate([[0.0], around])
-        if soft:
-            outward = np.concatenate([sections[0][1], sections[0][1][:1]])
-            texture = closed + outward * z[:, None]
-        else:
-            texture = np.stack(np.broadcast_arrays(along[:, None], around[None]), -1)
-        ring = np.concatenate([closed, np.broadcast_to(z[:, None], (*closed.shape[:2], 1))], -1)
-        r, c = np.meshgrid(np.arange(len(run) - 1), np.arange(n), indexing="ij")
-        if corner == 0:
-            r, c = r[:, 1::2], c[:, 1::2]  # the sides; between them the corners' two points coincide
-        a = total + r * (n + 1) + c
-        quads = np.stack([a, a + 1, a + n + 2, a, a + n + 2, a + n + 1], -1)
-        faces.append(quads.reshape(-1, 3))
-        points.append(ring.reshape(-1, 3))
-        uv.append(texture.reshape(-1, 2))
-        rings += [total + np.arange(n), total + (len(run) - 1) * (n + 1) + np.arange(n)]
-        total += ring.shape[0] * ring.shape[1]
-    for ring, upward in ((rings[0], False), (rings[-1], True)):
-        rim = np.concatenate(points)[ring]
-        if not soft:
-            points.append(rim)
-            uv.append(rim[:, [1, 0]] if turned else rim[:, :2])
-            ring, total = total + np.arange(len(rim)), total + len(rim)
-        k = np.arange(1, len(ring) - 1)
-        fan = np.stack([np.zeros_like(k), k, k + 1], -1)
-        faces.append(ring[fan] if upward else ring[fan[:, ::-1]])
-    vertices = np.concatenate(points)
-    triangles = np.concatenate(faces)
-    a, b, c = (vertices[triangles[:, i]] for i in range(3))
-    kept = (np.cross(b - a, c - a) ** 2).sum(1) > 1e-18
-    used, triangles = np.unique(triangles[kept], return_inverse=True)
-    return Mesh(
-        vertices[used].astype(np.float32),
-        triangles.reshape(-1, 3).astype(np.int32),
-        np.concatenate(uv)[used].astype(np.float32),
-    )
+    inset, z = np.array([point for run in runs for point in run], np.float64).T
+    signs, outward = _corners(corner)
+    reach = np.maximum(half - inset[:, None], 1e-4)
+    rounded = np.clip(radius - inset, 0.0, reach.min(1))
+    flat = signs * (reach - rounded[:, None])[:, None] + rounded[:, None, None] * outward
+    rows, n = flat.shape[:2]
+    rings = np.empty((rows, n + 1, 3))
+    rings[:, :n, :2], rings[:, n, :2], rings[:, :, 2] = flat, flat[:, 0], z[:, None]
+    uv = np.empty((rows, n + 1, 2))
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(inset), np.diff(z)))])
+    if soft:  # laid flat round the upper end
+        uv[:, :n] = flat[-1] + outward * (along[-1] - along)[:, None, None]
+        uv[:, n] = uv[:, 0]
+    else:
+        widest = rings[int(np.argmin(inset)), :, :2]
+        uv[:, 1:, 1] = np.cumsum(np.hypot(*(widest[1:] - widest[:-1]).T))
+        uv[:, 0, 1] = 0.0
+        uv[:, :, 0] = along[:, None]
+    points, texture = rings.reshape(-1, 3), uv.reshape(-1, 2)
+    if not soft:
+        ends = rings[[0, -1], :n].reshape(-1, 3)
+        points = np.concatenate([points, ends])
+        texture = np.concatenate([texture, ends[:, [1, 0]] if half[0] > half[1] else ends[:, :2]])
+    triangles = _ring_faces(tuple(len(run) for run in runs), n, corner == 0, soft)
+    return _without_empty(points, triangles, texture)
+
+
+def _without_empty(points: Array, triangles: Array, uv: Array) -> Mesh:
+    """A mesh of the triangles that have an area, and of the vertices they use."""
+    a, b, c = points[triangles[:, 0]], points[triangles[:, 1]], points[triangles[:, 2]]
+    p, q = b - a, c - a
+    area = (p * p).sum(1) * (q * q).sum(1) - (p * q).sum(1) ** 2
+    kept = area > 1e-18
+    if not kept.all():
+        triangles = triangles[kept]
+    used = np.zeros(len(points), bool)
+    used[triangles] = True
+    if not used.all():
+        triangles = (np.cumsum(used) - 1)[triangles]
+        points, uv = points[used], uv[used]
+    return Mesh(points.astype(np.float32), triangles.astype(np.int32), uv.astype(np.float32))
 
 
 def rounding(inset: float, low: float, high: float, pieces: int) -> list[tuple[float, float]]:
@@ -172,6 +175,41 @@ def rod(path: ArrayLike, radius: float, sides: int = 6, up: ArrayLike = (0.0, 0.
     return Mesh(mesh.vertices, mesh.faces, (mesh.uv * [np.pi * radius, length]).astype(np.float32))
 
 
+def stick(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 6) -> Mesh:
+    """A straight round bar between two points."""
+    a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    away = b - a
+    length = float(np.sqrt(away @ away))
+    away /= length
+    spare = np.eye(3)[int(np.argmin(np.abs(away)))]
+    across = np.array(
+        [
+            away[1] * spare[2] - away[2] * spare[1],
+            away[2] * spare[0] - away[0] * spare[2],
+            away[0] * spare[1] - away[1] * spare[0],
+        ]
+    )
+    across /= np.sqrt(across @ across)
+    over = np.array(
+        [
+            away[1] * across[2] - away[2] * across[1],
+            away[2] * across[0] - away[0] * across[2],
+            away[0] * across[1] - away[1] * across[0],
+        ]
+    )
+    angle = np.arange(sides + 1) * (2 * np.pi / sides)
+    ring = radius * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * over)
+    points = np.concatenate([a + ring, b + ring, a + ring[:-1], b + ring[:-1]])
+    u = radius * angle
+    uv = np.zeros((len(points), 2))
+    uv[: sides + 1, 0] = uv[sides + 1 : 2 * sides + 2, 0] = u
+    uv[sides + 1 : 2 * sides + 2, 1] = length
+    caps = radius * np.stack([np.cos(angle), np.sin(angle)], -1)[:-1]
+    uv[2 * sides + 2 :] = np.concatenate([caps, caps])
+    faces = _ring_faces((2,), sides, False, False)
+    return Mesh(points.astype(np.float32), faces, uv.astype(np.float32))
+
+
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Meshes with texture coordinates as one."""
     if len(meshes) == 1:
@@ -202,22 +240,31 @@ class Joinery:
         self._boards.setdefault((id(stuff), bevel), []).append((low, high))
 
     def add(
-        self, stuff: Material, mesh: Mesh, offset: ArrayLike = (0.0, 0.0, 0.0), turn: float = 0.0,
+        self,
+        stuff: Material,
+        mesh: Mesh,
+        offset: ArrayLike = (0.0, 0.0, 0.0),
+        turn: float = 0.0,
         tilt: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """A mesh, tilted about x, turned about z and shifted."""
         self._materials[id(stuff)] = stuff
         self._meshes.setdefault(id(stuff), []).append(moved(mesh, offset, turn, tilt))
 
     def support(
-        self, zone: str, low: tuple[float, float], high: tuple[float, float], z: float,
-        clearance: float = float("inf"), behind: float = float("inf"),
-    ) -> None:  # fmt: skip
+        self,
+        zone: str,
+        low: tuple[float, float],
+        high: tuple[float, float],
+        z: float,
+        clearance: float = float("inf"),
+        behind: float = float("inf"),
+    ) -> None:
         """A level rectangle between two corners at height z; one too small for any object is left out."""
-        half = ((high[0] - low[0]) / 2, (high[1] - low[1]) / 2)
+        half = (float(high[0] - low[0]) / 2, float(high[1] - low[1]) / 2)
         if min(half) < 0.06:
             return
-        centre = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, z)
+        centre = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2, z)
         self._supports.append(Support(zone, centre, half, 0.0, clearance, behind))
 
     def parts(self) -> list[tuple[Mesh, Material]]:

@@ -8,21 +8,32 @@ from vig.scene import Mesh
 from vig.synthesis.furniture import finishes
 from vig.synthesis.furniture.fronts import FRONTS, HANDLES, THICK, fronts, handle
 from vig.synthesis.furniture.furniture import Furniture
-from vig.synthesis.furniture.joinery import Joinery, rod, rounding, slab, turned_post
+from vig.synthesis.furniture.joinery import Joinery, rod, slab, stick, turned_post
 from vig.synthesis.furniture.pierced import Hole, pierced
 from vig.synthesis.furniture.tables import edge
 from vig.synthesis.props.material import Material
+
 
 def _sink(j: Joinery, stuff: Material, hole: Hole, z: float) -> None:
     """A basin whose rim lies on the worktop at z, and a tap behind it."""
     x, y = (hole[0] + hole[2]) / 2, (hole[1] + hole[3]) / 2
     half = np.array([hole[2] - hole[0], hole[3] - hole[1]]) / 2
     deep = float(j.rng.uniform(0.15, 0.2))
-    j.add(stuff, slab(half + 0.015, 0.03, [
-        [(0.019, z - deep - 0.002), (0.019, z)], [(0.019, z), (0.0, z)], [(0.0, z), (0.002, z + 0.003)],
-        [(0.002, z + 0.003), (0.02, z + 0.003), (0.026, z - 0.006)],
-        [(0.026, z - 0.006), (0.03, z - deep + 0.03), (0.05, z - deep)],
-    ]), (x, y, 0))  # fmt: skip
+    j.add(
+        stuff,
+        slab(
+            half + 0.015,
+            0.03,
+            [
+                [(0.019, z - deep - 0.002), (0.019, z)],
+                [(0.019, z), (0.0, z)],
+                [(0.0, z), (0.002, z + 0.003)],
+                [(0.002, z + 0.003), (0.02, z + 0.003), (0.026, z - 0.006)],
+                [(0.026, z - 0.006), (0.03, z - deep + 0.03), (0.05, z - deep)],
+            ],
+        ),
+        (x, y, 0),
+    )
     ring = slab((0.035, 0.035), 0.035, [[(0.0, 0.0), (0.0, 0.002)]], 3)
     j.add(finishes.plain((0.12, 0.12, 0.13), "metal", 0.3), ring, (x, y, z - deep))
     bend = np.linspace(0, np.pi, 7)
@@ -30,9 +41,12 @@ def _sink(j: Joinery, stuff: Material, hole: Hole, z: float) -> None:
     back = hole[3] + 0.055
     path = [[x, back, z], *([x, back - reach * (1 - np.cos(a)), z + high + reach * np.sin(a)] for a in bend)]
     j.add(stuff, rod([*path, [x, back - 2 * reach, z + high - 0.03]], 0.011, 8, (1.0, 0.0, 0.0)))
-    j.add(stuff, slab((0.026, 0.026), 0.026, [[(0.0, z), (0.0, z + 0.05)], [(0.0, z + 0.05), (0.008, z + 0.056)]]),
-          (x, back, 0))  # fmt: skip
-    j.add(stuff, rod([[x + 0.02, back, z + 0.04], [x + 0.1, back - 0.01, z + 0.06]], 0.006, 6))
+    j.add(
+        stuff,
+        slab((0.026, 0.026), 0.026, [[(0.0, z), (0.0, z + 0.05)], [(0.0, z + 0.05), (0.008, z + 0.056)]]),
+        (x, back, 0),
+    )
+    j.add(stuff, stick([x + 0.02, back, z + 0.04], [x + 0.1, back - 0.01, z + 0.06], 0.006, 6))
 
 
 def _hob(j: Joinery, area: Hole, z: float) -> None:
@@ -43,8 +57,11 @@ def _hob(j: Joinery, area: Hole, z: float) -> None:
     black = finishes.plain((0.025, 0.025, 0.028), "glass", 0.08)
     gas = rng.uniform() < 0.45
     steel = finishes.plain((0.5, 0.5, 0.51), "metal", 0.3)
-    j.add(steel if gas else black, slab(half, 0.01, [[(0.0, z), (0.0, z + 0.004)], [(0.0, z + 0.004), (0.002, z + 0.006)]]),
-          (x, y, 0))  # fmt: skip
+    j.add(
+        steel if gas else black,
+        slab(half, 0.01, [[(0.0, z), (0.0, z + 0.004)], [(0.0, z + 0.004), (0.002, z + 0.006)]]),
+        (x, y, 0),
+    )
     iron = finishes.plain((0.04, 0.04, 0.042), "metal", 0.6)
     grey = finishes.plain((0.2, 0.2, 0.21), "glass", 0.2)
     for sx, sy, r in ((-1, -1, 0.09), (1, -1, 0.075), (-1, 1, 0.075), (1, 1, 0.09)):
@@ -53,8 +70,11 @@ def _hob(j: Joinery, area: Hole, z: float) -> None:
             ring = [(r - 0.003, 0.0), (r, 0.0), (r, 0.0008), (r - 0.003, 0.0008), (r - 0.003, 0.0)]
             j.add(grey, turned_post(ring, 20), (px, py, z + 0.006))
             continue
-        j.add(iron, slab((0.5 * r, 0.5 * r), 0.5 * r, [[(0.0, 0.0), (0.0, 0.012)], [(0.0, 0.012), (0.008, 0.018)]]),
-              (px, py, z + 0.006))  # fmt: skip
+        j.add(
+            iron,
+            slab((0.5 * r, 0.5 * r), 0.5 * r, [[(0.0, 0.0), (0.0, 0.012)], [(0.0, 0.012), (0.008, 0.018)]]),
+            (px, py, z + 0.006),
+        )
         for along in (True, False):
             a, b = (0.115, 0.005) if along else (0.005, 0.115)
             j.board(iron, (px - a, py - b, z + 0.032), (px + a, py + b, z + 0.042))
@@ -72,8 +92,12 @@ def _oven(j: Joinery, metal: Material, low: tuple[float, float], high: tuple[flo
     middle = (low[0] + high[0]) / 2
     handle(j, metal, "bar", (middle, y - THICK, split - 0.05), False, high[0] - low[0] - 0.1)
     for x in np.linspace(low[0] + 0.07, high[0] - 0.07, 5).tolist():
-        j.add(metal, slab((0.017, 0.017), 0.017, [[(0.0, 0.0), (0.003, 0.018)]], 2),
-              (x, y - THICK, (split + high[1]) / 2), tilt=np.pi / 2)  # fmt: skip
+        j.add(
+            metal,
+            slab((0.017, 0.017), 0.017, [[(0.0, 0.0), (0.003, 0.018)]], 2),
+            (x, y - THICK, (split + high[1]) / 2),
+            tilt=np.pi / 2,
+        )
 
 
 def _units(j: Joinery, body: Material, metal: Material, x: float, y: float, under: float, oven: int) -> None:
@@ -211,7 +235,9 @@ def refrigerator(rng: np.random.Generator) -> Furniture:
     j = Joinery(rng)
     x, y, z = (float(value) for value in rng.uniform([0.29, 0.3, 1.55], [0.34, 0.33, 1.9]))
     tone = rng.choice([0.78, 0.5, 0.06], p=[0.5, 0.35, 0.15])
-    body = finishes.plain(np.full(3, tone) * rng.uniform(0.95, 1.0, 3), "metal" if tone < 0.7 else "plastic", 0.35)
+    body = finishes.plain(
+        np.full(3, tone) * rng.uniform(0.95, 1.0, 3), "metal" if tone < 0.7 else "plastic", 0.35
+    )
     metal = finishes.fitting(rng)
     split = z * float(rng.uniform(0.32, 0.42))
     j.board(body, (-x, 0.05 - y, 0.02), (x, y, z), 0.004)

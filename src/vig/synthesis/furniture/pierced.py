@@ -23,7 +23,9 @@ def cells(low: tuple[float, float], high: tuple[float, float], holes: list[Hole]
     return result
 
 
-def pierced(low: tuple[float, float], high: tuple[float, float], z0: float, z1: float, holes: list[Hole]) -> Mesh:
+def pierced(
+    low: tuple[float, float], high: tuple[float, float], z0: float, z1: float, holes: list[Hole]
+) -> Mesh:
     """A level board with rectangular openings, closed; its texture runs on as if it were one board."""
     quads = []
     for a, b, c, d in cells(low, high, holes):

@@ -7,7 +7,7 @@ import numpy as np
 from vig.synthesis.furniture import finishes
 from vig.synthesis.furniture.fronts import LEGS, hoops, legs, splayed
 from vig.synthesis.furniture.furniture import Furniture
-from vig.synthesis.furniture.joinery import Joinery, board, cushion, rod, rounding, slab
+from vig.synthesis.furniture.joinery import Joinery, board, cushion, rounding, slab, stick
 from vig.synthesis.props.material import Material
 
 
@@ -18,7 +18,10 @@ def _seat(
     if padded:
         j.add(stuff, cushion(half, 0.06, max(radius, 0.03)), (0, 0, z - 0.06))
     else:
-        j.add(stuff, slab(half, radius, [[(0.006, z - 0.025), (0.0, z - 0.018), *rounding(0.008, z - 0.008, z, 2)]]))
+        j.add(
+            stuff,
+            slab(half, radius, [[(0.006, z - 0.025), (0.0, z - 0.018), *rounding(0.008, z - 0.008, z, 2)]]),
+        )
     x, y = half[0] - 0.04 - 0.3 * radius, half[1] - 0.04 - 0.3 * radius
     j.support("reading", (-x, -y), (x, y), z)
 
@@ -41,18 +44,31 @@ def chair(rng: np.random.Generator) -> Furniture:
     else:
         legs(j, frame, (x - 0.025, y - 0.025), under, 0.036, str(rng.choice(["square", "tapered", "round"])))
         for side in (-1, 1):
-            j.board(frame, (side * (x - 0.025) - 0.01, -y + 0.03, under - 0.06),
-                    (side * (x - 0.025) + 0.01, y - 0.03, under))  # fmt: skip
-            j.board(frame, (-x + 0.03, side * (y - 0.025) - 0.01, under - 0.06),
-                    (x - 0.03, side * (y - 0.025) + 0.01, under))  # fmt: skip
+            j.board(
+                frame,
+                (side * (x - 0.025) - 0.01, -y + 0.03, under - 0.06),
+                (side * (x - 0.025) + 0.01, y - 0.03, under),
+            )
+            j.board(
+                frame,
+                (-x + 0.03, side * (y - 0.025) - 0.01, under - 0.06),
+                (x - 0.03, side * (y - 0.025) + 0.01, under),
+            )
     _back(j, frame, cover if padded and rng.uniform() < 0.6 else wood, x, y, z, high, lean, padded)
     return j.done("chair")
 
 
 def _back(
-    j: Joinery, frame: Material, filling: Material, x: float, y: float, z: float, high: float, lean: float,
+    j: Joinery,
+    frame: Material,
+    filling: Material,
+    x: float,
+    y: float,
+    z: float,
+    high: float,
+    lean: float,
     padded: bool,
-) -> None:  # fmt: skip
+) -> None:
     """A chair's leaning back from the seat at z up to `high`."""
     rng, thick = j.rng, 0.016
     rise = high - z
@@ -62,19 +78,23 @@ def _back(
     if kind != "panel":
         for side in (-1, 1):
             post = [[side * (x - 0.02), foot, z - 0.04], [side * (x - 0.012), foot + lean, high]]
-            j.add(frame, rod(post, thick, 8))
+            j.add(frame, stick(post[0], post[1], thick, 8))
     if kind == "slats" or kind == "rods":
-        crown = slab((x - 0.005, 0.045), 0.02, [[(0.003, 0.0), (0.0, 0.004), (0.0, 0.018), (0.003, 0.022)]], 2)
+        crown = slab(
+            (x - 0.005, 0.045), 0.02, [[(0.003, 0.0), (0.0, 0.004), (0.0, 0.018), (0.003, 0.022)]], 2
+        )
         j.add(filling, crown, (0, foot + lean + 0.005, high - 0.04), tilt=np.pi / 2 + tilt)
         for px in np.linspace(-x + 0.07, x - 0.07, 4 if kind == "slats" else 6).tolist():
             if kind == "rods":
-                j.add(frame, rod([[px, foot, z - 0.01], [px, foot + 0.95 * lean, high - 0.05]], 0.007, 6))
+                j.add(frame, stick([px, foot, z - 0.01], [px, foot + 0.95 * lean, high - 0.05], 0.007, 6))
             else:
                 slat = board((0.035, 0.012, rise - 0.05), 0.002)
                 j.add(frame, slat, (px, foot, z - 0.012), tilt=tilt)
     elif kind == "rungs":
         for share in np.linspace(0.38, 0.93, int(rng.integers(2, 5))).tolist():
-            rung = slab((x - 0.012, 0.035), 0.012, [[(0.002, 0.0), (0.0, 0.003), (0.0, 0.013), (0.002, 0.016)]], 2)
+            rung = slab(
+                (x - 0.012, 0.035), 0.012, [[(0.002, 0.0), (0.0, 0.003), (0.0, 0.013), (0.002, 0.016)]], 2
+            )
             j.add(filling, rung, (0, foot + share * lean + 0.008, z + share * rise), tilt=np.pi / 2 + tilt)
     else:
         low = float(rng.uniform(0.0, 0.3)) * rise
@@ -84,8 +104,11 @@ def _back(
         j.add(filling, panel, (0, foot + lean / 2 + deep / 2, z + low + half), tilt=np.pi / 2 + tilt)
         if low > 0:
             for side in (-1, 1):
-                post = [[side * (x - 0.06), foot, z - 0.03], [side * (x - 0.06), foot + 0.8 * lean, high - 0.06]]
-                j.add(frame, rod(post, 0.012, 6))
+                post = [
+                    [side * (x - 0.06), foot, z - 0.03],
+                    [side * (x - 0.06), foot + 0.8 * lean, high - 0.06],
+                ]
+                j.add(frame, stick(post[0], post[1], 0.012, 6))
 
 
 def stool(rng: np.random.Generator) -> Furniture:
@@ -116,8 +139,9 @@ def _stool(rng: np.random.Generator, z: float, family: str) -> Furniture:
     for level in (0.3 * z, 0.42 * z):
         reach = foot - lean * level
         for side in (-1, 1):
-            ends = [[-reach, side * reach, level], [reach, side * reach, level]]
-            j.add(frame, rod(ends if level < 0.35 * z else np.array(ends)[:, [1, 0, 2]], 0.009, 6))
+            ends = np.array([[-reach, side * reach, level], [reach, side * reach, level]])
+            ends = ends if level < 0.35 * z else ends[:, [1, 0, 2]]
+            j.add(frame, stick(ends[0], ends[1], 0.009, 6))
     return j.done(family)
 
 
@@ -137,28 +161,37 @@ def _lounge(rng: np.random.Generator, family: str, places: int) -> Furniture:
     def block(low: tuple[float, float, float], high: tuple[float, float, float], round_: float) -> None:
         a, b = np.array(low), np.array(high)
         half = (b - a) / 2
-        j.add(cover, cushion(half[:2], b[2] - a[2], min(round_, 0.9 * half[:2].min()), 2),
-              ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, a[2]))  # fmt: skip
+        j.add(
+            cover,
+            cushion(half[:2], b[2] - a[2], min(round_, 0.9 * half[:2].min()), 2),
+            ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, a[2]),
+        )
 
     block((-inner, y0 + 0.02, foot), (inner, y1 - 0.01, seat - pad), 0.02)
     for side in (-1, 1):
         a, b = sorted((side * inner, side * x))
         block((a, y0, foot), (b, y1, arms), max(r, 0.3 * arm))
     block((-inner, y1 - thick, seat - pad), (inner, y1, back - 0.06), r)
+    loose = places > 1 and rng.uniform() < 0.7
     for k in range(places):
         a = -inner + k * place
         block((a + 0.003, y0 - 0.01, seat - pad), (a + place - 0.003, y1 - thick - 0.02, seat), 0.045)
         front = y1 - thick - 0.02
         pillow = cushion((place / 2 - 0.005, (back - seat) / 2), 0.13, 0.06, 3)
         j.add(cover, pillow, (a + place / 2, front + 0.02, (back + seat) / 2 + 0.002), tilt=np.pi / 2 - 0.16)
-        lean = 0.13 + 0.16 * (back - seat) / 2 + 0.03
+        lean = 0.34 if loose and k in (0, places - 1) else 0.16 + 0.16 * (back - seat) / 2
         j.support("reading", (a + 0.055, y0 + 0.045), (a + place - 0.055, front - lean), seat, behind=0.02)
-    if places > 1 and rng.uniform() < 0.7:
+    if loose:
         own = finishes.fabric_own(rng)
         for side in (-1, 1):
-            loose = cushion((0.2, 0.2), 0.11, 0.05, 2)
-            j.add(own, loose, (side * (inner - 0.23), y1 - thick - 0.17, seat + 0.2), side * 0.25,
-                  np.pi / 2 - 0.3)  # fmt: skip
+            pillow = cushion((0.2, 0.2), 0.11, 0.05, 2)
+            j.add(
+                own,
+                pillow,
+                (side * (inner - 0.23), y1 - thick - 0.17, seat + 0.2),
+                side * 0.25,
+                np.pi / 2 - 0.3,
+            )
     if arm > 0.1 and min(arm / 2, 0.3 * arm) > 0.02:
         flat = 0.3 * arm if arm > 0.1 else r
         for side in (-1, 1):
@@ -189,7 +222,9 @@ def bench(rng: np.random.Generator) -> Furniture:
     under = z - 0.04 if padded else z
     thick = float(rng.uniform(0.025, 0.04))
     b = 0.004
-    j.add(wood, slab((x, y), 0.006, [[(0.0, under - thick), (0.0, under - b)], [(0.0, under - b), (b, under)]]))
+    j.add(
+        wood, slab((x, y), 0.006, [[(0.0, under - thick), (0.0, under - b)], [(0.0, under - b), (b, under)]])
+    )
     if padded:
         j.add(finishes.fabric(rng), cushion((x - 0.01, y - 0.01), 0.04, 0.03), (0, 0, under))
     j.support("reading", (0.05 - x, 0.05 - y), (x - 0.05, y - 0.05), z)

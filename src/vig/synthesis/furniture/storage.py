@@ -59,9 +59,14 @@ def _books(j: Joinery, covers: Material, low: Corner, high: Corner) -> float:
 
 
 def _shelves(
-    j: Joinery, stuff: Material, low: Corner, high: Corner, levels: list[float], zones: tuple[str, ...],
+    j: Joinery,
+    stuff: Material,
+    low: Corner,
+    high: Corner,
+    levels: list[float],
+    zones: tuple[str, ...],
     covers: Material | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Boards between two uprights, each with what is free above it; the first level is a bottom that exists.
 
     low, high: the clear opening, its back closed. covers: what books are bound in that fill some of it.
@@ -76,8 +81,14 @@ def _shelves(
         if covers is not None and room > 0.2 and j.rng.uniform() < 0.6:
             start = _books(j, covers, (x0, y0, level), (x1, y1, level + room))
         if room > 0.14:
-            j.support(str(j.rng.choice(zones)), (start + 0.005, y0 + 0.012), (x1 - 0.005, y1 - 0.01), level, room,
-                      0.01)  # fmt: skip
+            j.support(
+                str(j.rng.choice(zones)),
+                (start + 0.005, y0 + 0.012),
+                (x1 - 0.005, y1 - 0.01),
+                level,
+                room,
+                0.01,
+            )
 
 
 def bookshelf(rng: np.random.Generator) -> Furniture:
@@ -96,10 +107,19 @@ def bookshelf(rng: np.random.Generator) -> Furniture:
         count = max(2, round((high - plinth) / rng.uniform(0.3, 0.42)))
         levels = np.linspace(plinth + wall, high - wall + 0.02, count + 1)[:-1]
         levels[1:] += rng.uniform(-0.03, 0.03, count - 1)
-        _shelves(j, stuff, (left, -deep, plinth), (right, deep - 0.008, high - wall), levels.tolist(),
-                 ("reading", "display", "storage"), covers)  # fmt: skip
+        _shelves(
+            j,
+            stuff,
+            (left, -deep, plinth),
+            (right, deep - 0.008, high - wall),
+            levels.tolist(),
+            ("reading", "display", "storage"),
+            covers,
+        )
     for middle in edges[1:-1]:
-        j.board(stuff, (middle - 0.01, -deep + 0.002, plinth + wall), (middle + 0.01, deep - 0.008, high - wall))
+        j.board(
+            stuff, (middle - 0.01, -deep + 0.002, plinth + wall), (middle + 0.01, deep - 0.008, high - wall)
+        )
     if high < 1.5:
         j.support("display", (0.01 - wide, 0.01 - deep), (wide - 0.01, deep - 0.01), high)
     return j.done("bookshelf")
@@ -122,7 +142,9 @@ def wall_shelf(rng: np.random.Generator) -> Furniture:
         for side in (-0.72 * x, 0.72 * x):
             if kind == 0:  # brackets of iron below
                 j.board(metal, (side - 0.008, y - 0.006, z - thick - 0.13), (side + 0.008, y, z - thick))
-                j.board(metal, (side - 0.008, 0.02 - y, z - thick - 0.006), (side + 0.008, y - 0.006, z - thick))
+                j.board(
+                    metal, (side - 0.008, 0.02 - y, z - thick - 0.006), (side + 0.008, y - 0.006, z - thick)
+                )
     if kind == 1 and count > 1:  # rails up the wall
         for side in (-0.72 * x, 0.72 * x):
             j.board(metal, (side - 0.01, y - 0.004, -0.05), (side + 0.01, y + 0.012, count * step))
@@ -256,8 +278,11 @@ def dresser(rng: np.random.Generator) -> Furniture:
     for side in (-x, x - wall):
         j.board(body, (side, back, z), (side + wall, y, high), 0.0015)
     j.board(body, (wall - x, y - 0.01, z), (x - wall, y, high))
-    j.add(body, slab((x + 0.02, (y - back) / 2 + 0.02), 0.004, [[(0.02, 0.0), *rounding(0.0, 0.01, 0.03, 1)]]),
-          (0, (y + back) / 2 - 0.02, high))  # fmt: skip
+    j.add(
+        body,
+        slab((x + 0.02, (y - back) / 2 + 0.02), 0.004, [[(0.02, 0.0), *rounding(0.0, 0.01, 0.03, 1)]]),
+        (0, (y + back) / 2 - 0.02, high),
+    )
     first = z + float(rng.uniform(0.32, 0.45))
     levels = np.linspace(first, high, 3).tolist()[:2]
     j.support("display", (0.02 - x, 0.02 - y), (x - 0.02, back - 0.01), z, high - z)

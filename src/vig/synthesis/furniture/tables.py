@@ -146,9 +146,9 @@ def desk(rng: np.random.Generator) -> Furniture:
         for side in np.linspace(-x, x - 0.018, 3).tolist():
             j.board(body, (side, back, z), (side + 0.018, y, high - 0.018))
         j.support("display", (0.01 - x, back + 0.01), (x - 0.01, y - 0.01), high)
-        inner = (0.026 - x, back + 0.012)
-        j.support("desk", inner, (-0.02, y - 0.012), z, high - 0.018 - z)
-        j.support("desk", (0.02, inner[1]), (x - 0.026, y - 0.012), z, high - 0.018 - z)
+        inner = (margin + 0.02 - x, back + 0.012)
+        j.support("desk", inner, (-0.02, y - margin), z, high - 0.018 - z)
+        j.support("desk", (0.02, inner[1]), (-inner[0], y - margin), z, high - 0.018 - z)
         back -= 0.02
     j.support("desk", (margin - x, margin - y), (x - margin, back), z)
     if rng.uniform() < 0.5:
@@ -156,8 +156,17 @@ def desk(rng: np.random.Generator) -> Furniture:
         a = 0.03 - x if left else x - 0.03 - wide
         j.board(body, (a, 0.04 - y, 0.04), (a + wide, y - 0.03, under))
         style = (str(rng.choice(FRONTS)), str(rng.choice(HANDLES)))
-        fronts(j, body, finishes.fitting(rng), (a, 0.05), (a + wide, under - 0.005), 0.04 - y,
-               [2.0, 1.2, 1.2], 1, style)  # fmt: skip
+        fronts(
+            j,
+            body,
+            finishes.fitting(rng),
+            (a, 0.05),
+            (a + wide, under - 0.005),
+            0.04 - y,
+            [2.0, 1.2, 1.2],
+            1,
+            style,
+        )
         b = x - 0.06 if left else 0.06 - x
         for end in (0.06 - y, y - 0.06):
             j.board(body, (b - 0.025, end - 0.025, 0.0), (b + 0.025, end + 0.025, under), 0.002)
@@ -183,8 +192,17 @@ def console(rng: np.random.Generator) -> Furniture:
     if rng.uniform() < 0.6:
         deep = float(rng.uniform(0.1, 0.15))
         j.board(body, (-x + 0.04, 0.04 - y, under - deep), (x - 0.04, y - 0.03, under))
-        fronts(j, body, finishes.fitting(rng), (-x + 0.06, under - deep), (x - 0.06, under), 0.04 - y, [1.0],
-               2, ("flat", str(rng.choice(HANDLES))))  # fmt: skip
+        fronts(
+            j,
+            body,
+            finishes.fitting(rng),
+            (-x + 0.06, under - deep),
+            (x - 0.06, under),
+            0.04 - y,
+            [1.0],
+            2,
+            ("flat", str(rng.choice(HANDLES))),
+        )
     if rng.uniform() < 0.5:
         low = float(rng.uniform(0.12, 0.2))
         j.board(body, (-x + 0.03, 0.03 - y, low - 0.018), (x - 0.03, y - 0.03, low), 0.002)

@@ -12,7 +12,7 @@ from vig.synthesis.layouts import fittings, openings
 from vig.synthesis.layouts.kinds import KINDS
 from vig.synthesis.layouts.layout import Layout
 from vig.synthesis.layouts.measures import CELL, floor_supports, measured, occupied
-from vig.synthesis.layouts.plan import HEADROOM, Body, Make, Plan, extent
+from vig.synthesis.layouts.plan import HEADROOM, Body, Make, Plan
 from vig.synthesis.layouts.shell import Opening, Part, Wall, shell, walls_of
 from vig.synthesis.props.material import Material
 from vig.synthesis.props.shapes import moved
@@ -81,7 +81,9 @@ def _outline(rng: np.random.Generator, sides: tuple[tuple[float, float], tuple[f
     wide, deep = rng.uniform(sides[0], sides[1])
     if rng.uniform() < 0.35 and min(wide, deep) > 3.2:
         a, b = wide * rng.uniform(0.25, 0.42), deep * rng.uniform(0.25, 0.42)
-        corners = np.array([[0, 0], [wide, 0], [wide, deep - b], [wide - a, deep - b], [wide - a, deep], [0, deep]])
+        corners = np.array(
+            [[0, 0], [wide, 0], [wide, deep - b], [wide - a, deep - b], [wide - a, deep], [0, deep]]
+        )
     else:
         corners = np.array([[0, 0], [wide, 0], [wide, deep], [0, deep]])
     corners = corners - [wide / 2, deep / 2]
@@ -96,7 +98,7 @@ def _openings(
 ) -> tuple[list[Opening], list[Opening]]:
     """One or two doors near corners, and one to three windows in other walls or beside them."""
     order = rng.permutation(len(walls)).tolist()
-    doors = []
+    doors: list[Opening] = []
     for number in order[: 1 if rng.uniform() < 0.7 else 2]:
         wide, high = float(rng.uniform(0.78, 0.92)), float(rng.uniform(1.98, 2.1))
         room = walls[number].length - wide - 0.4
@@ -104,13 +106,13 @@ def _openings(
             continue
         left = 0.2 + room * (float(rng.choice([0.0, 1.0])) if rng.uniform() < 0.6 else float(rng.uniform()))
         doors.append(Opening("door", number, left, left + wide, 0.0, high))
-    windows = []
+    windows: list[Opening] = []
     low, high = float(rng.uniform(*sill)), float(rng.uniform(2.05, min(2.3, height - 0.15)))
     wanted = int(rng.integers(1, 4))
     for number in order[::-1]:
         taken = [o for o in doors if o.wall == number]
         wall = walls[number]
-        if taken or wall.length < 1.4 or len(windows) == wanted:
+        if taken or wall.length < 1.6 or len(windows) == wanted:
             continue
         wide = float(rng.uniform(0.7, min(2.2, wall.length - 0.8)))
         left = float(rng.uniform(0.4, wall.length - wide - 0.4))
@@ -132,9 +134,16 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
     plan.parts += [(wall.placed(mesh), stuff) for mesh, stuff in parts]
     plan.supports.append(sill.moved((*wall.start, 0.0), wall.angle))
     plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low - 0.06, opening.high))
+    sill_low = opening.low - openings.SILL
+    plan.bodies.append(
+        _zone(wall, opening.left - 0.03, opening.right + 0.03, openings.NOSE, sill_low, opening.low)
+    )
     if curtained and fits:
+        rod = opening.high + 0.09
+        plan.bodies.append(_zone(wall, left, right, openings.CURTAIN, rod, rod + 0.04))
         for a, b in ((left, opening.left + 0.1), (opening.right - 0.1, right)):
-            plan.bodies.append(_zone(wall, a, b, openings.CURTAIN, 0.02, opening.high + 0.12))
+            box = (a, openings.NOSE, b, openings.CURTAIN, 0.02, rod)
+            plan.bodies.append(Body.of(box, (*wall.start, 0.0), wall.angle))
     if rng.uniform() < 0.35:
         wide = min(opening.right - opening.left, float(rng.uniform(0.6, 1.2)))
         high = min(0.7, opening.low - 0.1)
@@ -154,7 +163,10 @@ def _hang(plan: Plan) -> None:
         wide, high = rng.uniform([0.25, 0.3], [0.8, 0.7]).tolist()
         if wall.length < wide + 0.5:
             continue
-        along, middle = float(rng.uniform(0.25 + wide / 2, wall.length - 0.25 - wide / 2)), float(rng.uniform(1.4, 1.65))
+        along, middle = (
+            float(rng.uniform(0.25 + wide / 2, wall.length - 0.25 - wide / 2)),
+            float(rng.uniform(1.4, 1.65)),
+        )
         body = _zone(wall, along - wide / 2, along + wide / 2, 0.03, middle - high / 2, middle + high / 2)
         wider = _zone(wall, along - wide / 2 - 0.05, along + wide / 2 + 0.05, 0.1, body.low - 0.05, body.high)
         if not plan.free([wider]):
@@ -169,12 +181,14 @@ def _lay_rugs(plan: Plan, name: str) -> list[Body]:
     rng = plan.rng
     if rng.uniform() > {"kitchen": 0.1, "cafe": 0.15, "living kitchen": 0.6}.get(name, 0.65):
         return []
-    low_tables = [p for p in plan.placed if p.piece.family in ("coffee_table", "dining_table", "bed")]
+    low_tables = [
+        p for p in plan.placed if p.piece.furniture.family in ("coffee_table", "dining_table", "bed")
+    ]
     half = rng.uniform([0.6, 0.5], [1.2, 0.85])
     turn, at = 0.0, np.array([0.0, 0.0])
     if low_tables:
         chosen = low_tables[int(rng.integers(len(low_tables)))]
-        low, high = extent(chosen.piece)
+        low, high = chosen.piece.low, chosen.piece.high
         half, turn = np.maximum(half, (high - low)[:2] / 2 + 0.25), chosen.turn
         at = np.array(chosen.offset[:2])
     for shrink in (1.0, 0.8, 0.6):
@@ -189,7 +203,9 @@ def _lay_rugs(plan: Plan, name: str) -> list[Body]:
 def _light(plan: Plan, name: str) -> None:
     """Lamps over tables, and on the ceiling elsewhere."""
     rng, height = plan.rng, plan.height
-    tables = [p for p in plan.placed if p.piece.family in ("dining_table", "cafe_table", "kitchen_island")]
+    tables = [
+        p for p in plan.placed if p.piece.furniture.family in ("dining_table", "cafe_table", "kitchen_island")
+    ]
     for table in tables:
         if rng.uniform() < 0.6:
             drop = height - float(rng.uniform(1.42, 1.75))
@@ -227,5 +243,3 @@ def _merged(parts: list[Part]) -> list[Part]:
         meshes.setdefault(key, []).append(mesh)
         stuffs.setdefault(key, stuff)
     return [(joined(value), stuffs[key]) for key, value in meshes.items()]
-
-

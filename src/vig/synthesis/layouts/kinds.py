@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.synthesis.layouts.plan import Placed, Plan, extent
+from vig.synthesis.layouts.plan import Placed, Plan
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,6 @@ def _sit(plan: Plan, walls: list[int] | None = None) -> Placed | None:
         plan.beside(sofa, "side_table", side, 0.05)
     if rng.uniform() < 0.7:
         plan.beside(sofa, "floor_lamp", -side, 0.05, 0.0)
-    low, _ = extent(sofa.piece)
     table = plan.before(sofa, "coffee_table", float(rng.uniform(0.3, 0.42)))
     if table is not None:
         for aside in (-0.5, 0.5):
@@ -71,7 +70,7 @@ def kitchen(plan: Plan) -> None:
     if plan.rng.uniform() < 0.35:
         island = plan.amid("kitchen_island", 0.85)
         if island is not None:
-            low, high = extent(island.piece)
+            low, high = island.piece.low, island.piece.high
             for x in (-0.25, 0.25):
                 at = island.point(x * float(high[0] - low[0]), float(high[1]) + 0.25)
                 plan.put(Placed(plan.draw("bar_stool"), (*at, 0.0), island.turn))
@@ -84,8 +83,14 @@ def dining_room(plan: Plan) -> None:
     """A table with its chairs, a sideboard, a dresser."""
     _dine(plan)
     plan.against("sideboard", 0.7)
-    for family, chance in (("dresser", 0.5), ("tea_trolley", 0.5), ("fireplace", 0.3), ("window_seat", 0.4),
-                           ("potted_tree", 0.4), ("console", 0.3)):  # fmt: skip
+    for family, chance in (
+        ("dresser", 0.5),
+        ("tea_trolley", 0.5),
+        ("fireplace", 0.3),
+        ("window_seat", 0.4),
+        ("potted_tree", 0.4),
+        ("console", 0.3),
+    ):
         if plan.rng.uniform() < chance:
             plan.against(family, 0.5)
 
@@ -93,9 +98,17 @@ def dining_room(plan: Plan) -> None:
 def living_room(plan: Plan) -> None:
     """A sofa and what belongs to it, shelves, a hearth."""
     _sit(plan)
-    for family, chance in (("fireplace", 0.4), ("media_bench", 0.5), ("bookshelf", 0.9), ("sideboard", 0.6),
-                           ("armchair", 0.5), ("window_seat", 0.35), ("bookshelf", 0.4), ("tea_trolley", 0.3),
-                           ("potted_tree", 0.6)):  # fmt: skip
+    for family, chance in (
+        ("fireplace", 0.4),
+        ("media_bench", 0.5),
+        ("bookshelf", 0.9),
+        ("sideboard", 0.6),
+        ("armchair", 0.5),
+        ("window_seat", 0.35),
+        ("bookshelf", 0.4),
+        ("tea_trolley", 0.3),
+        ("potted_tree", 0.6),
+    ):
         if plan.rng.uniform() < chance:
             plan.against(family, 0.6)
     if plan.rng.uniform() < 0.5:
@@ -108,8 +121,16 @@ def bedroom(plan: Plan) -> None:
     if bed is not None:
         for side in (-1, 1):
             plan.beside(bed, "bedside_table", side, 0.06)
-    for family, chance in (("wardrobe", 0.9), ("chest_of_drawers", 0.85), ("desk", 0.3), ("armchair", 0.4),
-                           ("window_seat", 0.4), ("bench", 0.3), ("bookshelf", 0.3), ("floor_lamp", 0.4)):  # fmt: skip
+    for family, chance in (
+        ("wardrobe", 0.9),
+        ("chest_of_drawers", 0.85),
+        ("desk", 0.3),
+        ("armchair", 0.4),
+        ("window_seat", 0.4),
+        ("bench", 0.3),
+        ("bookshelf", 0.3),
+        ("floor_lamp", 0.4),
+    ):
         if plan.rng.uniform() < chance:
             spot = plan.against(family, 0.6)
             if spot is not None and family == "desk":
@@ -125,17 +146,32 @@ def study(plan: Plan) -> None:
         plan.before(desk, "chair", float(plan.rng.uniform(0.02, 0.2)), True)
         lift = float(plan.rng.uniform(1.3, 1.45))
         plan.against("wall_shelf", 0.0, [desk.wall], lift, at=desk.along, gap=0.0)
-    for family, chance in (("bookshelf", 1.0), ("bookshelf", 0.8), ("armchair", 0.7), ("side_table", 0.6),
-                           ("chest_of_drawers", 0.4), ("floor_lamp", 0.6), ("desk", 0.3), ("window_seat", 0.3),
-                           ("potted_tree", 0.4)):  # fmt: skip
+    for family, chance in (
+        ("bookshelf", 1.0),
+        ("bookshelf", 0.8),
+        ("armchair", 0.7),
+        ("side_table", 0.6),
+        ("chest_of_drawers", 0.4),
+        ("floor_lamp", 0.6),
+        ("desk", 0.3),
+        ("window_seat", 0.3),
+        ("potted_tree", 0.4),
+    ):
         if plan.rng.uniform() < chance:
             plan.against(family, 0.6)
 
 
 def hall(plan: Plan) -> None:
     """A console, a bench, a wardrobe."""
-    for family, chance in (("console", 1.0), ("bench", 0.8), ("chest_of_drawers", 0.5), ("wardrobe", 0.5),
-                           ("bookshelf", 0.4), ("stool", 0.4), ("potted_tree", 0.4)):  # fmt: skip
+    for family, chance in (
+        ("console", 1.0),
+        ("bench", 0.8),
+        ("chest_of_drawers", 0.5),
+        ("wardrobe", 0.5),
+        ("bookshelf", 0.4),
+        ("stool", 0.4),
+        ("potted_tree", 0.4),
+    ):
         if plan.rng.uniform() < chance:
             plan.against(family, 0.7)
     plan.against("wall_shelf", 0.0, None, 1.4, gap=0.0)

@@ -16,6 +16,10 @@ NEAR = 0.6
 """A side is open where the next thing is farther than this, metres: a person fits in."""
 LEAST = 0.5
 """The least width, metres, of a free rectangle of the floor that counts as a support."""
+TRIMS = (0.03, 0.06)
+"""Strips, metres, that a support may lose along its back edge."""
+SKIRTED = 0.05
+"""Metres of floor along its edges that are left out: skirting, window sills, door frames."""
 
 
 def _rectangle(support: Support) -> Body:
@@ -24,15 +28,38 @@ def _rectangle(support: Support) -> Body:
 
 
 def measured(plan: Plan, support: Support) -> Support:
-    """The support with `clearance` under what hangs above it, and `behind` to what stands behind it."""
-    own = _rectangle(support)
+    """The support with `clearance` under what hangs above it, and `behind` to what stands behind it.
+
+    It ends before a narrow thing above its back edge, such as a window sill.
+    """
     z = support.centre[2]
-    above = [b.low - z for b in plan.bodies if b.low > z + 0.03 and replace(own, low=b.low, high=b.high).meets(b)]
-    clearance = min([support.clearance, *(float(value) - 0.005 for value in above)])
+    above = [b for b in plan.bodies if b.low > z + 0.03]
+    hanging = _under(above, support)
+    for trim in TRIMS:
+        shorter = _trimmed(support, trim)
+        clear = _under(above, shorter)
+        if hanging < 0.5 < clear and shorter.half[1] > 0.06:
+            support, hanging = shorter, clear
     behind = support.behind
     if behind == float("inf"):
         behind = behind_of(plan, support)
-    return replace(support, clearance=clearance, behind=behind)
+    return replace(support, clearance=min(support.clearance, hanging), behind=behind)
+
+
+def _under(bodies: list[Body], support: Support) -> float:
+    """Free height over a support under bodies that are all above it."""
+    own = _rectangle(support)
+    lows = [b.low for b in bodies if replace(own, low=b.low, high=b.high).meets(b)]
+    return min(lows, default=float("inf")) - support.centre[2] - 0.005
+
+
+def _trimmed(support: Support, depth: float) -> Support:
+    """The support without a strip along its +y edge."""
+    x, y, z = support.centre
+    back = depth / 2
+    centre = (x + back * float(np.sin(support.turn)), y - back * float(np.cos(support.turn)), z)
+    behind = support.behind + depth
+    return replace(support, centre=centre, half=(support.half[0], support.half[1] - back), behind=behind)
 
 
 def behind_of(plan: Plan, support: Support) -> float:
@@ -45,7 +72,11 @@ def behind_of(plan: Plan, support: Support) -> float:
     ahead = np.array([-s, c])
     best = float("inf")
     for share in (-0.8, 0.0, 0.8):
-        start = np.array(support.centre[:2]) + share * support.half[0] * np.array([c, s]) + support.half[1] * ahead
+        start = (
+            np.array(support.centre[:2])
+            + share * support.half[0] * np.array([c, s])
+            + support.half[1] * ahead
+        )
         edge, away = b - a, a - start
         cross = ahead[0] * edge[:, 1] - ahead[1] * edge[:, 0]
         usable = np.abs(cross) > 1e-9
@@ -95,16 +126,16 @@ def _largest(free: Array) -> tuple[int, int, int, int]:
 def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support]:
     """Free rectangles of the bare floor, the larger first; their +y points to what is nearest."""
     taken, low = occupied(plan, [b for b in plan.bodies if b.low < 1.0] + avoid)
-    result = []
+    result: list[Support] = []
     free = ~taken
     while len(result) < most:
         row, column, rows, columns = _largest(free)
-        if min(rows, columns) * CELL < LEAST - 1e-6:
+        if min(rows, columns) * CELL - 2 * SKIRTED < LEAST - 1e-6:
             break
         free[row : row + rows, column : column + columns] = False
         start = low + CELL * np.array([column, row])
         size = CELL * np.array([columns, rows])
-        result.append(_turned(plan, start + size / 2, size / 2))
+        result.append(_turned(plan, start + size / 2, size / 2 - SKIRTED))
     return result
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from vig.synthesis.furniture import finishes
 from vig.synthesis.furniture.furniture import Support
-from vig.synthesis.furniture.joinery import Joinery, rod
+from vig.synthesis.furniture.joinery import Joinery, rod, stick
 from vig.synthesis.layouts.shell import Opening, Part, quads
 from vig.synthesis.props.material import Material
 from vig.synthesis.props.shapes import relief
@@ -14,6 +14,10 @@ from vig.synthesis.textures import noise
 
 CURTAIN = 0.13
 """Metres that curtains stand off the wall."""
+NOSE = 0.05
+"""Most metres that a sill juts out."""
+SILL = 0.03
+"""Thickness of a sill, metres."""
 
 
 def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Part]:
@@ -28,7 +32,9 @@ def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Pa
     j.board(leaf, low, top)
     kind, middle = rng.integers(3), (a + b) / 2
     if kind < 2:  # raised fillets round panels
-        columns = [(a + 0.12, b - 0.12)] if kind == 0 else [(a + 0.12, middle - 0.05), (middle + 0.05, b - 0.12)]
+        columns = (
+            [(a + 0.12, b - 0.12)] if kind == 0 else [(a + 0.12, middle - 0.05), (middle + 0.05, b - 0.12)]
+        )
         for x0, x1 in columns:
             for z0, z1 in ((0.2, 0.85), (1.05, high - 0.14)):
                 for s, e in ((x0, x0 + 0.03), (x1 - 0.03, x1)):
@@ -38,8 +44,14 @@ def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Pa
     metal = finishes.fitting(rng)
     x, way = (b - 0.07, -1) if rng.uniform() < 0.5 else (a + 0.07, 1)
     j.board(metal, (x - 0.02, -0.015, 0.94), (x + 0.02, -0.009, 1.12), 0.002)
-    j.add(metal, rod([[x, -0.012, 1.05], [x, 0.035, 1.05], [x + 0.03 * way, 0.04, 1.05],
-                      [x + 0.12 * way, 0.04, 1.05]], 0.009, 6))  # fmt: skip
+    j.add(
+        metal,
+        rod(
+            [[x, -0.012, 1.05], [x, 0.035, 1.05], [x + 0.03 * way, 0.04, 1.05], [x + 0.12 * way, 0.04, 1.05]],
+            0.009,
+            6,
+        ),
+    )
     return j.parts()
 
 
@@ -52,7 +64,9 @@ def _outside(rng: np.random.Generator) -> Material:
     if rng.uniform() < 0.5:
         sky = np.full(3, 0.92) * (0.9 + 0.1 * v[..., None])
     phases = rng.uniform(0, 2 * np.pi, 4)
-    skyline = rng.uniform(0.15, 0.5) + sum(0.06 / k * np.sin(2 * np.pi * k * u + p) for k, p in enumerate(phases, 1))
+    skyline = rng.uniform(0.15, 0.5) + sum(
+        0.06 / k * np.sin(2 * np.pi * k * u + p) for k, p in enumerate(phases, 1)
+    )
     ground = np.array([0.16, 0.26, 0.1]) if rng.uniform() < 0.65 else np.array([0.4, 0.34, 0.3])
     leaves = 1 + 0.3 * noise(rng, size, 1.2)
     weight = 1 / (1 + np.exp(-(v - skyline) * 14))
@@ -76,20 +90,22 @@ def window(
     for x in np.linspace(a, b, lights + 1)[1:-1].tolist():
         j.board(paint, (x - 0.03, -depth, low + bar), (x + 0.03, y - 0.002, high - bar), 0.004)
     if rng.uniform() < 0.4:
-        z = low + float(rng.choice([0.5, 0.72])) * (high - low)
-        j.board(paint, (a + bar, -depth, z - 0.02), (b - bar, y - 0.006, z + 0.02), 0.003)
+        rail = low + float(rng.choice([0.5, 0.72])) * (high - low)
+        j.board(paint, (a + bar, -depth, rail - 0.02), (b - bar, y - 0.006, rail + 0.02), 0.003)
     stuff = paint if rng.uniform() < 0.6 else finishes.top(rng)
-    nose = float(rng.uniform(0.02, 0.05))
-    j.board(stuff, (a, y - 0.01, low - 0.03), (b, 0.0, low))
-    j.board(stuff, (a - 0.03, 0.0, low - 0.03), (b + 0.03, nose, low), 0.003)
+    nose = float(rng.uniform(0.02, NOSE))
+    j.board(stuff, (a, y - 0.01, low - SILL), (b, 0.0, low))
+    j.board(stuff, (a - 0.03, 0.0, low - SILL), (b + 0.03, nose, low), 0.003)
     clear = high - low
     if rng.uniform() < 0.5:
         clear = _blind(j, opening, y, float(rng.uniform(0.08, 0.55)) * clear)
     if curtained:
         _curtains(j, opening)
-    pane = quads([[(b, 0.01 - depth, low), (a, 0.01 - depth, low), (a, 0.01 - depth, high), (b, 0.01 - depth, high)]],
-                 np.array([[(1, 0), (0, 0), (0, 1), (1, 1)]]))  # fmt: skip
-    near, far = 0.002, y + 0.01
+    pane = quads(
+        [[(b, 0.01 - depth, low), (a, 0.01 - depth, low), (a, 0.01 - depth, high), (b, 0.01 - depth, high)]],
+        np.array([[(1, 0), (0, 0), (0, 1), (1, 1)]]),
+    )
+    near, far = -0.001, y + 0.01
     centre = ((a + b) / 2, (near + far) / 2, low)
     half = ((b - a) / 2 - 0.02, (near - far) / 2)
     sill = Support("display", centre, half, np.pi, clear - 0.005, 0.01)
@@ -110,7 +126,9 @@ def _blind(j: Joinery, opening: Opening, y: float, drop: float) -> float:
         cloth = finishes.fabric_own(rng)
         j.board(cloth, (a, y + 0.014, high - drop), (b, y + 0.017, high))
         j.board(cloth, (a, y + 0.005, high - 0.05), (b, y + 0.045, high), 0.01)
-        j.board(finishes.plain((0.7, 0.7, 0.68)), (a, y + 0.01, high - drop - 0.02), (b, y + 0.022, high - drop))
+        j.board(
+            finishes.plain((0.7, 0.7, 0.68)), (a, y + 0.01, high - drop - 0.02), (b, y + 0.022, high - drop)
+        )
     return high - drop - 0.02 - opening.low
 
 
@@ -131,9 +149,9 @@ def _curtains(j: Joinery, opening: Opening) -> None:
         sheet = np.broadcast_to(wave, grid_x.shape)
         j.add(cloth, relief(grid_x, grid_y, sheet + 0.004, sheet - 0.004), (left, 0.09, 0), tilt=np.pi / 2)
     a, b = opening.left - wide, opening.right + wide
-    j.add(metal, rod([[a, 0.09, top + 0.01], [(a + b) / 2, 0.09, top + 0.01], [b, 0.09, top + 0.01]], 0.012, 6))
-    for x in (a + 0.03, b - 0.03):
-        j.board(metal, (x - 0.008, 0.0, top), (x + 0.008, 0.09, top + 0.016))
+    j.add(metal, stick([a, 0.09, top + 0.01], [b, 0.09, top + 0.01], 0.012, 8))
+    for at in (a + 0.03, b - 0.03):
+        j.board(metal, (at - 0.008, 0.0, top), (at + 0.008, 0.09, top + 0.016))
 
 
 def reach(opening: Opening, curtained: bool) -> tuple[float, float]:

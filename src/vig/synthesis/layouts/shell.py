@@ -72,7 +72,9 @@ def quads(corners: list[list[tuple[float, float, float]]], uv: Array) -> Mesh:
     points = np.array(corners, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]])[None] + 4 * np.arange(len(points))[:, None, None]
     return Mesh(
-        points.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32), np.asarray(uv, np.float32).reshape(-1, 2)
+        points.reshape(-1, 3),
+        faces.reshape(-1, 3).astype(np.int32),
+        np.asarray(uv, np.float32).reshape(-1, 2),
     )
 
 
@@ -102,8 +104,9 @@ def _wall(wall: Wall, height: float, openings: list[Opening], depth: float) -> M
     """A wall with its openings, and the sides and heads of its windows' recesses."""
     holes = [(o.left, o.low, o.right, o.high) for o in openings]
     corners = [
-        [(c, 0.0, b), (a, 0.0, b), (a, 0.0, d), (c, 0.0, d)] for a, b, c, d in cells((0, 0), (wall.length, height), holes)
-    ]  # fmt: skip
+        [(c, 0.0, b), (a, 0.0, b), (a, 0.0, d), (c, 0.0, d)]
+        for a, b, c, d in cells((0, 0), (wall.length, height), holes)
+    ]
     uv = [[(x, z) for x, _, z in quad] for quad in corners]
     for o in openings:
         if o.kind != "window":
@@ -152,7 +155,12 @@ def _moulding(wall: Wall, profile: list[tuple[float, float]], gaps: list[Opening
 
 
 def shell(
-    rng: np.random.Generator, outline: Array, height: float, openings: list[Opening], depth: float, paint: Material
+    rng: np.random.Generator,
+    outline: Array,
+    height: float,
+    openings: list[Opening],
+    depth: float,
+    paint: Material,
 ) -> list[Part]:
     """All of it. depth: of the windows' recesses; paint: of skirting and cornice."""
 
@@ -162,9 +170,18 @@ def shell(
     walls = walls_of(outline)
     wall = stand_in("paint", "paint", "wall")
     white = Material(np.full((1, 1, 3), 0.8, np.float32), "paint", 0.9, "ceiling")
-    parts = [(_level(outline, 0.0, True), stand_in("wood", "wood", "floor")), (_level(outline, height, False), white)]
+    parts = [
+        (_level(outline, 0.0, True), stand_in("wood", "wood", "floor")),
+        (_level(outline, height, False), white),
+    ]
     tall, thick = float(rng.uniform(0.06, 0.15)), float(rng.uniform(0.012, 0.018))
-    profile = [(thick, 0.0), (thick, 0.85 * tall), (0.5 * thick, 0.95 * tall), (0.5 * thick, tall), (0.0, tall)]
+    profile = [
+        (thick, 0.0),
+        (thick, 0.85 * tall),
+        (0.5 * thick, 0.95 * tall),
+        (0.5 * thick, tall),
+        (0.0, tall),
+    ]
     cornice = float(rng.uniform(0.04, 0.1)) if rng.uniform() < 0.4 else 0.0
     drop = [(0.0, -1.0), (0.12, -0.9), (0.35, -0.55), (0.75, -0.2), (1.0, -0.12), (1.0, 0.0)]
     for number, side in enumerate(walls):
