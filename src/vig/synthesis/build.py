@@ -17,7 +17,6 @@ from vig.scene import Camera, Mesh, ObjectClass, vertex_normals
 from vig.synthesis import assets
 from vig.synthesis.room import room_meshes
 from vig.synthesis.spec import Placed, SceneSpec, Split
-from vig.synthesis.texturing import texels_per_metre
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,6 @@ class Instance:
     name: `target`, a surface of the room (`wall`, `floor`, `ceiling`, `table`) or `prop-NN/family/part`.
     mesh: metres, world frame; uv (0, 0) at the texture's bottom left, repeated outside [0, 1].
     normals: (V, 3) unit. texture: (h, w, 3) linear albedo, row 0 on top. kind, roughness: of the material.
-    texels: texels of the texture along a metre of the mesh, in the mean.
     """
 
     name: str
@@ -36,7 +34,6 @@ class Instance:
     texture: np.ndarray
     kind: str
     roughness: float
-    texels: float
 
     @property
     def is_target(self) -> bool:
@@ -56,12 +53,11 @@ def build(spec: SceneSpec, object_class: ObjectClass) -> list[Instance]:
     uv = np.full((len(vertices), 2), 0.5, np.float32)
     albedo = np.array(spec.albedo, np.float32).reshape(1, 1, 3)
     target = Mesh(vertices, faces, uv)
-    instances = [Instance("target", target, vertex_normals(vertices, faces), albedo, "ceramic", 0.5, 0.0)]
+    instances = [Instance("target", target, vertex_normals(vertices, faces), albedo, "ceramic", 0.5)]
     for name, mesh, finish in room_meshes(spec.room):
         normals = vertex_normals(mesh.vertices, mesh.faces)
         texture = assets.surface(spec.split, finish)
-        texels = len(texture) / finish.metres
-        instances.append(Instance(name, mesh, normals, texture, finish.kind, 0.6, texels))
+        instances.append(Instance(name, mesh, normals, texture, finish.kind, 0.6))
     for number, placed in enumerate(spec.props):
         instances += _prop_instances(number, placed, spec.split)
     return instances
@@ -69,7 +65,7 @@ def build(spec: SceneSpec, object_class: ObjectClass) -> list[Instance]:
 
 def _prop_instances(number: int, placed: Placed, split: Split) -> list[Instance]:
     rotation = Rotation.from_rotvec(placed.rotation).as_matrix().T.astype(np.float32)
-    whole, normals, texels = _prop_arrays(split, placed.family, placed.asset)
+    whole, normals = _prop_arrays(split, placed.family, placed.asset)
     vertices = whole @ rotation + np.array(placed.position, np.float32)
     normals = normals @ rotation
     instances, start = [], 0
@@ -77,20 +73,18 @@ def _prop_instances(number: int, placed: Placed, split: Split) -> list[Instance]
         chosen = slice(start, start := start + len(mesh.vertices))
         moved = Mesh(vertices[chosen], mesh.faces, mesh.uv)
         name = f"prop-{number:02d}/{placed.family}/{part}"
-        surface = (stuff.texture, stuff.kind, stuff.roughness, texels[part])
-        instances.append(Instance(name, moved, normals[chosen], *surface))
+        instances.append(Instance(name, moved, normals[chosen], stuff.texture, stuff.kind, stuff.roughness))
     return instances
 
 
 @lru_cache(maxsize=4096)
-def _prop_arrays(split: Split, family: str, asset: int) -> tuple[np.ndarray, np.ndarray, list[float]]:
-    """Vertices and normals (V, 3) float32 of a whole prop in its own frame; texels per metre of each part."""
+def _prop_arrays(split: Split, family: str, asset: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and normals (V, 3) float32 of a whole prop in its own frame."""
     parts = assets.prop(split, family, asset).parts
     meshes = [mesh for mesh, _ in parts]
     normals = [vertex_normals(mesh.vertices, mesh.faces) for mesh in meshes]
-    texels = [texels_per_metre(mesh, stuff.texture) for mesh, stuff in parts]
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    return vertices, np.concatenate(normals).astype(np.float32), texels
+    return vertices, np.concatenate(normals).astype(np.float32)
 
 
 def export(spec: SceneSpec, object_class: ObjectClass, path: Path) -> None:
