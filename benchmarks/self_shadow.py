@@ -46,7 +46,7 @@ from vig.scene import (
 )
 from vig.synthesis.build import export
 from vig.synthesis.library import Library
-from vig.synthesis.raster import render
+from vig.synthesis.rendering import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.transfer import ALBEDO, BOUNCES, Occlusion, neighbours_of, unoccluded

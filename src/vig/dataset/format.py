@@ -20,8 +20,8 @@ from vig.dataset import bop
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass
-from vig.synthesis.picture import Picture
 from vig.synthesis.photo import PhotoSettings
+from vig.synthesis.picture import Picture
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.target import NO_DESIGN
 from vig.synthesis.view import View

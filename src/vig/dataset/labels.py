@@ -16,7 +16,7 @@ from vig.dataset.format import assets_used
 from vig.scene import IMAGE_SIZE, SHAPE_LIMIT, Latents, ObjectClass
 from vig.scene.light import L_COUNT
 from vig.synthesis.picture import CANVAS
-from vig.synthesis.raster import SUPERSAMPLING
+from vig.synthesis.raster.draw import SAMPLES
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.view import View
 
@@ -60,11 +60,11 @@ def label_problems(
 
 def silhouette(object_class: ObjectClass, spec: SceneSpec) -> np.ndarray:
     """The object alone on the canvas of 3 x 3 frames, (3H, 3W) bool: at least half of a pixel's samples."""
-    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE * SUPERSAMPLING).widened(CANVAS)
+    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE * SAMPLES).widened(CANVAS)
     depth = view.depth(_vertices(object_class, spec), object_class.shape_model.faces)
     size = CANVAS * IMAGE_SIZE
-    samples = np.isfinite(depth).reshape(size, SUPERSAMPLING, size, SUPERSAMPLING)
-    return samples.sum(axis=(1, 3)) >= SUPERSAMPLING**2 / 2
+    samples = np.isfinite(depth).reshape(size, SAMPLES, size, SAMPLES)
+    return samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
 
 
 def _vertices(object_class: ObjectClass, spec: SceneSpec) -> np.ndarray:

@@ -5,7 +5,7 @@ from vig.synthesis.library import Library, OwnAssets
 from vig.synthesis.panoramas import grey_light, local_light, panorama
 from vig.synthesis.picture import Picture
 from vig.synthesis.props import FAMILIES, Material, Prop
-from vig.synthesis.raster import render
+from vig.synthesis.rendering import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SPLITS, WORLD_VERSION, Placed, Room, SceneSpec, Split, Surface
 from vig.synthesis.target import target_vertices

@@ -26,7 +26,9 @@ def build_teapot_class() -> ObjectClass:
     model = ShapeModel.fit(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     library = Library("train")
-    lights = np.array([library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUNDS])
+    lights = np.array(
+        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUNDS]
+    )
     covariance = np.cov(lights.T)
     covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
     target_height = float(model.mean[:, 2].max() / 2)

@@ -13,10 +13,14 @@ _AXES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 def hull_directions() -> np.ndarray:
     """Unit vectors (162, 3) spread over the sphere, level ones among them."""
     rings = []
-    for elevation, count in zip(np.arange(-4, 5) * (np.pi / 8), (1, 8, 16, 24, 32, 24, 16, 8, 1), strict=True):
+    for elevation, count in zip(
+        np.arange(-4, 5) * (np.pi / 8), (1, 8, 16, 24, 32, 24, 16, 8, 1), strict=True
+    ):
         angle = 2 * np.pi * np.arange(count) / count
         level = np.cos(elevation)
-        rings.append(np.stack([level * np.cos(angle), level * np.sin(angle), 0 * angle + np.sin(elevation)], 1))
+        rings.append(
+            np.stack([level * np.cos(angle), level * np.sin(angle), 0 * angle + np.sin(elevation)], 1)
+        )
     return np.concatenate(rings)
 
 

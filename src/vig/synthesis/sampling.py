@@ -92,7 +92,7 @@ def measure(
 ) -> float:
     """The hidden share of the object at the full size of the image, one sample per pixel."""
     view = View.of(object_class, actor.azimuth, actor.elevation)
-    alone = view.depth(actor.vertices, object_class.shape_model.faces)
+    alone = depth([actor.item], view)[0]
     items = [Item(library.packed_layout(room.layout), room.rotation(), np.array(room.origin))]
     items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
     return float((depth(items, view)[0] < alone)[np.isfinite(alone)].mean())

@@ -10,7 +10,7 @@ from vig.scene import ObjectClass
 from vig.synthesis.footprint import Footprint
 from vig.synthesis.furniture import Support
 from vig.synthesis.library import Library
-from vig.synthesis.raster import Item, depth
+from vig.synthesis.raster import Item, Target, depth
 from vig.synthesis.spec import Placed, Room
 from vig.synthesis.view import View
 
@@ -26,12 +26,12 @@ NEAREST = 0.12
 class Actor:
     """The object as seen from its eye.
 
-    depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those that show it, own:
+    item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those that show it, own:
     their depths, sums:
     (76, 76) how many of them lie above and left of each corner. body: its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
     """
 
-    vertices: np.ndarray
+    item: Item
     azimuth: float
     elevation: float
     view: View
@@ -47,9 +47,11 @@ class Actor:
     def of(object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float) -> Actor:
         """The object (V, 3) at the origin, seen from angles in radians."""
         view = View.of(object_class, azimuth, elevation, LAYOUT_SIZE)
-        alone = view.depth(vertices, object_class.shape_model.faces)
+        dark = np.zeros(object_class.shape_model.modes), np.zeros(3), np.zeros(9)
+        item = Item(Target.of(object_class, vertices, *dark).packed, np.eye(3), np.zeros(3))
+        alone = depth([item], view)[0]
         return Actor(
-            vertices=vertices,
+            item=item,
             azimuth=azimuth,
             elevation=elevation,
             view=view,
