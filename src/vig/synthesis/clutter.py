@@ -11,7 +11,7 @@ from vig.synthesis.furniture import Support
 from vig.synthesis.occluders import draw_prop, placed
 from vig.synthesis.rotations import about_z
 from vig.synthesis.spec import Placed
-from vig.synthesis.stage import Stage
+from vig.synthesis.stage import MARGIN, Stage
 
 MOST_COVER = 0.3
 """The window of a single piece of clutter covers no more of the frame than this."""
@@ -23,22 +23,21 @@ BACKGROUND = 4
 
 def strew(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> None:
     """Stand clutter on the object's own support round the object, and on others in view."""
-    wanted = int(rng.integers(1, 8))
+    wanted = int(rng.integers(2, 9))
     near, far = visible_ground(stage)
-    for _ in range(3 * wanted):
+    for _ in range(2 * wanted):
         if wanted == 0:
             break
         ahead = rng.uniform(near, far)
         aside = rng.uniform(-1, 1) * (0.45 * (ahead - near) + 0.25)
-        xy = ahead * stage.actor.ahead + aside * stage.actor.aside
-        part = _upright(stage, rng, stage.support, xy)
-        wanted -= _try(stage, stage.support, part, rejected)
+        spot = ahead * stage.actor.ahead + aside * stage.actor.aside
+        wanted -= _try(stage, rng, stage.support, spot, rejected)
     for support in _in_background(stage, rng):
         half = np.array(support.half)
-        for _ in range(rng.integers(1, 5)):
+        for _ in range(rng.integers(1, 6)):
             x, y = rng.uniform(-half, half)
             spot = stage.from_support(support, np.array([x, y, 0.0]))
-            _try(stage, support, _upright(stage, rng, support, spot), rejected)
+            _try(stage, rng, support, spot, rejected)
 
 
 def visible_ground(stage: Stage) -> tuple[float, float]:
@@ -63,16 +62,25 @@ def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
     return [supports[number] for number in chosen if supports[number].zone != "floor"]
 
 
-def _upright(stage: Stage, rng: np.random.Generator, support: Support, spot: np.ndarray) -> Placed:
-    """A prop that belongs there, upright; half of them square to the support's edges."""
+def _try(
+    stage: Stage, rng: np.random.Generator, support: Support, spot: np.ndarray, rejected: Counter[str]
+) -> bool:
+    """Stand a prop on a support, as near to a spot (3,) as its edges allow, or count why it cannot be.
+
+    Half of the props are square to the support's edges.
+    """
     name = draw_prop(stage, rng, support.zone)
     square = support.turn + stage.room.turn + rng.choice([0.0, np.pi, np.pi / 2]) + rng.normal(0, 0.08)
-    turn = square if rng.uniform() < 0.5 else rng.uniform(0, 2 * np.pi)
-    return placed(name, spot, about_z(turn), "clutter")
-
-
-def _try(stage: Stage, support: Support, part: Placed, rejected: Counter[str]) -> bool:
-    """Keep a prop if it fits there and hides nothing of the object; else count why not."""
+    turn = about_z(square if rng.uniform() < 0.5 else rng.uniform(0, 2 * np.pi))
+    own = stage.on_support(support, spot[None])[0]
+    reach = np.abs(stage.on_support(support, stage.library.extremes(*name) @ turn.T + spot)[:, :2] - own[:2])
+    free = np.array(support.half) - reach.max(axis=0) - 2 * MARGIN
+    if (free < 0).any():
+        rejected["clutter too large"] += 1
+        return False
+    own[:2] = np.clip(own[:2], -free, free)
+    own[2] = 0.0
+    part = placed(name, stage.from_support(support, own), turn, "clutter")
     reason = _obstacle(stage, support, part)
     if reason:
         rejected[f"clutter {reason}"] += 1

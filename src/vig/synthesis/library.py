@@ -35,7 +35,7 @@ from vig.synthesis.raster import Packed, Pyramid
 from vig.synthesis.spec import SPLITS, Split, Surface
 from vig.synthesis.textures import FINISHES, METRES, texture
 
-PROPS_PER_FAMILY = {"train": 32, "test": 16}
+PROPS_PER_FAMILY = {"train": 16, "test": 8}
 SURFACES_PER_KIND = {"train": 40, "test": 16}
 PANORAMAS = {"train": 200, "test": 70}
 LAYOUTS = {"train": 96, "test": 32}
@@ -103,6 +103,7 @@ class Library:
         self.prop = lru_cache(maxsize=128)(self._prop)
         self.packed = lru_cache(maxsize=4096)(self._packed)
         self.extremes = lru_cache(maxsize=4096)(self._extremes)
+        self.area = lru_cache(maxsize=4096)(self._area)
         self.layout = lru_cache(maxsize=128)(self._layout)
         self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
         self.finish = lru_cache(maxsize=128)(self._finish)
@@ -136,6 +137,11 @@ class Library:
     def _extremes(self, family: str, number: int) -> np.ndarray:
         """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
         return extreme_points(np.concatenate([mesh.vertices for mesh, _ in self.prop(family, number).parts]))
+
+    def _area(self, family: str, number: int) -> float:
+        """Square metres of a prop's bounding box from its broad side."""
+        size = np.ptp(self.extremes(family, number), axis=0)
+        return float(size[2] * max(size[0], size[1]))
 
     # Rooms
 

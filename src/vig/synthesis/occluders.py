@@ -1,4 +1,4 @@
-"""Ways to hide an object: something in front of it, a hand, a branch, a board, something that hangs."""
+"""Ways to hide an object: something in front of it, a hand, a branch, something that hangs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class Candidate:
     stands: bool
 
 
-Kind = Callable[[Stage, np.random.Generator], Candidate]
+Kind = Callable[[Stage, np.random.Generator, float], Candidate]
+"""Draws a candidate that may hide a share of the object, given last."""
+DRAWS = 12
 
 
 def draw_kind(stage: Stage, rng: np.random.Generator) -> Kind:
@@ -36,19 +38,34 @@ def draw_kind(stage: Stage, rng: np.random.Generator) -> Kind:
         standing: 0.85 - 0.75 * high,
         in_hand: 0.08 + 0.42 * high,
         reaching: 0.06 + 0.2 * high,
-        branch: 0.08 + 0.08 * high,
-        hanging: 0.05 * (stage.actor.elevation < 0.7),
-        board: 0.08 * (stage.actor.elevation > 0.5),
+        branch: 0.05 + 0.07 * high,
+        hanging: 0.03 * (stage.actor.elevation < 0.7),
     }
     kinds, weights = list(chances), np.array(list(chances.values()))
     return kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
 
 
-def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, int]:
-    """A random prop that belongs in a zone: its family and number."""
+def draw_prop(
+    stage: Stage, rng: np.random.Generator, zone: str, least_area: float = 0.0
+) -> tuple[str, int]:
+    """A random prop that belongs in a zone: its family and number.
+
+    Up to twelve are drawn until one has a silhouette of `least_area` square metres from the side.
+    """
     families = stage.library.families(zone)
-    family = families[int(rng.integers(len(families)))]
-    return family, int(rng.integers(stage.library.members(family)))
+    for _ in range(DRAWS):
+        family = families[int(rng.integers(len(families)))]
+        number = int(rng.integers(stage.library.members(family)))
+        if not least_area or stage.library.area(family, number) >= least_area:
+            break
+    return family, number
+
+
+def area_to_hide(stage: Stage, level: float, nearness: float) -> float:
+    """Square metres of a silhouette, `nearness` of the object's distance away, that can hide `level`."""
+    view = stage.actor.view
+    pixels = (level - stage.hidden()) * len(stage.actor.pixels)
+    return pixels * (nearness * float(stage.actor.own.mean()) / view.camera.focal) ** 2
 
 
 def placed(
@@ -59,9 +76,9 @@ def placed(
     return Placed(name[0], name[1], (x, y, z), vector_of(rotation), role)
 
 
-def standing(stage: Stage, rng: np.random.Generator) -> Candidate:
+def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """A prop on the same support, between the eye and the object; moves sideways."""
-    name = draw_prop(stage, rng, stage.room.zone)
+    name = draw_prop(stage, rng, stage.room.zone, area_to_hide(stage, level, 0.7))
     turn = about_z(rng.uniform(0, 2 * np.pi))
     points = stage.library.extremes(*name) @ turn.T
     gap = MARGIN + 0.002 + rng.uniform(0, 0.1) * np.cos(stage.actor.elevation)
@@ -71,9 +88,9 @@ def standing(stage: Stage, rng: np.random.Generator) -> Candidate:
     return Candidate([part], rng.choice([-1.0, 1.0]) * stage.actor.aside, 0.0, 0.5, True)
 
 
-def in_hand(stage: Stage, rng: np.random.Generator) -> Candidate:
+def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """A tilted prop held by an arm that comes from outside the frame."""
-    name = draw_prop(stage, rng, stage.room.zone)
+    name = draw_prop(stage, rng, stage.room.zone, area_to_hide(stage, level, 0.5))
     turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
     points = stage.library.extremes(*name) @ turn.T
     middle = (points.max(0) + points.min(0)) / 2
@@ -85,7 +102,7 @@ def in_hand(stage: Stage, rng: np.random.Generator) -> Candidate:
     return Candidate([placed(name, aim - middle, turn), arm], outward, -0.06, 0.4, False)
 
 
-def reaching(stage: Stage, rng: np.random.Generator) -> Candidate:
+def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """A bare hand and its arm before the object."""
     outward = _outward(stage, rng)
     return Candidate(
@@ -93,7 +110,7 @@ def reaching(stage: Stage, rng: np.random.Generator) -> Candidate:
     )
 
 
-def branch(stage: Stage, rng: np.random.Generator) -> Candidate:
+def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """A leafy twig that reaches into the frame."""
     outward = _outward(stage, rng)
     twig = ("twig", _member(stage, rng))
@@ -101,18 +118,9 @@ def branch(stage: Stage, rng: np.random.Generator) -> Candidate:
     return Candidate([placed(twig, _aim(stage, rng, 0.03), rotation)], outward, -0.3, 0.2, False)
 
 
-def board(stage: Stage, rng: np.random.Generator) -> Candidate:
-    """The end of a shelf board above the object."""
-    turn = rng.uniform(-0.3, np.pi + 0.3)
-    outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
-    rotation = about_z(np.arctan2(outward[1], outward[0]))
-    part = placed(("board", _member(stage, rng)), _aim(stage, rng, 0.06), rotation)
-    return Candidate([part], outward, -0.3, 0.3, False)
-
-
-def hanging(stage: Stage, rng: np.random.Generator) -> Candidate:
+def hanging(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """An upright prop on a cord; moves sideways."""
-    name = draw_prop(stage, rng, stage.room.zone)
+    name = draw_prop(stage, rng, stage.room.zone, area_to_hide(stage, level, 0.5))
     turn = about_z(rng.uniform(0, 2 * np.pi))
     points = stage.library.extremes(*name) @ turn.T
     depth = points @ stage.actor.view.forward

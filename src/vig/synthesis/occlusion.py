@@ -28,11 +28,11 @@ def hide(stage: Stage, target: float, rng: np.random.Generator, rejected: Counte
     count = 1 if target - already < 0.08 else int(rng.choice([1, 2, 3], p=[0.45, 0.35, 0.2]))
     levels = already + (target - already) * np.cumsum(rng.dirichlet(np.full(count, 2.0)))
     for level in levels[:-1]:
-        _count(rejected, _place(stage, draw_kind(stage, rng)(stage, rng), level))
+        _count(rejected, _place(stage, draw_kind(stage, rng)(stage, rng, level), level))
     for _ in range(KINDS_TRIED):
         make = draw_kind(stage, rng)
         for _ in range(TRIALS_PER_KIND):
-            reason = _place(stage, make(stage, rng), target)
+            reason = _place(stage, make(stage, rng, target), target)
             if not reason:
                 return True
             _count(rejected, reason)

@@ -17,7 +17,7 @@ ZONE_WEIGHTS = {
     "bedside": 1.0, "washing": 0.7, "floor": 0.3,
 }  # fmt: skip
 """How often a teapot stands in each zone, relative to the number of supports there."""
-PLACES_TRIED = 60
+PLACES_TRIED = 40
 EYE_CLEARANCE = 0.06
 """Metres between the eye and walls or furniture."""
 EDGE = 0.01
@@ -30,11 +30,11 @@ def find_place(
     library: Library,
     actor: Actor,
     finishes: tuple[tuple[str, Surface], ...],
-    most_hidden: float,
+    hidden: tuple[float, float],
     rng: np.random.Generator,
     rejected: Counter[str],
 ) -> Stage | None:
-    """A stage on which the room and its furniture hide at most `most_hidden` of the object; None if none fits.
+    """A stage whose room and furniture hide a share of the object within `hidden`; None if none is found.
 
     The latents stay as they are: it is the room that is turned and shifted round the object.
     """
@@ -44,34 +44,33 @@ def find_place(
     for _ in range(PLACES_TRIED):
         chosen = int(rng.choice(len(weights), p=weights / weights.sum()))
         support = layout.supports[chosen]
-        reason, room = _stand(actor, support, rng)
+        reason, room = _stand(actor, support, hidden[0] > 0, rng)
         if room is None:
             rejected[f"place {reason}"] += 1
             continue
-        origin, turn = room
-        described = Room(number, chosen, support.zone, origin, turn, finishes)
+        described = Room(number, chosen, support.zone, *room, finishes)
         if not _eye_is_free(layout, described, actor):
             rejected["place eye"] += 1
             continue
         stage = Stage.empty(library, actor, described)
-        if stage.hidden() > most_hidden:
-            rejected["place hides"] += 1
-            continue
-        if (stage.behind < NEAREST).mean() > 0.02:
+        share = stage.hidden()
+        if not hidden[0] <= share <= hidden[1]:
+            rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
+        elif (stage.behind < NEAREST).mean() > 0.02:
             rejected["place near"] += 1
-            continue
-        return stage
+        else:
+            return stage
     return None
 
 
 def _stand(
-    actor: Actor, support: Support, rng: np.random.Generator
+    actor: Actor, support: Support, anywhere: bool, rng: np.random.Generator
 ) -> tuple[str, tuple[tuple[float, float, float], float] | None]:
     """Draw a direction of view and a spot on a support: the layout's origin and turn in the world, or why not."""
     if actor.body.heights[1] > support.clearance - EDGE:
         return "clearance", None
     open_all_round = not np.isfinite(support.behind)
-    spread = np.pi if open_all_round or rng.uniform() > WALL_SHARE else 1.25
+    spread = np.pi if anywhere or open_all_round or rng.uniform() > WALL_SHARE else 1.25
     # The eye is towards -`ahead`; people stand at -y of the support's axes.
     facing = np.arctan2(actor.ahead[1], actor.ahead[0]) - np.pi / 2 + rng.uniform(-spread, spread)
     x_axis = np.array([np.cos(facing), np.sin(facing)])
