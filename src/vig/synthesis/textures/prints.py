@@ -152,15 +152,22 @@ def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image
 
 
-def page(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """A page of text on paper: a letter, a page of a book, or a newspaper's columns, headlines, pictures."""
+def news(rng: np.random.Generator, size: int, base: Array | None) -> Array:
+    """A newspaper's page: a headline over three to five columns, some with a picture."""
+    return page(rng, size, shade([0.62, 0.60, 0.55], rng, 0.08) if base is None else base, (3, 4, 5))
+
+
+def page(
+    rng: np.random.Generator, size: int, base: Array | None, layouts: tuple[int, ...] = (1, 1, 2, 3)
+) -> Array:
+    """A page of text on paper, a letter or a page of a book; layouts: how many columns it may have."""
     base = shade([0.80, 0.78, 0.72], rng, 0.08) if base is None else base
     image = np.empty((size, size, 3), np.float32)
     image[:] = base
     edge, top = round(0.08 * size), round(0.08 * size)
     inner = size - 2 * edge
-    columns = int(rng.choice([1, 1, 2, 3, 4]))
-    if rng.uniform() < 0.6:
+    columns = int(rng.choice(layouts))
+    if columns > 2 or rng.uniform() < 0.5:
         head = title(rng, int(inner * rng.uniform(0.5, 1)), round(size * rng.uniform(0.06, 0.14)))
         _lay(image, head, top, edge, _BLACK)
         top += round(1.5 * len(head))
