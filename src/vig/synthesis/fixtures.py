@@ -75,10 +75,10 @@ def twig(rng: np.random.Generator) -> Prop:
     stem = tube(np.stack([x, sway - sway[0], 0.3 * sway], 1), np.linspace(0.001, 0.004, 12), 6)
     green = near(np.array([0.10, 0.28, 0.06], np.float32), rng, 0.5)
     leaf_length, leaf_width = rng.uniform(0.04, 0.1), rng.uniform(0.25, 0.5)
-    t = np.linspace(0, 1, 6)
+    t = np.linspace(0, 1, 5)
     along = np.stack([leaf_length * t, 0 * t, 0.12 * leaf_length * np.sin(np.pi * t)], 1)
     width = leaf_length * leaf_width * np.sin(np.pi * np.clip(t**0.8, 0.02, 0.98)) / 2 + 0.0004
-    leaf = tube(along, np.stack([width, np.full(6, 0.0006)], 1), 4)
+    leaf = tube(along, np.stack([width, np.full(5, 0.0006)], 1), 4)
     parts = [(stem, material("wood", rng, "paint", near(0.7 * green, rng), 16))]
     leaves = [material("leaf", rng, "speckle", near(green, rng, 0.3), 32) for _ in range(3)]
     for number, at in enumerate(np.arange(0.005, length, leaf_length * rng.uniform(0.3, 0.5))):
