@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from vig.scene import Mesh, face_normals
+from vig.synthesis.fixtures import HOLDERS
 from vig.synthesis.props import FAMILIES, ZONES
 from vig.synthesis.props.shapes import (
     blob,
@@ -233,3 +234,12 @@ def test_moved_tilts_then_turns_then_shifts():
     )
     result = moved(mesh, (0, 0, 5), turn=np.pi / 2, tilt=np.pi / 2).vertices
     assert np.allclose(result, [[1, 0, 5], [0, 1, 5], [0, 0, 6]], atol=1e-6)
+
+
+@pytest.mark.parametrize("holder", HOLDERS)
+def test_holders_are_closed_and_lean(holder):
+    for seed in SEEDS:
+        prop = HOLDERS[holder](np.random.default_rng(seed))
+        assert sum(len(mesh.faces) for mesh, _ in prop.parts) <= 1500
+        for mesh, _ in prop.parts:
+            assert gap(mesh) < 1e-5 and volume(mesh) > 0

@@ -215,7 +215,7 @@ def remote_control(rng: np.random.Generator) -> Prop:
 
 def camera(rng: np.random.Generator) -> Prop:
     """A photographic camera, its lens to the front."""
-    width, height, depth = rng.uniform([0.11, 0.07, 0.03], [0.14, 0.09, 0.05])
+    width, height, depth = rng.uniform([0.11, 0.07, 0.038], [0.14, 0.09, 0.055])
     black, silver = dark(rng), steel(rng)
     two_tone = rng.uniform() < 0.5
     skin = material("plastic", rng, "leather", [0.04, 0.038, 0.036], 32)
@@ -232,7 +232,7 @@ def camera(rng: np.random.Generator) -> Prop:
             silver if two_tone else black,
         )
     )
-    radius, reach = rng.uniform(0.026, 0.034), rng.uniform(0.025, 0.06)
+    radius, reach = rng.uniform(0.026, 0.034), rng.uniform(0.02, 0.045)
     radius = min(radius, 0.42 * height)
     barrel = [
         [0, -0.002],

@@ -50,7 +50,7 @@ def bread(rng: np.random.Generator) -> Prop:
             [[-0.46 * width, 0.5 * height]],
         ]
     )
-    crumb = material("skin", rng, "speckle", near([0.72, 0.58, 0.38], rng, 0.15), 32)
+    crumb = material("skin", rng, "speckle", shade([0.72, 0.58, 0.38], rng, 0.1), 32)
     parts = [(moved(extrude(outline, length, 0.008), (0, length / 2, 0), 0, np.pi / 2), crust)]
     if rng.uniform() < 0.6:
         cut = extrude(outline * 0.97, 0.004)

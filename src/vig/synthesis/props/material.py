@@ -77,7 +77,10 @@ def material(
 
 def plain(kind: str, rng: np.random.Generator, base: ArrayLike | None = None) -> Material:
     """One colour, `base` or any."""
-    return material(kind, rng, "paint", base, 16)
+    texture = np.tile(
+        np.clip(colour(rng) if base is None else base, 0.02, 0.95).astype(np.float32), (4, 4, 1)
+    )
+    return Material(texture, kind, float(rng.uniform(*_ROUGHNESS[kind])))
 
 
 def plastic(rng: np.random.Generator) -> Material:
@@ -111,7 +114,7 @@ def ceramic(rng: np.random.Generator, base: ArrayLike | None = None) -> Material
     if style == 3:
         white = shade([0.80, 0.79, 0.75], rng, 0.08) if rng.uniform() < 0.7 else base
         return Material(_painted(rng, white), "ceramic", float(rng.uniform(*_ROUGHNESS["ceramic"])))
-    return material("ceramic", rng, str(rng.choice(["wallpaper", "stripes", "terrazzo", "marble"])), base)
+    return material("ceramic", rng, str(rng.choice(["wallpaper", "stripes", "marble"])), base)
 
 
 def _dipped(rng: np.random.Generator, base: Array) -> Array:

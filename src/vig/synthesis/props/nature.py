@@ -7,7 +7,7 @@ import numpy as np
 from vig.scene import Mesh
 from vig.synthesis.props.material import Material, Prop, ceramic, material, prop
 from vig.synthesis.props.shapes import moved, revolve, smooth, tube, vessel
-from vig.synthesis.textures import Array, near, noise
+from vig.synthesis.textures import Array, near, noise, shade
 
 
 def _skin(rng: np.random.Generator, low: Array, high: Array, blush: float = 1.0) -> Material:
@@ -47,7 +47,7 @@ def orange(rng: np.random.Generator) -> Prop:
     t = np.linspace(0, np.pi, 13)
     profile = np.stack([radius * np.sin(t), radius * flat * (1 - np.cos(t))], -1)
     profile[[0, -1], 0] = 0.0
-    base = near([0.75, 0.26, 0.02], rng, 0.2)
+    base = shade([0.72, 0.25, 0.02], rng)
     return prop("orange", (revolve(profile, 24), _skin(rng, base, near(base, rng, 0.2), 0.5)))
 
 
@@ -69,7 +69,7 @@ def pear(rng: np.random.Generator) -> Prop:
     profile = smooth([[0, 0.08], [0.3, 0.0], [0.85, 0.4], [1.0, 0.95], [0.75, 1.65], [0.45, 2.2], [0.35, 2.6],
                       [0.15, 2.75], [0, 2.72]], 17) * radius  # fmt: skip
     profile[[0, -1], 0] = 0.0
-    green, brown = near([0.45, 0.48, 0.08], rng, 0.25), near([0.45, 0.25, 0.08], rng)
+    green, brown = shade([0.42, 0.45, 0.10], rng, 0.25), shade([0.42, 0.24, 0.09], rng)
     return prop(
         "pear", (revolve(profile, 22), _skin(rng, green, brown, 0.6)), _stalk(rng, 2.72 * radius, 0.02)
     )

@@ -54,7 +54,7 @@ def paper_sheets(rng: np.random.Generator) -> Prop:
 def newspaper(rng: np.random.Generator) -> Prop:
     """A folded newspaper."""
     width, depth = rng.uniform(0.2, 0.28), rng.uniform(0.17, 0.22)
-    news = material("paper", rng, "page", shade([0.62, 0.60, 0.55], rng, 0.08), 128)
+    news = material("paper", rng, "news", None, 128)
     parts, z = [], 0.0
     for _ in range(2):
         thick = rng.uniform(0.002, 0.004)

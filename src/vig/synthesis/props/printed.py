@@ -7,7 +7,7 @@ import numpy as np
 from vig.scene import Mesh
 from vig.synthesis.props.material import Material, Prop, label, material, prop
 from vig.synthesis.props.shapes import box, moved, relief
-from vig.synthesis.textures import colour, near, noise
+from vig.synthesis.textures import colour, noise, shade
 
 _MOUNT = (0.78, 0.76, 0.70)
 
@@ -18,7 +18,7 @@ def _book(
     """A closed book lying on z = 0, its spine on the -X side."""
     cover = label(rng) if rng.uniform() < 0.7 else material("cloth", rng, "cloth")
     board, lip = 0.003, 0.004
-    lines = np.tile(near([0.8, 0.76, 0.66], rng), (32, 4, 1))
+    lines = np.tile(shade([0.78, 0.74, 0.64], rng), (32, 4, 1))
     lines *= rng.uniform(0.8, 1.1, (32, 1, 1)).astype(np.float32)
     pages = Material(np.clip(lines, 0.02, 0.95), "paper", 0.9)
     block = box((width - 2 * lip, depth - 2 * lip, thickness - 1.6 * board))

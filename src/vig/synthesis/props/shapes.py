@@ -69,7 +69,10 @@ def revolve(profile: Points, segments: int = 32, outline: ArrayLike = 1.0, uprig
     index = np.arange(ring.size).reshape(ring.shape)
     index = np.where(radius[:, None] == 0, index[:, :1], index)  # a pole is one vertex
     faces = index.ravel()[_grid_faces(len(radius), around, wrap=not upright)]
-    used, faces = np.unique(faces, return_inverse=True)
+    used = np.ones(ring.shape, bool)
+    used[radius == 0, 1:] = False
+    used = used.ravel()
+    faces = (np.cumsum(used) - 1)[faces]
     points, uv = np.stack([x, y, z], -1).reshape(-1, 3), np.stack([u, v], -1).reshape(-1, 2)
     return _mesh(points[used], faces, uv[used])
 

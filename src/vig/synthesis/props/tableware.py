@@ -7,7 +7,7 @@ import numpy as np
 from vig.scene import Mesh
 from vig.synthesis.props.material import Prop, ceramic, material, metal, prop
 from vig.synthesis.props.shapes import moved, revolve, smooth, superellipse, tube, vessel
-from vig.synthesis.textures import colour, near
+from vig.synthesis.textures import colour, shade
 
 
 def bowl(rng: np.random.Generator) -> Prop:
@@ -110,7 +110,7 @@ def tumbler(rng: np.random.Generator) -> Prop:
 
 def candle(rng: np.random.Generator) -> Prop:
     """A pillar candle, or a taper in a holder."""
-    wax = material("wax", rng, "paint", near([0.85, 0.8, 0.68], rng) if rng.uniform() < 0.5 else None)
+    wax = material("wax", rng, "paint", shade([0.82, 0.77, 0.64], rng, 0.1) if rng.uniform() < 0.5 else None)
     black = material("cloth", rng, "paint", np.full(3, 0.03, np.float32), 16)
     taper = rng.uniform() < 0.5
     radius = 0.011 if taper else rng.uniform(0.025, 0.045)
@@ -170,6 +170,6 @@ def egg_cup(rng: np.random.Generator) -> Prop:
     t = np.linspace(0, np.pi, 13)
     egg = np.stack([0.0215 * np.sin(t) * (1 + 0.12 * np.cos(t)), height + 0.012 - 0.029 * np.cos(t)], -1)
     egg[[0, -1], 0] = 0.0
-    shell = near([0.75, 0.52, 0.36] if rng.uniform() < 0.6 else [0.85, 0.83, 0.78], rng)
+    shell = shade([0.66, 0.44, 0.28] if rng.uniform() < 0.6 else [0.82, 0.79, 0.73], rng, 0.12)
     egg_shell = material("skin", rng, "speckle", shell)
     return prop("egg_cup", (revolve(cup, 28), ceramic(rng, colour(rng))), (revolve(egg, 24), egg_shell))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vig.scene import Mesh
 from vig.synthesis.props.material import Material, Prop, dark, material, plain, prop, timber
@@ -20,13 +23,19 @@ from vig.synthesis.props.shapes import (
     superellipse,
     tube,
 )
-from vig.synthesis.textures import accent, noise, shade
+from vig.synthesis.textures import accent, neutral, noise, shade
 
 _WOVEN = ("cloth", "cloth", "stripes", "floral", "paint", "weave")
 
 
 def _fabric(rng: np.random.Generator, size: int = 96) -> Material:
     return material("cloth", rng, str(rng.choice(_WOVEN)), None, size)
+
+
+def _fine_weave(kind: str, rng: np.random.Generator, base: ArrayLike | None) -> Material:
+    """Wickerwork or straw of fine strands."""
+    coarse = material(kind, rng, "weave", base, 48)
+    return replace(coarse, texture=np.tile(coarse.texture, (2, 2, 1)))
 
 
 def coaster(rng: np.random.Generator) -> Prop:
@@ -124,7 +133,7 @@ def basket(rng: np.random.Generator) -> Prop:
         [low - 0.006, 0.008],
         [0, 0.008],
     ]
-    wicker = material("wood", rng, "weave", None, 96)
+    wicker = _fine_weave("wood", rng, None)
     parts = [(revolve(loop, 28, outline), wicker)]
     t = np.linspace(0, 2 * np.pi, 28, endpoint=False)
     reach = (radius - 0.003) * np.roll(outline, 14)
@@ -161,9 +170,10 @@ def hat(rng: np.random.Generator) -> Prop:
     side[-1, 0] = 0.0
     profile = np.concatenate([[[0, 0], [crown + 0.9 * brim, 0], [crown + brim, 0.002]], side])
     oval = superellipse(28, 2.0, 0.85)
-    felt = material("cloth", rng, "weave" if rng.uniform() < 0.5 else "speckle", None, 64)
     if rng.uniform() < 0.6:
-        felt = material("cloth", rng, "weave", shade([0.62, 0.48, 0.28], rng), 64)
+        felt = _fine_weave("cloth", rng, shade([0.62, 0.48, 0.28], rng))
+    else:
+        felt = material("cloth", rng, "speckle", neutral(rng), 64)
     band = [
         [0.9 * crown, 0.01],
         [1.012 * crown, 0.01],

@@ -36,11 +36,12 @@ _MAKERS: dict[str, Callable[..., Array]] = {
     "leather": fabric.leather,
     "floral": fabric.floral,
     "page": prints.page,
+    "news": prints.news,
     "picture": prints.picture,
 }
 KINDS = tuple(_MAKERS)
-NOT_PERIODIC = ("print", "page", "picture")
-_NEEDS_COLOUR = ("paint", "tiles", "cloth", "wallpaper", "checker", "terrazzo", "speckle", "stripes")
+NOT_PERIODIC = ("print", "page", "news", "picture")
+_NEEDS_COLOUR = ("paint", "tiles", "cloth", "wallpaper", "checker", "speckle", "stripes")
 
 FINISHES: dict[str, tuple[str, ...]] = {
     "wall": (
@@ -101,7 +102,8 @@ METRES: dict[str, tuple[float, float]] = {
     "terrazzo": (0.3, 0.7), "speckle": (0.2, 0.6), "plaster": (0.6, 1.5), "concrete": (0.8, 1.6),
     "granite": (0.25, 0.5), "linoleum": (0.4, 1.0), "cork": (0.3, 0.6), "parquet": (0.4, 0.9),
     "herringbone": (0.6, 1.2), "stripes": (0.3, 0.8), "weave": (0.1, 0.25), "leather": (0.2, 0.4),
-    "floral": (0.4, 0.9), "page": (0.2, 0.3), "picture": (0.2, 0.5),
+    "floral": (0.4, 0.9), "page": (0.2, 0.3),
+    "news": (0.3, 0.5), "picture": (0.2, 0.5),
 }  # fmt: skip
 """Plausible metres per repeat of each kind: lowest, highest."""
 

@@ -64,7 +64,7 @@ def title(rng: np.random.Generator, width: int, height: int) -> NDArray[np.float
     """Coverage (h, w) of a word in large type, at most `width` x `height` pixels."""
     length = int(rng.integers(4, 9))
     height = max(4, min(height, int(width / (0.64 * length))))
-    letters = alphabet(height, rng.uniform() < 0.3, float(rng.choice([0.12, 0.18, 0.26])))
+    letters = alphabet(height, rng.uniform() < 0.3, float(rng.choice([0.12, 0.17, 0.21])))
     return letters[word(rng, length)].transpose(1, 0, 2).reshape(height, -1)[:, :width]
 
 

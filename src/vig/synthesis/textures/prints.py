@@ -13,10 +13,9 @@ _WHITE, _BLACK = np.array([0.82, 0.81, 0.78], np.float32), np.array([0.03, 0.03,
 
 def _ink(rng: np.random.Generator, paper: Array) -> Array:
     """A colour in which to write on `paper` (3,)."""
-    if rng.uniform() < 0.6:
-        return _BLACK if paper.mean() > 0.25 else _WHITE
-    tint = accent(rng)
-    return tint * (0.35 if paper.mean() > 0.25 else 1.0) + (0.0 if paper.mean() > 0.25 else 0.3)
+    plain = _BLACK if paper.mean() > 0.25 else _WHITE
+    tint = 0.4 * accent(rng) if paper.mean() > 0.25 else accent(rng) + 0.25
+    return tint if rng.uniform() < 0.4 and abs(tint.mean() - paper.mean()) > 0.2 else plain
 
 
 def _lay(image: Array, mask: Array, top: int, left: int, fill: Array) -> None:
@@ -26,11 +25,13 @@ def _lay(image: Array, mask: Array, top: int, left: int, fill: Array) -> None:
     window += (fill - window) * mask[..., None]
 
 
-def _write(rng: np.random.Generator, image: Array, top: float, height: float, ink: Array) -> None:
+def _write(
+    rng: np.random.Generator, image: Array, top: float, height: float, ink: Array, centred: bool
+) -> None:
     """A word across the image, centred or from the left, `top` and `height` shares of its height."""
     size = len(image)
     mask = title(rng, int(0.84 * size), int(height * size))
-    left = (size - mask.shape[1]) // 2 if rng.uniform() < 0.7 else int(0.08 * size)
+    left = (size - mask.shape[1]) // 2 if centred else int(0.08 * size)
     _lay(image, mask, int(top * size), left, ink)
 
 
@@ -118,10 +119,10 @@ def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
             image[:] = picture(rng, size, None)
             paper = image[: size // 4].mean((0, 1))
         else:
-            window = picture(rng, size // 2, None)
-            image[int(0.4 * size) : int(0.4 * size) + len(window), size // 4 : size // 4 + len(window)] = (
-                window
-            )
+            n, wide = size // 2, int(rng.choice([size // 2, 3 * size // 4, size]))
+            window = picture(rng, n, None)[:, np.arange(wide) * n // wide]
+            top, left = int(rng.uniform(0.34, 0.45) * size), (size - wide) // 2
+            image[top : top + n, left : left + wide] = window
     elif style == 2:  # an emblem
         centre, radius = (0.5, rng.uniform(0.48, 0.62)), rng.uniform(0.16, 0.26)
         for share, tint in ((1.0, second), (0.88, base), (0.8, partner(base, rng))):
@@ -141,10 +142,10 @@ def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
         image[n : 2 * n, n:-n] = image[-2 * n : -n, n:-n] = second
         image[n:-n, n : 2 * n] = image[n:-n, -2 * n : -n] = second
         name_at = rng.uniform(0.2, 0.3)
-    ink = _ink(rng, paper)
-    _write(rng, image, name_at, rng.uniform(0.12, 0.2), ink)
+    ink, centred = _ink(rng, paper), bool(rng.uniform() < 0.7)
+    _write(rng, image, name_at, rng.uniform(0.12, 0.2), ink, centred)
     if rng.uniform() < 0.6:
-        _write(rng, image, name_at + 0.2, 0.06, ink)
+        _write(rng, image, name_at + 0.2, 0.06, ink, centred)
     low = image[int(0.8 * size)].mean(0)
     if rng.uniform() < 0.75:
         lines = paragraph(rng, int(rng.uniform(0.4, 0.8) * size), int(rng.uniform(0.08, 0.2) * size), 3)
@@ -152,15 +153,22 @@ def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image
 
 
-def page(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """A page of text on paper: a letter, a page of a book, or a newspaper's columns, headlines, pictures."""
+def news(rng: np.random.Generator, size: int, base: Array | None) -> Array:
+    """A newspaper's page: a headline over three to five columns, some with a picture."""
+    return page(rng, size, shade([0.62, 0.60, 0.55], rng, 0.08) if base is None else base, (3, 4, 5))
+
+
+def page(
+    rng: np.random.Generator, size: int, base: Array | None, layouts: tuple[int, ...] = (1, 1, 2, 3)
+) -> Array:
+    """A page of text on paper, a letter or a page of a book; layouts: how many columns it may have."""
     base = shade([0.80, 0.78, 0.72], rng, 0.08) if base is None else base
     image = np.empty((size, size, 3), np.float32)
     image[:] = base
     edge, top = round(0.08 * size), round(0.08 * size)
     inner = size - 2 * edge
-    columns = int(rng.choice([1, 1, 2, 3, 4]))
-    if rng.uniform() < 0.6:
+    columns = int(rng.choice(layouts))
+    if columns > 2 or rng.uniform() < 0.5:
         head = title(rng, int(inner * rng.uniform(0.5, 1)), round(size * rng.uniform(0.06, 0.14)))
         _lay(image, head, top, edge, _BLACK)
         top += round(1.5 * len(head))

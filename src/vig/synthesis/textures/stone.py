@@ -50,7 +50,7 @@ def tiles(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 def brick(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """A brick wall in running bond, bare or painted over."""
-    clay = near(_BRICKS[rng.integers(len(_BRICKS))], rng, 0.25) if base is None else base
+    clay = shaded(_BRICKS[rng.integers(len(_BRICKS))], rng, 0.25) if base is None else base
     rows = 2 * int(rng.integers(3, 7))
     value, joint = cells(rng, size, rows, rows // 2, 0.5, rng.uniform(0.012, 0.022))
     shade = 1 + rng.uniform(0.1, 0.35) * value + 0.1 * noise(rng, size, 0.8)
@@ -79,13 +79,14 @@ def granite(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return mix(image, np.full(3, 0.04, np.float32), (grain > 1.2) * rng.uniform(0.4, 0.9))
 
 
-def terrazzo(rng: np.random.Generator, size: int, base: Array) -> Array:
+def terrazzo(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Chips of several stones in a ground."""
+    base = neutral(rng) if base is None else base
     image = base * (1 + 0.03 * noise(rng, size))[..., None]
     for _ in range(rng.integers(2, 4)):  # each kind of chip: the peaks of its own band of noise
-        band = noise(rng, size, 3.0, cutoff=round(rng.uniform(6, 16)))
-        chip = partner(base, rng) if rng.uniform() < 0.7 else neutral(rng)
-        image = mix(image, chip, (band > rng.uniform(1.2, 1.9)).astype(np.float32))
+        band = noise(rng, size, 3.0, cutoff=round(rng.uniform(0.12, 0.25) * size))
+        chip = near(base, rng, 0.5) if rng.uniform() < 0.5 else partner(base, rng)
+        image = mix(image, chip, np.clip(3 * (band - rng.uniform(1.1, 1.7)), 0, 1))
     return image
 
 
@@ -94,7 +95,7 @@ def speckle(rng: np.random.Generator, size: int, base: Array) -> Array:
     spotted = rng.uniform() < 0.5
     grain = noise(rng, size, 0.4 if spotted else round(rng.uniform(0.3, 0.9), 1))
     if spotted:
-        spots = np.clip(2 * (grain - rng.uniform(1.9, 2.6)), 0, 1)
+        spots = np.clip(2 * (grain - rng.uniform(2.2, 2.8)), 0, 1)
         return mix(base * (1 + 0.02 * grain)[..., None], 0.3 * base, spots)
     return mix(base, near(base, rng, 0.6), np.clip(0.5 + rng.uniform(0.2, 0.6) * grain, 0, 1))
 
@@ -112,7 +113,7 @@ def linoleum(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 def cork(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Pressed cork: brown crumbs of many tones."""
-    base = near([0.45, 0.27, 0.13], rng, 0.2) if base is None else base
+    base = shaded([0.45, 0.27, 0.13], rng, 0.25) if base is None else base
     crumbs = noise(rng, size, 2.0, cutoff=round(size / 8))
     image = base * (1 + 0.18 * crumbs)[..., None]
     return mix(image, 0.25 * base, (noise(rng, size, 0.8) > 1.7) * 0.8)

@@ -30,6 +30,8 @@ def wood(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     rings = np.sin(2 * np.pi * (rng.integers(3, 9) * u + 0.35 * warp + phase))
     pores = noise(rng, size, 0.5, stretch=16.0)
     shade = 1 + rng.uniform(0.04, 0.16) * rings * (0.7 + 0.3 * np.sign(rings)) + 0.06 * pores
+    if rng.uniform() < 0.3:  # wear: paler where much used, or stained
+        shade = shade * (1 + rng.uniform(-0.2, 0.15) * np.clip(noise(rng, size, 1.7), 0, 1.5))
     if planks > 1:
         shade = shade * (1 + rng.uniform(0.05, 0.2) * rng.uniform(-1, 1, planks).astype(np.float32)[plank])
         shade = np.where((u * planks) % 1 < 1.2 * planks / size, 0.45 * shade, shade)
