@@ -8,6 +8,7 @@ of the real ones lie within the range of ours.
 from __future__ import annotations
 
 import argparse
+import time
 from pathlib import Path
 
 import numpy as np
@@ -90,10 +91,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--sheet", type=Path, help="a PNG of our first 24 panoramas and the real ones")
     arguments = parser.parse_args()
+    started = time.process_time()
     ours = {
         split: [panorama(asset_rng(split, "panorama", i)) for i in range(PANORAMAS[split])]
         for split in SPLITS
     }
+    milliseconds = 1000 * (time.process_time() - started) / sum(len(images) for images in ours.values())
+    print(f"one panorama at 64 x 128: {milliseconds:.0f} ms")
     sets = {f"ours, {split}": images for split, images in ours.items()}
     real: list[np.ndarray] = []
     for name, folder in (("real, --envmaps", arguments.envmaps), ("real, bpy", "bpy")):
@@ -106,7 +110,7 @@ def main() -> None:
             sets[name] = [own.radiance for own in found]
             real += sets[name]
     measured = {name: np.array([numbers(image) for image in images]) for name, images in sets.items()}
-    metrics = []
+    metrics = [{**_metric("panorama_ms", milliseconds, "ms"), "better": "lower"}]
     print("published, of 26 real ones:    min          median             max")
     for quantity, row in PUBLISHED.items():
         print(f"  {quantity:20s}{row[0]:8.2f}        {row[1]:8.2f}        {row[2]:8.2f}")

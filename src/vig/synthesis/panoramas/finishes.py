@@ -101,6 +101,7 @@ def _pattern(finish: Finish, at: Array, side: Cells, size: Array) -> Array:
         tall = (z / p - row) < 0.55 + 0.35 * hashed(row, spine)
         here = hashed(row, spine // 5) < 0.75
         colours = np.stack([0.04 + 0.5 * hashed(row, spine, np.full_like(row, k)) ** 2 for k in range(3)], 1)
+        colours = 0.5 * colours + 0.5 * colours.mean(1, keepdims=True)
         filled = np.where((tall & here)[:, None], colours, 0.35 * result)
         shelf = z % p < 0.03
         result = np.where((upright & ~shelf)[:, None], filled, result)

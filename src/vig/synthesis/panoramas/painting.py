@@ -78,6 +78,7 @@ def paint(room: Room, height: int) -> Array:
     ambient = room.ambient / (1 - _BOUNCED) * around + _ELSEWHERE
     nooks = _nooks(room, points, owner, side, casting)
     bright = way.T @ weighted.mean(1) + sum((_flux(place) for place in places), np.zeros(3))
+    bright[2] *= 0.5  # the far side of a room lies in the dark, its floor less so
     bright /= max(float(np.linalg.norm(bright)), 1e-9)
     side_light = 1 + room.shade * (way @ bright.astype(np.float32))
     image = (reflected + albedo * ambient * nooks[:, None]) * (grain(points) * side_light)[:, None]

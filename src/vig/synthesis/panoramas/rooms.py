@@ -36,7 +36,7 @@ def draw(rng: Generator) -> Room:
     make = {"home": _home, "kitchen": _kitchen, "work": _work, "hall": _hall, "studio": _studio}[kind]
     room = make(rng)
     room.ambient = _log_uniform(rng, 0.6, 3.0)
-    room.shade = rng.uniform(0.2, 0.95)
+    room.shade = rng.uniform(0.1, 0.95)
     room.skyline = int(rng.integers(2**31))
     return room
 
@@ -200,12 +200,19 @@ def _ceiling_panels(rng: Generator, room: Room, radiance: float, size: ArrayLike
                 room.panels.append(Panel(centre, across, over, half, (radiance * tint).astype(np.float32)))
 
 
+def _downlights(rng: Generator, room: Room) -> None:
+    """Small bright spots let into the ceiling."""
+    _ceiling_panels(rng, room, _log_uniform(rng, 20.0, 200.0), [0.08, 0.08], rng.uniform(0.9, 1.6))
+
+
 def _home(rng: Generator) -> Room:
     room = _shell(rng, 3.4, (2.3, 3.2))
-    day, evening = rng.uniform(size=2) < [0.75, 0.55]
+    day, evening = rng.uniform(size=2) < [0.75, 0.65]
     _windows(rng, room, 1.0 if day else 0.01)
     if evening or not day:
-        _bulbs(rng, room, _log_uniform(rng, 0.05, 3.0), int(rng.integers(1, 5)))
+        _bulbs(rng, room, _log_uniform(rng, 0.1, 4.0), int(rng.integers(1, 5)))
+    if rng.uniform() < 0.15:
+        _downlights(rng, room)
     furnish(rng, room, AT_HOME, int(rng.integers(6, 13)))
     _decorate(rng, room)
     return room
@@ -216,8 +223,11 @@ def _kitchen(rng: Generator) -> Room:
     if rng.uniform() < 0.75:
         _windows(rng, room, 1.0, 3, 1.4)
     if rng.uniform() < 0.6 or not room.panels:
-        radiance = _log_uniform(rng, 0.5, 12.0)
-        _ceiling_panels(rng, room, radiance, rng.uniform(0.12, 0.5, 2), rng.uniform(0.9, 1.6))
+        if rng.uniform() < 0.5:
+            _downlights(rng, room)
+        else:
+            radiance = _log_uniform(rng, 0.5, 12.0)
+            _ceiling_panels(rng, room, radiance, rng.uniform(0.2, 0.6, 2), rng.uniform(1.2, 2.0))
     furnish(rng, room, IN_KITCHENS, int(rng.integers(4, 8)))
     _decorate(rng, room, 3)
     if not room.panels:
