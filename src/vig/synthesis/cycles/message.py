@@ -45,7 +45,7 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
         if instance.is_target:
             _add_target(scene, instance, object_class, finish, rng)
         else:
-            scene.add(instance, _material(scene, instance), shell=instance.name in SHELL)
+            scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
     scene.arrays["panorama"] = library.surroundings(spec.panorama).astype(np.float32)
     view = View.of(object_class, spec.azimuth, spec.elevation)
     header = {
@@ -99,9 +99,13 @@ class _Scene:
         return name
 
 
-def _material(scene: _Scene, instance: Instance) -> dict[str, Any]:
+def _material(scene: _Scene, instance: Instance, rng: np.random.Generator) -> dict[str, Any]:
     name = scene.texture(instance.texture) if instance.texture.shape[:2] != (1, 1) else None
-    return appearance(instance.kind, instance.roughness, instance.emission, instance.texture[0, 0], name)
+    kind = instance.kind
+    if instance.name in SHELL and kind == "paint":
+        kind = "plaster"  # emulsion, not lacquer
+    colour = instance.texture[0, 0]
+    return appearance(kind, instance.roughness, instance.emission, colour, name, rng)
 
 
 def _add_target(

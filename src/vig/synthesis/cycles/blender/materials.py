@@ -42,6 +42,11 @@ def make(
         picture = nodes.new("ShaderNodeTexImage")
         picture.image = images[about["texture"]]
         links.new(picture.outputs["Color"], colour)
+        if about["relief"] > 0:
+            bump = nodes.new("ShaderNodeBump")
+            bump.inputs["Distance"].default_value = about["relief"]
+            links.new(picture.outputs["Color"], bump.inputs["Height"])
+            links.new(bump.outputs["Normal"], shader.inputs["Normal"])
     shader.inputs["Roughness"].default_value = about["roughness"]
     if not lambertian:
         for key, value in about["principled"].items():
