@@ -78,6 +78,35 @@ def test_a_run_killed_three_times_ends_in_the_same_bytes(undisturbed: Path, tmp_
 
 
 @pytest.mark.slow
+def test_ctrl_c_ends_in_one_line_and_leaves_only_whole_samples(undisturbed: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    settings = ["--out", str(out), "--count", str(COUNT), "--seed", str(SEED), "--workers", "2"]
+    command = [sys.executable, "-c", "from vig.cli.main import main; main()", "dataset", "make", *settings]
+    run = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
+    while finished(out) < 4 and run.poll() is None:
+        time.sleep(0.002)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert error.splitlines()[-1] == "vig: interrupted; what is finished stays"
+    assert "Traceback" not in error
+    pictures = list((out / "train" / "000000").rglob("*"))
+    assert not [path for path in pictures if path.name.startswith(".")]
+    assert len([path for path in pictures if path.suffix == ".png"]) == 4 * finished(out) < 4 * COUNT
+    subprocess.run(command, check=True, capture_output=True)
+    assert hashes(out) == hashes(undisturbed)
+
+
+@pytest.mark.slow
+def test_a_worker_that_cannot_write_ends_the_run_in_one_line(tmp_path: Path, teapot: ObjectClass) -> None:
+    (tmp_path / "000000").write_text("in the way")
+    job = Job(SEED, "train", "raster", teapot)
+    with pytest.raises(UserError, match="cannot write .*a part of the path is a file"):
+        pool.make_in_processes(job, tmp_path, list(range(16)), 2, lambda count: None)
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.slow
 def test_a_killed_worker_is_replaced_and_the_run_goes_on(
     undisturbed: Path, tmp_path: Path, teapot: ObjectClass
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import socket
 from collections import Counter, deque
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ TASKS_PER_CPU = 2
 """So many tasks are under way or waiting for each processor of the cluster."""
 RETRIES = 5
 """So often Ray makes a task again whose worker or node has died, and the driver a task that Ray gave up."""
+ANSWER_SECONDS = 5.0
 RENEWED_AFTER = 500
 """Tasks after which a worker process makes way for a new one."""
 
@@ -37,21 +38,35 @@ def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advanc
         raise UserError(
             "--ray needs Ray, which is not installed; install it with `pip install 'vig[cluster]'`."
         ) from error
-    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # leave devices' variables alone
     ours = not ray.is_initialized()
     if ours:
+        _check_answers(address)
         try:
             ray.init(address=address, log_to_driver=False, logging_level="error")
         except (ConnectionError, ValueError, RuntimeError) as error:
-            raise UserError(
-                f"no Ray cluster answers at '{address}' ({_first_line(error)}); start one with"
-                " `ray start --head`, or leave out --ray."
-            ) from error
+            raise _no_cluster(address, error) from error
     try:
         _run(ray, job, folder, missing, advance)
     finally:
         if ours:
             ray.shutdown()
+
+
+def _check_answers(address: str) -> None:
+    """Find out in seconds what Ray takes minutes to say: that nobody listens at HOST:PORT."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        try:
+            socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS).close()
+        except (OSError, OverflowError) as error:
+            raise _no_cluster(address, error) from error
+
+
+def _no_cluster(address: str, error: Exception) -> UserError:
+    return UserError(
+        f"no Ray cluster answers at '{address}' ({_first_line(error)}); start one with"
+        " `ray start --head`, or leave out --ray."
+    )
 
 
 def _run(ray: Any, job: Job, folder: Path, missing: list[int], advance: Advance) -> None:
@@ -72,6 +87,11 @@ def _run(ray: Any, job: Job, folder: Path, missing: list[int], advance: Advance)
             except ray.exceptions.RayTaskError as error:
                 if isinstance(error.cause, UserError):
                     raise UserError(str(error.cause)) from error
+                if isinstance(error.cause, ModuleNotFoundError):
+                    raise UserError(
+                        f"a node of the cluster lacks a package ({_first_line(error.cause)});"
+                        " install vig on every node."
+                    ) from error
                 raise RuntimeError(f"samples {chunk[0]} to {chunk[-1]}: {error}") from error
             except ray.exceptions.RayError as error:  # worker, node or result lost
                 losses[chunk[0]] += 1

@@ -69,11 +69,18 @@ def class_fingerprint(object_class: ObjectClass) -> str:
 
 
 def describe(
-    spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
+    spec: SceneSpec,
+    picture: Picture,
+    depth: np.ndarray,
+    object_class: ObjectClass,
+    photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
-    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec."""
+    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
+
+    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
+    """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
-    info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth_units(picture.depth))
+    info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
     shares = picture.shares
     latents = spec.latents()
     latents[-len(picture.light) :] = picture.light  # a path tracer's label differs from the spec's light

@@ -155,7 +155,7 @@ def encode(
         image.save(buffer, "PNG", compress_level=1, compress_type=RUN_LENGTHS)
         files[path.as_posix()] = buffer.getvalue()
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    described = describe(spec, picture, object_class, photo) | {"sha256": hashes}
+    described = describe(spec, picture, pictures["depth"], object_class, photo) | {"sha256": hashes}
     files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()
     return files
 

@@ -121,7 +121,7 @@ def _occlusion(axes: Axes, columns: dict[str, np.ndarray]) -> None:
     got, _ = np.histogram(100 * columns["occlusion"], edges)
     axes.bar(edges[:-1] + 2.9, asked, 4.0, color=FAINT, label="asked for")
     axes.bar(edges[:-1] + 7.1, got, 4.0, color=ORANGE, label="reached")
-    _bare(axes, "occlusion, % of what is in the frame")
+    _bare(axes, "occlusion, %")
     axes.grid(axis="y", color=FAINT, linewidth=0.7)
     axes.set_xlim(0, 100)
     axes.set_xticks(range(0, 101, 20))
