@@ -34,8 +34,8 @@ def extreme_points(vertices: np.ndarray) -> np.ndarray:
 class Footprint:
     """A bound of a solid: its shadow on the ground, its heights, its depths along one axis.
 
-    outline: (N, 2) points whose convex hull is its shadow. support: (16,) extents of the outline along sixteen
-    directions. heights: lowest and highest z. depths: least and greatest coordinate along the axis.
+    outline: (N, 2) points whose convex hull is its shadow. support: (16,) extents of the outline along
+    sixteen directions. heights: lowest and highest z. depths: least and greatest coordinate along the axis.
     """
 
     outline: np.ndarray

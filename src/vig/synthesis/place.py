@@ -66,7 +66,7 @@ def find_place(
 def _stand(
     actor: Actor, support: Support, anywhere: bool, rng: np.random.Generator
 ) -> tuple[str, tuple[tuple[float, float, float], float] | None]:
-    """Draw a direction of view and a spot on a support: the layout's origin and turn in the world, or why not."""
+    """Draw a view and a spot on a support: the layout's origin and turn in the world, or why not."""
     if actor.body.heights[1] > support.clearance - EDGE:
         return "clearance", None
     open_all_round = not np.isfinite(support.behind)
@@ -112,7 +112,7 @@ def _eye_is_free(layout: Layout, room: Room, actor: Actor) -> bool:
 
 
 def _inside(outline: np.ndarray, point: np.ndarray, margin: float) -> bool:
-    """Whether a point (2,) is in a polygon (N, 2), `margin` from its edges; grown when negative (convex only)."""
+    """Whether a point (2,) is in a polygon (N, 2), `margin` from its edges; grown if negative (convex)."""
     start, end = outline, np.roll(outline, -1, axis=0)
     way, offset = end - start, point - start
     if margin < 0:  # a convex solid: every edge has the point on its left, or is at most -margin away

@@ -23,6 +23,8 @@ NONE_SHARE = 0.05
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS = 60
+BOARDS_FROM = 8
+"""From this attempt on, shelf boards may reach into the picture."""
 SUPPORT_SHARE, SUPPORT_ATTEMPTS = 0.15, 3
 """In this share of scenes, room and furniture are to hide most of what is hidden, if three rooms allow it."""
 
@@ -60,7 +62,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
         rng = stream(seed, index, split, 1 + attempt)
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
         stage = find_place(library, actor, finishes, (least, target), rng, rejected)
-        if stage is None or not hide(stage, target, rng, rejected):
+        if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
             rejected["room"] += 1
             continue
         strew(stage, rng, rejected)

@@ -159,7 +159,7 @@ def cushion(half: ArrayLike, height: float, radius: float, corner: int = 3) -> M
 
 def turned_post(profile: ArrayLike, segments: int = 10) -> Mesh:
     """A surface of revolution (see `revolve`) with its texture in metres."""
-    mesh = revolve(profile, segments)
+    mesh = revolve(np.asarray(profile, float), segments)
     points = np.asarray(profile, float)
     size = [np.pi * points[:, 0].max(), np.hypot(*np.diff(points, axis=0).T).sum()]
     assert mesh.uv is not None

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vig.scene import ObjectClass
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20
@@ -52,9 +53,9 @@ class Target:
     def of(
         object_class: ObjectClass,
         vertices: np.ndarray,
-        shape: Sequence[float],
-        albedo: Sequence[float],
-        light: Sequence[float],
+        shape: ArrayLike,
+        albedo: ArrayLike,
+        light: ArrayLike,
     ) -> Target:
         """The object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
 
@@ -66,7 +67,7 @@ class Target:
         added = None
         if object_class.transfer is not None:
             table = object_class.transfer
-            weights = np.array([1.0, *shape], np.float32)
+            weights = np.append(1.0, shape).astype(np.float32)
             change = (weights @ table.reshape(len(table), -1)).reshape(-1, table.shape[2])
             added = change @ np.asarray(light, np.float32)
         template = _template(object_class)
