@@ -13,17 +13,23 @@ from vig.synthesis.furniture.pierced import Hole, pierced
 from vig.synthesis.furniture.tables import edge
 from vig.synthesis.props.material import Material
 
+STEEL = (0.5, 0.5, 0.51)
 WORKTOP, THICKNESS, WORKTOP_DEPTH = 0.91, 0.038, 0.62
 """Height, thickness and depth of worktops, metres: the same in all counters, which stand side by side."""
 
 
-def _sink(j: Joinery, stuff: Material, hole: Hole, z: float) -> None:
+def _sink(j: Joinery, hole: Hole, z: float) -> None:
     """A basin whose rim lies on the worktop at z, and a tap behind it."""
+    white = j.rng.uniform() < 0.25
+    basin = (
+        finishes.plain((0.8, 0.8, 0.77), "ceramic", 0.15) if white else finishes.plain(STEEL, "metal", 0.3)
+    )
+    stuff = finishes.fitting(j.rng) if j.rng.uniform() < 0.4 else finishes.plain(STEEL, "metal", 0.25)
     x, y = (hole[0] + hole[2]) / 2, (hole[1] + hole[3]) / 2
     half = np.array([hole[2] - hole[0], hole[3] - hole[1]]) / 2
     deep = float(j.rng.uniform(0.15, 0.2))
     j.add(
-        stuff,
+        basin,
         slab(
             half + 0.015,
             0.03,
@@ -59,7 +65,7 @@ def _hob(j: Joinery, area: Hole, z: float) -> None:
     half = ((area[2] - area[0]) / 2, (area[3] - area[1]) / 2)
     black = finishes.plain((0.025, 0.025, 0.028), "glass", 0.08)
     gas = rng.uniform() < 0.45
-    steel = finishes.plain((0.5, 0.5, 0.51), "metal", 0.3)
+    steel = finishes.plain(STEEL, "metal", 0.3)
     j.add(
         steel if gas else black,
         slab(half, 0.01, [[(0.0, z), (0.0, z + 0.004)], [(0.0, z + 0.004), (0.002, z + 0.006)]]),
@@ -160,7 +166,7 @@ def _counter(rng: np.random.Generator, family: str) -> Furniture:
         if b > a:
             j.support(zone, (a, near), (b, back), z, behind=0.005)
     if sink:
-        _sink(j, metal, area, z)
+        _sink(j, area, z)
     elif hob:
         _hob(j, area, z)
     oven = int((middle + x) // 0.6) if hob and rng.uniform() < 0.8 else -1
