@@ -11,10 +11,12 @@ from vig.likelihood.reference import shade
 from vig.render import Geometry, rasterize
 from vig.scene import EXPOSURE_L00, Camera, Mesh, ObjectClass, irradiance, srgb8_from_linear
 from vig.scene.colour import linear_from_srgb
+from vig.scene.light import Y00
 from vig.synthesis.picture import Picture
 from vig.synthesis.props import FAMILIES
 from vig.synthesis.props.material import Material
 from vig.synthesis.raster import Item, Packed, Pyramid, Target, depth, draw
+from vig.synthesis.raster.shading import EVEN
 from vig.synthesis.view import View
 
 HERE = np.eye(3), np.zeros(3)
@@ -154,8 +156,10 @@ def test_a_textured_floor_shows_its_texels_lit_by_the_light(teapot: ObjectClass)
             column, row = (view.camera.focal * point[:2] / point[2] + 75).astype(int)
             if not (0 <= column < 150 and 0 <= row < 150) or picture.amodal[row, column]:
                 continue
+            square = x**2 + y**2 + 0.4**2  # the light is more even, the further from the object
+            here = expected + EVEN * square / (square + 1) * (LIGHT[0] * Y00 - expected)
             texel = texture[int((1 - (y + 1) % 1) * 4), int((x + 1) % 1 * 4)]
-            np.testing.assert_allclose(seen[row, column], (texel * expected).clip(0, 1), atol=0.03)
+            np.testing.assert_allclose(seen[row, column], (texel * here).clip(0, 1), atol=0.03)
 
 
 def test_finishes_replace_what_stands_in_for_a_slot(teapot: ObjectClass) -> None:
@@ -171,7 +175,7 @@ def test_finishes_replace_what_stands_in_for_a_slot(teapot: ObjectClass) -> None
     plain = draw(
         [replace(ground, finishes={"wall": (Pyramid.of(stripes), 0.08)})], target(teapot), view, LIGHT
     )
-    np.testing.assert_allclose(plain.image[8, :].max(0), plain.image[8, :].min(0), atol=1)
+    np.testing.assert_allclose(plain.image[8, :].max(0), plain.image[8, :].min(0), atol=3)
 
 
 def test_what_glows_is_seen_without_light(teapot: ObjectClass) -> None:
@@ -210,7 +214,7 @@ def test_a_rooms_corner_is_dimmer_than_its_wall(teapot: ObjectClass) -> None:
     light = np.zeros(9)
     light[0] = EXPOSURE_L00
     room = Item(box([-1.5, -1, -0.8], [1.5, 0.6, 1.6], stuff(0.5), inward=True), *HERE, 0, is_support=True)
-    picture = linear(draw([room], target(teapot, light), View.of(teapot, 0.5, 0.1), light))[..., 1]
+    picture = linear(draw([room], target(teapot, light), View.of(teapot, 0.9, 0.1), light))[..., 1]
     wall = picture[10:40, 10:140]
     assert wall.max() > 1.08 * wall.min()
     assert wall.max() < 0.5 * EXPOSURE_L00 * 0.2821 * 1.02

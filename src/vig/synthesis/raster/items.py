@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
 
 from vig.scene import ObjectClass
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20
 from vig.synthesis.raster.native import workspace
-from vig.synthesis.raster.packed import Packed, assembled, bounding_sphere
+from vig.synthesis.raster.packed import Packed, assembled
 from vig.synthesis.raster.pyramid import Pyramid
-from vig.synthesis.raster.records import FINISH, HEADER, ITEM, PART, TARGET, address
+from vig.synthesis.raster.records import FINISH, ITEM, PART, TARGET, address
 
 HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
 """What each polynomial of the basis is multiplied by, see `vig.scene.light.sh_basis`."""
@@ -58,35 +57,29 @@ class Target:
         Its colour at a vertex is albedo * max(0, sum_l L_l (A_l Y_l(n) + transfer_l)): with self-shadow and
         bounces where the class knows them (`ObjectClass.transfer`).
         """
-        model = object_class.shape_model
-        coefficients = torch.tensor(shape, dtype=torch.float32)
-        vertices = model.vertices(coefficients[None])[0].numpy()
+        weights = np.array([1.0, *shape], np.float32)
+        template, model = _template(object_class)
+        vertices = (weights @ model).reshape(-1, 3)
         added = None
         if object_class.transfer is not None:
             table = object_class.transfer
-            weights = np.array([1.0, *shape], np.float32)
             change = (weights @ table.reshape(len(table), -1)).reshape(-1, table.shape[2])
             added = change @ np.asarray(light, np.float32)
-        template = _template(object_class)
         data = template.data.copy()
-        start = address(data)
-        header = data[: HEADER.itemsize].view(HEADER)
-        part = data[int(header["parts"][0]) :][: PART.itemsize].view(PART)
-        header["sphere"] = part["sphere"] = bounding_sphere(vertices)
         record = workspace.record("target", TARGET)
-        record["vertices"], record["added"] = address(vertices), 0 if added is None else address(added)
-        for name in ("corners", "positions", "attributes", "points"):
-            record[name] = start + header[name]
-        record["vertex_count"], record["face_count"] = len(vertices), len(model.faces)
+        record["asset"], record["vertices"] = address(data), address(vertices)
+        record["added"] = 0 if added is None else address(added)
         record["irradiance"] = np.asarray(light) * COSINE_LOBE * HARMONICS
         workspace.launch("light", "target")
         return Target(replace(template, data=data), vertices, np.asarray(albedo, np.float32))
 
 
 @functools.lru_cache(maxsize=4)
-def _template(object_class: ObjectClass) -> Packed:
-    """The object's asset, with room for what depends on its shape and light."""
-    count, faces = len(object_class.shape_model.mean), object_class.shape_model.faces
+def _template(object_class: ObjectClass) -> tuple[Packed, np.ndarray]:
+    """The object's asset, yet without shape and light; its mean and basis (K + 1, V * 3)."""
+    model = object_class.shape_model
+    count, faces = len(model.mean), model.faces
+    stack = np.concatenate([model.mean[None], model.basis]).astype(np.float32).reshape(model.modes + 1, -1)
     part = np.zeros(1, PART)
     part["vertices"], part["faces"], part["slot"] = (0, count), (0, len(faces)), -1
     blocks = {
@@ -96,7 +89,7 @@ def _template(object_class: ObjectClass) -> Packed:
         "points": np.zeros((count, 4), np.float32),
         "texels": np.zeros(1, np.uint32),
     }
-    return Packed(assembled(part, (0, 0, 0, 0), blocks), (1, count, len(faces)), ())
+    return Packed(assembled(part, (0, 0, 0, 0), blocks), (1, count, len(faces)), ()), stack
 
 
 def item_table(items: Sequence[Item], target: Target | None) -> tuple[np.ndarray, list[np.ndarray]]:
