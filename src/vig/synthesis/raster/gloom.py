@@ -58,7 +58,7 @@ def gloom_of(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """
     low, high = vertices.min(0), vertices.max(0)
     cell = max(CELL, float((high - low).max()) / MOST_CELLS)
-    points = strewn(vertices, faces, cell**2 / 6)
+    points = strewn(vertices, faces, cell**2 / 3)
     origin = low.astype(np.float64) - 1.5 * cell
     x, y, z = (np.ceil((high - origin) / cell).astype(int) + 3).tolist()
     x = -(-x // LANES) * LANES
