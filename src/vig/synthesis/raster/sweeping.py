@@ -50,7 +50,9 @@ for (int number = 0; number < sweep->item_count; ++number) {
         if (!(x >= 1 && x < X - 2 && y >= 1 && y < Y - 2 && z < Z && height > -0.02f))
             continue;
         const int ix = x, iy = y, iz = z;
-        const float fx = x - ix, fy = y - iy, weight = p[3] * area;
+        // What lies flat on the ground casts no shadow beside it.
+        const float weight = p[3] * area * (above < 0.5f * a ? above / (0.5f * a) : 1);
+        const float fx = x - ix, fy = y - iy;
         float* const here = occupancy + (size_t)(iz * Y + iy) * X + ix;
         here[0] += weight * (1 - fx) * (1 - fy);
         here[1] += weight * fx * (1 - fy);

@@ -125,8 +125,9 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
         }
         const int slot = part_count;
         part_count += 2;
-        parts[slot] = {(wp::int64)&part, (wp::int64)attributes, item_number, 0};
-        parts[slot + 1] = {(wp::int64)&part, (wp::int64)clipped, item_number, 0};
+        for (int side = 0; side < 2; ++side)
+            parts[slot + side] = {(wp::int64)&part, (wp::int64)(side ? clipped : attributes), item_number, 0,
+                                  item.is_target, item.is_support};
 
         auto clip = [&](const int* corner) {
             float in[3][8], out[4][8];
