@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
+
+from vig.errors import UserError
+
+if TYPE_CHECKING:
+    from vig.synthesis.library import OwnAssets
 
 Split = Literal["train", "test"]
 
@@ -29,6 +35,16 @@ class Make:
     """Which assets the scenes are made of; the two share none."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
+    finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
+    """Of the object, path traced: matt as in the model, under a glaze, or glazed over a painted decoration."""
+    photo: bool = False
+    """Photograph the pictures: exposure, white balance, blur, noise, JPEG."""
+    envmaps: str | None = None
+    """Folder of your own panoramas (.hdr, .exr) in place of ours; `bpy`: the eight in Blender's wheel."""
+    props: Path | None = None
+    """Folder of your own household things (.glb, .gltf, .obj, .ply, .off, .stl) in place of ours."""
+    furniture: Path | None = None
+    """Folder of your own furniture, which takes the place of ours of the same family; docs/light.md."""
     workers: int | None = None
     """Processes; all cores by default."""
     ray: str | None = None
@@ -50,6 +66,12 @@ class Check:
     """So many samples of each split, evenly chosen, are rendered again from their specs and compared."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """The folder of the class pack it was made with, when that is not a packaged class."""
+    envmaps: str | None = None
+    """Folder of your own panoramas (.hdr, .exr) that it was made with; `bpy`: the eight in Blender's wheel."""
+    props: Path | None = None
+    """Folder of your own household things (.glb, .gltf, .obj, .ply, .off, .stl) that it was made with."""
+    furniture: Path | None = None
+    """Folder of your own furniture, that it was made with."""
     json: bool = False
     """Print one JSON object with every problem."""
 
@@ -104,6 +126,9 @@ def make(settings: Make) -> int:
     from vig.dataset import describe_split, make_dataset
     from vig.scene import ObjectClass
 
+    if settings.finish != "diffuse" and settings.tier != "cycles":
+        raise UserError(f"--finish {settings.finish} is for --tier cycles; the raster tier has diffuse only.")
+    own = _own(settings)
     folder = make_dataset(
         settings.out,
         settings.count,
@@ -113,6 +138,9 @@ def make(settings: Make) -> int:
         workers=settings.workers,
         progress=not settings.json,
         object_class=ObjectClass.load(settings.object_class),
+        options={"finish": settings.finish} if settings.tier == "cycles" else {},
+        own=own,
+        photo=settings.photo,
         ray=settings.ray,
     )
     described = describe_split(folder, settings.split)
@@ -127,6 +155,17 @@ def make(settings: Make) -> int:
     return 0
 
 
+def _own(settings: Make | Check) -> OwnAssets:
+    """The user's assets; what was left out of them, or guessed at, is told on standard error."""
+    from vig.synthesis.library import OwnAssets, OwnFolders
+
+    folders = (settings.envmaps, settings.props, settings.furniture)
+    own, notes = OwnAssets.read(OwnFolders(*(None if each is None else str(each) for each in folders)))
+    for note in notes:
+        print(f"vig: {note}", file=sys.stderr)
+    return own
+
+
 def check(settings: Check) -> int:
     """`vig dataset check`."""
     from vig.dataset import check_dataset
@@ -137,7 +176,8 @@ def check(settings: Check) -> int:
     splits = [name for name, held in read_info(settings.dataset)["splits"].items() if held["complete"]]
     if settings.split is not None or not splits:
         splits = [complete_split(settings.dataset, settings.split)]
-    findings = [check_dataset(settings.dataset, name, settings.render, object_class) for name in splits]
+    own = _own(settings)
+    findings = [check_dataset(settings.dataset, name, settings.render, object_class, own) for name in splits]
     clean = all(found.clean for found in findings)
     if settings.json:
         splits_found = {found.split: asdict(found) | {"clean": found.clean} for found in findings}

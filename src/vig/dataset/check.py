@@ -7,7 +7,7 @@ import io
 import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,12 @@ from vig.dataset.format import (
     image_paths,
     read_info,
 )
-from vig.dataset.job import WORLD_VERSION, Job, encode, one_thread
+from vig.dataset.job import Job, Maker, one_thread
 from vig.dataset.labels import label_problems, model_problems
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, ObjectClass
-from vig.synthesis.spec import SceneSpec
+from vig.synthesis.library import OwnAssets
+from vig.synthesis.spec import WORLD_VERSION, SceneSpec
 
 MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L"}
 THREADS = 2
@@ -65,13 +66,15 @@ def check_dataset(
     split: str | None = None,
     render: int = 0,
     object_class: ObjectClass | None = None,
+    own: OwnAssets | None = None,
 ) -> Findings:
     """Check one split of a dataset: hashes, pictures, labels; docs/dataset.md lists the facts.
 
     split: the only one by default. render: this many samples, evenly chosen, are made again from their specs
     and compared. object_class: the class it was made with, by default the packaged one of the recorded name.
+    own: the user's assets it was made with, needed to render.
 
-    Raises UserError when there is no such dataset, or the class is another.
+    Raises UserError when there is no such dataset, or the class or the assets are others.
     """
     root = Path(path)
     if render < 0:
@@ -97,13 +100,20 @@ def check_dataset(
         problems += [problem for found in checked for problem in found]
     again = np.unique(np.linspace(0, len(merged) - 1, min(render, len(merged))).round().astype(int))
     if len(again):
+        own = own or OwnAssets()
+        if own.fingerprints() != settings["own_assets"]:
+            raise UserError(
+                f"'{root}' was made with {len(settings['own_assets'])} assets of a user's own, which are not"
+                " those given; name their folders with --envmaps, --props and --furniture."
+            )
         made_by = (settings["world_version"], WORLD_VERSION)
         if made_by[0] != made_by[1]:
             raise UserError(
                 f"the scenes of '{root}' are of world version {made_by[0]}, this vig makes {made_by[1]};"
                 " check without --render, or with the vig that made it."
             )
-        job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"])  # type: ignore[arg-type]
+        job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"], own)  # type: ignore[arg-type]
+        job = replace(job, photo=settings["photo"])
         problems += _render_problems(job, folder, [merged[index] for index in again])
     return Findings(split, tuple(problems), len(merged), len(hashes), len(again))
 
@@ -187,15 +197,14 @@ def _sample_problems(
 
 def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Iterator[str]:
     """Make samples again from their specs: the raster tier to the byte, a path tracer's labels."""
-    renderer = job.renderer()
+    maker = Maker(job)
     try:
         for item in items:
             try:
                 spec = SceneSpec.from_json(item["spec"])
             except (ValueError, KeyError, TypeError):
                 continue  # told already
-            with one_thread():
-                files = encode(spec, renderer.render(spec), job.object_class)
+            files = maker.files(spec)
             described = json.loads(files.popitem()[1])
             for kind, path in image_paths(Path(), spec.index).items():
                 exact = job.tier == "raster" or kind != "rgb"
@@ -208,7 +217,7 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
             if row != item["row"]:
                 names = ", ".join(sorted(name for name in row if row[name] != item["row"].get(name)))
                 yield f"sample {spec.index}: rendered again from its spec, these columns differ: {names}"
-            if job.sample(spec.index) != spec:
+            if maker.sample(spec.index) != spec:
                 yield f"sample {spec.index}: drawn again from its seed, its scene is another"
     finally:
-        renderer.close()
+        maker.close()

@@ -121,7 +121,10 @@ def _make(job: Job, indices: tuple[int, ...]) -> list[dict[str, bytes]]:
 
 
 def _same(one: Job, other: Job) -> bool:
-    plain = [(job.seed, job.split, job.tier, dict(job.options)) for job in (one, other)]
+    plain = [
+        (job.seed, job.split, job.tier, dict(job.options), job.photo, job.own.fingerprints())
+        for job in (one, other)
+    ]
     return plain[0] == plain[1] and one.fingerprint == other.fingerprint
 
 

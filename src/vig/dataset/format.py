@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,10 @@ from vig.dataset import bop
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass
+from vig.synthesis.photo import PhotoSettings
 from vig.synthesis.picture import Picture
-from vig.synthesis.spec import SceneSpec, Surface
+from vig.synthesis.spec import SceneSpec
+from vig.synthesis.target import NO_DESIGN
 from vig.synthesis.view import View
 
 FORMAT_VERSION = 2
@@ -67,11 +69,15 @@ def class_fingerprint(object_class: ObjectClass) -> str:
 
 
 def describe(
-    spec: SceneSpec, picture: Picture, depth: np.ndarray, object_class: ObjectClass
+    spec: SceneSpec,
+    picture: Picture,
+    depth: np.ndarray,
+    object_class: ObjectClass,
+    photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
     """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
-    depth: the depth image as stored, see `depth_units`.
+    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
     """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
     info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
@@ -96,8 +102,11 @@ def describe(
             "truncated": shares["truncation"] > 0,
             "size": info["px_count_all"] / picture.amodal.size,
             "panorama": spec.panorama,
-            "layout": getattr(spec.room, "layout", None),
+            "layout": spec.room.layout,
+            "zone": spec.room.zone,
+            "design": spec.design,
             "assets": assets_used(spec),
+            "photo": None if photo is None else json.dumps(asdict(photo)),
         },
         "rejected": spec.rejected,
         "spec": spec.to_json(),
@@ -113,10 +122,10 @@ def assets_used(spec: SceneSpec) -> list[str]:
     """The names of all assets of a scene, as `catalogue/number`, sorted; they belong to `spec.split`."""
     names = {f"panorama/{spec.panorama}"}
     names |= {f"prop/{prop.family}/{prop.asset}" for prop in spec.props}
-    finishes = [getattr(spec.room, field.name) for field in fields(spec.room)]
-    names |= {f"surface/{each.kind}/{each.asset}" for each in finishes if isinstance(each, Surface)}
-    layout = getattr(spec.room, "layout", None)
-    return sorted(names if layout is None else names | {f"layout/{layout}"})
+    names |= {f"surface/{each.kind}/{each.asset}" for _, each in spec.room.finishes}
+    if spec.design != NO_DESIGN:
+        names |= {f"design/{spec.design}"}
+    return sorted(names | {f"layout/{spec.room.layout}"})
 
 
 COLUMNS = (
@@ -134,7 +143,10 @@ COLUMNS = (
     "size",
     "panorama",
     "layout",
+    "zone",
+    "design",
     "assets",
+    "photo",
 )
 """The columns of latents.parquet that are no latents."""
 

@@ -7,7 +7,7 @@ import io
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -23,16 +23,17 @@ from vig.dataset.format import (
     sidecar_path,
     write_bytes,
 )
-from vig.scene import ObjectClass
-from vig.synthesis import spec as synthesis_spec
+from vig.scene import ObjectClass, linear_from_srgb
+from vig.synthesis.library import Library, OwnAssets
+from vig.synthesis.photo import PhotoSettings, photograph
 from vig.synthesis.picture import Picture
-from vig.synthesis.raster import render
-from vig.synthesis.sampling import sample
+from vig.synthesis.rendering import render
+from vig.synthesis.sampling import sample, stream
 from vig.synthesis.spec import SceneSpec, Split
 
 TIERS = ("raster", "cycles")
-WORLD_VERSION: int = getattr(synthesis_spec, "WORLD_VERSION", 1)
-"""Scenes of the same seed and index are the same as long as this is."""
+PHOTO_STREAM = 2**20
+"""Number of the random stream of photographs, far from those of attempts at a scene."""
 RUN_LENGTHS = 3
 """zlib's strategy Z_RLE: quickest for pictures with noise, and the smallest files of level 1."""
 
@@ -53,10 +54,11 @@ class Renderer(Protocol):
 class _Raster:
     """The raster tier as a renderer."""
 
+    library: Library
     object_class: ObjectClass
 
     def render(self, spec: SceneSpec) -> Picture:
-        return render(spec, self.object_class)
+        return render(self.library, spec, self.object_class)
 
     def close(self) -> None:
         pass
@@ -66,7 +68,8 @@ class _Raster:
 class Job:
     """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
 
-    options: settings of the tier's renderer; they are recorded in the dataset.
+    options: settings of the tier's renderer; they are recorded in the dataset. own: the user's assets. photo:
+    pictures are photographed (`vig.synthesis.photo`).
     """
 
     seed: int
@@ -74,23 +77,13 @@ class Job:
     tier: str
     object_class: ObjectClass
     options: Mapping[str, Any] = field(default_factory=dict)
+    own: OwnAssets = OwnAssets()
+    photo: bool = False
 
     @cached_property
     def fingerprint(self) -> str:
         """Tells classes apart."""
         return class_fingerprint(self.object_class)
-
-    def sample(self, index: int) -> SceneSpec:
-        """The scene of sample `index`."""
-        return sample(self.object_class, self.seed, index, self.split)
-
-    def renderer(self) -> Renderer:
-        """A new renderer of the tier; close it. Raises UserError when the tier cannot run here."""
-        if self.tier == "cycles":
-            from vig.synthesis.cycles import CyclesRenderer  # starts Blender: only when asked for
-
-            return CyclesRenderer(self.object_class, **self.options)
-        return _Raster(self.object_class)
 
 
 class Maker:
@@ -98,15 +91,34 @@ class Maker:
 
     def __init__(self, job: Job) -> None:
         self.job = job
+        self.library = Library(job.split, job.own)
         self._renderer: Renderer | None = None
 
     def make(self, index: int) -> dict[str, bytes]:
         """The files of sample `index` by their names in the split's folder; see `encode`."""
+        return self.files(self.sample(index))
+
+    def sample(self, index: int) -> SceneSpec:
+        """The scene of sample `index`."""
+        with one_thread():
+            return sample(self.library, self.job.object_class, self.job.seed, index)
+
+    def files(self, spec: SceneSpec) -> dict[str, bytes]:
+        """The files of a scene. Raises UserError when the tier cannot run here."""
         with one_thread():
             if self._renderer is None:
-                self._renderer = self.job.renderer()
-            spec = self.job.sample(index)
-            return encode(spec, self._renderer.render(spec), self.job.object_class)
+                self._renderer = self._open()
+            picture, settings = self._renderer.render(spec), None
+            if self.job.photo:
+                picture, settings = photographed(picture, spec)
+            return encode(spec, picture, self.job.object_class, settings)
+
+    def _open(self) -> Renderer:
+        if self.job.tier == "cycles":
+            from vig.synthesis.cycles import CyclesRenderer  # starts Blender: only when asked for
+
+            return CyclesRenderer(self.library, self.job.object_class, **self.job.options)
+        return _Raster(self.library, self.job.object_class)
 
     def close(self) -> None:
         """Close the renderer."""
@@ -115,7 +127,19 @@ class Maker:
             self._renderer = None
 
 
-def encode(spec: SceneSpec, picture: Picture, object_class: ObjectClass) -> dict[str, bytes]:
+def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
+    """The picture as a camera takes it, and how it was taken; labels stay."""
+    linear = getattr(picture, "linear", None)
+    if linear is None:
+        linear = linear_from_srgb(picture.image.astype("float32") / 255)
+    rng = stream(spec.seed, spec.index, spec.split, PHOTO_STREAM)
+    image, settings = photograph(linear, rng)
+    return replace(picture, image=image), settings
+
+
+def encode(
+    spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
+) -> dict[str, bytes]:
     """A sample as files: name in the split's folder to content; the sidecar, which says it is whole, last."""
     root = Path()
     pictures = {
@@ -131,7 +155,7 @@ def encode(spec: SceneSpec, picture: Picture, object_class: ObjectClass) -> dict
         image.save(buffer, "PNG", compress_level=1, compress_type=RUN_LENGTHS)
         files[path.as_posix()] = buffer.getvalue()
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    described = describe(spec, picture, pictures["depth"], object_class) | {"sha256": hashes}
+    described = describe(spec, picture, pictures["depth"], object_class, photo) | {"sha256": hashes}
     files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()
     return files
 

@@ -28,7 +28,8 @@ class Dataset:
 
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
     1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
-    truncated: (N,) bool, the object reaches the frame's border.
+    truncated: (N,) bool, the frame cuts the object off. design: (N,) the held-out design whose deviation from
+    the model the object has, see `vig.synthesis.target`; -1 for none.
     """
 
     folder: Path
@@ -38,6 +39,7 @@ class Dataset:
     target_occlusion: np.ndarray
     cause: tuple[str, ...]
     truncated: np.ndarray
+    design: np.ndarray
 
     def __len__(self) -> int:
         return len(self.latents)
@@ -103,6 +105,7 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
             target_occlusion=table["target_occlusion"].to_numpy().astype(np.float32),
             cause=tuple(table["cause"].to_pylist()),
             truncated=table["truncated"].to_numpy(zero_copy_only=False),
+            design=table["design"].to_numpy(),
         )
     except (OSError, KeyError, ValueError, pa.ArrowException) as error:
         raise _damaged(table_path, error) from error

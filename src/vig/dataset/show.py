@@ -68,7 +68,7 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     table = read_table(Path(root), split)
-    plain = [name for name in table.column_names if name not in ("layout", "hidden_by", "assets")]
+    plain = [name for name in table.column_names if name not in ("hidden_by", "assets", "photo")]
     columns = {name: np.array(table[name].to_pylist()) for name in plain}
     settings = read_info(Path(root))["splits"][split]
     spacing = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, hspace=0.06, wspace=0.04)

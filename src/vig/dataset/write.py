@@ -29,13 +29,14 @@ from vig.dataset.format import (
     write_bytes,
     write_json,
 )
-from vig.dataset.job import TIERS, WORLD_VERSION, Job
+from vig.dataset.job import TIERS, Job
 from vig.dataset.pool import make_here, make_in_processes
 from vig.dataset.progress import Meter
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import ObjectClass
-from vig.synthesis.spec import SPLITS
+from vig.synthesis.library import OwnAssets
+from vig.synthesis.spec import SPLITS, WORLD_VERSION
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{12}(\.\w+)?")
 TARGETS = "test_targets_bop19.json"
@@ -51,15 +52,16 @@ def make_dataset(
     progress: bool = True,
     object_class: ObjectClass | None = None,
     options: Mapping[str, Any] | None = None,
-    own_assets: Mapping[str, str] | None = None,
+    own: OwnAssets | None = None,
+    photo: bool = False,
     ray: str | None = None,
 ) -> Path:
     """Make (or go on making) `count` samples of a split in folder `out`; see docs/dataset.md.
 
     A run that was killed is completed by the same call: samples that are there stay. workers: processes;
     None takes one per CPU. progress: a bar on a terminal, a line now and then in a log. object_class: the
-    packaged teapot by default. options: the tier's settings. own_assets: fingerprints of the user's assets.
-    ray: the address of a Ray cluster, or `auto`, in place of worker processes.
+    packaged teapot by default. options: the tier's settings. own: the user's assets. photo:
+    photograph the pictures. ray: the address of a Ray cluster, or `auto`, in place of worker processes.
 
     Returns:
         `out`.
@@ -83,7 +85,7 @@ def make_dataset(
     if object_class is None:
         object_class = ObjectClass.load("teapot")
 
-    job = Job(seed, split, tier, object_class, dict(options or {}))
+    job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo)
     settings = {
         "class": object_class.name,
         "class_fingerprint": job.fingerprint,
@@ -91,7 +93,8 @@ def make_dataset(
         "count": count,
         "tier": tier,
         "options": dict(job.options),
-        "own_assets": dict(own_assets or {}),
+        "photo": photo,
+        "own_assets": job.own.fingerprints(),
         "world_version": WORLD_VERSION,
     }
     folder = root / split
@@ -187,7 +190,7 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
 def _table(rows: list[dict[str, Any]]) -> pa.Table:
     """The rows as a table; columns that are empty everywhere keep their type."""
     table = pa.Table.from_pylist(rows)
-    types = {"layout": pa.int64(), "hidden_by": pa.list_(pa.string()), "assets": pa.list_(pa.string())}
+    types = {"photo": pa.string(), "hidden_by": pa.list_(pa.string()), "assets": pa.list_(pa.string())}
     for name, wanted in types.items():
         place = table.column_names.index(name)
         table = table.set_column(place, name, table[name].cast(wanted))

@@ -1,0 +1,124 @@
+"""What a camera makes of a rendered picture: exposure, colour balance, blur, noise and JPEG."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image
+from scipy.ndimage import convolve1d
+
+from vig.scene import srgb8_from_linear
+
+MOTION_SHARE = 0.2
+"""Of photographs whose camera moved."""
+
+
+@dataclass(frozen=True)
+class PhotoSettings:
+    """How one photograph was taken; plain data.
+
+    exposure: stops by which it is brighter than the picture. white_balance: (3,) factors of the channels
+    behind the sensor, of mean luminance 1. vignetting: share of light lost in the corners. blur: standard
+    deviation of the lens's blur, pixels. motion: length of the camera's path, pixels; motion_angle: its
+    direction, radians from the rows'. electrons: how many a pixel at white (linear 1) collects, their noise
+    being the square root of their number; read_noise: standard deviation of what comes on top, electrons.
+    quality: of the JPEG, in pillow's scale; chroma: whether its colours have half the resolution (4:2:0).
+    """
+
+    exposure: float
+    white_balance: tuple[float, float, float]
+    vignetting: float
+    blur: float
+    motion: float
+    motion_angle: float
+    electrons: float
+    read_noise: float
+    quality: int
+    chroma: bool
+
+    @staticmethod
+    def draw(rng: np.random.Generator) -> PhotoSettings:
+        """Settings of somebody's photograph indoors: a phone or a small camera, not a broken one."""
+        warmth, tint = np.clip(rng.normal(0, [0.05, 0.02]), -0.15, 0.15)
+        balance = np.exp([warmth - tint / 2, tint / 2, -warmth - tint / 2])
+        balance /= balance @ [0.2126, 0.7152, 0.0722]
+        return PhotoSettings(
+            exposure=float(np.clip(rng.normal(0, 0.2), -0.6, 0.6)),
+            white_balance=tuple(balance.tolist()),
+            vignetting=float(rng.uniform(0, 0.2)),
+            blur=float(rng.uniform(0.3, 0.8)),
+            motion=float(rng.uniform(0.5, 2.5)) if rng.uniform() < MOTION_SHARE else 0.0,
+            motion_angle=float(rng.uniform(0, np.pi)),
+            electrons=float(np.exp(rng.uniform(np.log(1000), np.log(20000)))),
+            read_noise=float(np.exp(rng.uniform(np.log(2), np.log(8)))),
+            quality=int(rng.integers(60, 96)),
+            chroma=bool(rng.uniform() < 0.7),
+        )
+
+
+def photograph(linear: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, PhotoSettings]:
+    """Photograph a picture: lens, sensor, white balance, sRGB, JPEG, in this order.
+
+    linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are clipped by
+    the sensor. rng: settings and noise come from it, and from nothing else.
+
+    Returns:
+        The photograph (H, W, 3) uint8 sRGB and how it was taken.
+
+    Raises:
+        ValueError: another shape, or values that are negative or not finite.
+    """
+    if linear.ndim != 3 or linear.shape[2] != 3:
+        raise ValueError(f"a picture must be (H, W, 3); got {linear.shape}")
+    if not (np.isfinite(linear) & (linear >= 0)).all():
+        raise ValueError("a picture in linear light must be finite and at least 0; got other values")
+    settings = PhotoSettings.draw(rng)
+    light = _through_lens(linear.astype(np.float64), settings)
+    signal = _counted(light, settings, rng) * np.array(settings.white_balance)
+    return _jpeg(srgb8_from_linear(signal), settings), settings
+
+
+def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
+    """Vignetting and blur; beyond the frame the picture goes on as its edge is."""
+    height, width = linear.shape[:2]
+    rows, columns = np.ogrid[: float(height), : float(width)]
+    away = ((rows - (height - 1) / 2) ** 2 + (columns - (width - 1) / 2) ** 2) / (height**2 + width**2) * 4
+    light = linear * (1 - settings.vignetting * away)[..., None]
+    if settings.motion > 0:
+        steps = np.linspace(-0.5, 0.5, 7) * settings.motion
+        shifts = np.stack([np.sin(settings.motion_angle) * steps, np.cos(settings.motion_angle) * steps], 1)
+        light = np.mean([_shifted(light, dy, dx) for dy, dx in shifts], axis=0)
+    reach = np.arange(-3, 4)
+    kernel = np.exp(-0.5 * (reach / settings.blur) ** 2)
+    kernel /= kernel.sum()
+    for axis in (0, 1):
+        light = convolve1d(light, kernel, axis, mode="nearest")
+    return light
+
+
+def _counted(light: np.ndarray, settings: PhotoSettings, rng: np.random.Generator) -> np.ndarray:
+    """What the sensor reads, in [0, 1]: exposed, with shot noise (as a Gaussian) and read noise, clipped."""
+    electrons = light * (2.0**settings.exposure * settings.electrons)
+    electrons += np.sqrt(electrons + settings.read_noise**2) * rng.standard_normal(light.shape)
+    return (electrons / settings.electrons).clip(0, 1)
+
+
+def _shifted(image: np.ndarray, dy: float, dx: float) -> np.ndarray:
+    """The image (H, W, 3) looked up dy rows down and dx columns to the right, bilinearly."""
+    y, x = int(np.floor(dy)), int(np.floor(dx))
+    fy, fx = dy - y, dx - x
+    rows = np.clip(np.arange(len(image)) + y, 0, len(image) - 1)
+    below = np.clip(rows + 1, 0, len(image) - 1)
+    image = (1 - fy) * image[rows] + fy * image[below]
+    columns = np.clip(np.arange(image.shape[1]) + x, 0, image.shape[1] - 1)
+    right = np.clip(columns + 1, 0, image.shape[1] - 1)
+    return (1 - fx) * image[:, columns] + fx * image[:, right]
+
+
+def _jpeg(image: np.ndarray, settings: PhotoSettings) -> np.ndarray:
+    file = io.BytesIO()
+    subsampling = "4:2:0" if settings.chroma else "4:4:4"
+    Image.fromarray(image).save(file, "JPEG", quality=settings.quality, subsampling=subsampling)
+    return np.asarray(Image.open(file))
