@@ -10,7 +10,7 @@ import torch
 
 from vig.dataset import read_dataset
 from vig.scene import ObjectClass, linear_from_srgb
-from vig.synthesis import render, sample
+from vig.synthesis import Library, render, sample
 
 
 def add_arguments(parser: argparse.ArgumentParser, count: int) -> None:
@@ -32,8 +32,9 @@ def chosen(arguments: argparse.Namespace, object_class: ObjectClass) -> tuple[to
 
 def made(object_class: ObjectClass, count: int, seed: int) -> tuple[np.ndarray, torch.Tensor]:
     """Photos (N, H, W, 3) uint8 and latents (N, P) of the test split's scenes."""
-    specs = [sample(object_class, seed, index, "test") for index in range(count)]
-    images = np.stack([render(spec, object_class).image for spec in specs])
+    library = Library("test")
+    specs = [sample(library, object_class, seed, index) for index in range(count)]
+    images = np.stack([render(library, spec, object_class).image for spec in specs])
     return images, torch.tensor(np.stack([spec.latents() for spec in specs]), dtype=torch.float32)
 
 

@@ -45,7 +45,8 @@ from vig.scene import (
     srgb_from_linear,
 )
 from vig.synthesis.build import export
-from vig.synthesis.raster import render
+from vig.synthesis.library import Library
+from vig.synthesis.rendering import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.transfer import ALBEDO, BOUNCES, Occlusion, neighbours_of, unoccluded
@@ -85,13 +86,13 @@ class Traced:
 def prepare(out: Path, object_class: ObjectClass, count: int, seed: int) -> None:
     """Export the first `count` test scenes of a seed that hide at most half of the object."""
     out.mkdir(parents=True, exist_ok=True)
-    index, done = 0, 0
+    library, index, done = Library("test"), 0, 0
     while done < count:
-        spec = sample(object_class, seed, index, "test")
+        spec = sample(library, object_class, seed, index)
         path = out / f"{done:03d}.npz"
         if spec.occlusion <= MOST_OCCLUSION:
             if not path.exists():
-                export(spec, object_class, path)
+                export(library, spec, object_class, path)
                 about = json.loads(path.with_suffix(".json").read_text())
                 rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
                 about["support_albedo"] = rng.uniform(0.1, 0.7)
@@ -102,6 +103,7 @@ def prepare(out: Path, object_class: ObjectClass, count: int, seed: int) -> None
 
 def traced(out: Path, setting: str, count: int, object_class: ObjectClass) -> Iterator[Traced]:
     """Read the traced images of one setting."""
+    library = Library("test")
     for path in sorted(out.glob("*.npz"))[:count]:
         about = json.loads(path.with_suffix(".json").read_text())
         spec = SceneSpec.from_json(json.dumps(about["spec"]))
@@ -109,7 +111,7 @@ def traced(out: Path, setting: str, count: int, object_class: ObjectClass) -> It
             panorama = torch.from_numpy(project_panorama(arrays["panorama"]).T.copy())
         above = rotate_z(panorama, spec.panorama_angle).numpy().T
         if setting == "raster":
-            picture = render(spec, object_class)
+            picture = render(library, spec, object_class)
             photo = torch.from_numpy(linear_from_srgb(picture.image.astype(np.float32) / 255)).float()
             light = np.repeat(np.array(spec.light)[:, None], 3, axis=1)
             masks = picture.amodal.astype(float), picture.visible.astype(float)

@@ -44,7 +44,7 @@ from vig.scene import (
     vertex_normals,
 )
 from vig.synthesis.build import export, target_vertices
-from vig.synthesis.raster import render
+from vig.synthesis.rendering import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.view import View

@@ -20,6 +20,7 @@ from vig.scene.colour import linear_from_srgb, srgb8_from_linear
 
 MIN_SIDE = 16
 MAX_PIXELS = 100_000_000
+UNDERSHOOT = 0.05
 MID_GREY = 0.18
 """Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
 
@@ -90,8 +91,10 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
 def read_panorama(path: str | Path) -> np.ndarray:
     """Read an equirectangular `.hdr` or `.exr` panorama as linear RGB radiance, (H, 2 H, 3) float32 >= 0.
 
+    Values below 0 by at most `UNDERSHOOT` of the mean become 0: filters that resample leave such.
+
     Raises UserError for a missing, unreadable or damaged file, one that is not twice as wide as high, tiny
-    or huge, one that holds NaN, infinite or negative values, and one that is black throughout.
+    or huge, one that holds NaN, infinite or more negative values, and one that is black throughout.
     """
     path = _existing_file(path)
     if not _head(path).startswith(_HDR_MAGIC):
@@ -102,13 +105,15 @@ def read_panorama(path: str | Path) -> np.ndarray:
         raise
     except Exception as error:  # OpenImageIO may raise anything on a damaged file, even while reporting it
         _refuse(path, "a whole HDR panorama", f"a damaged one ({error})", "Copy it again.")
-    bad = np.count_nonzero(~(np.isfinite(rgb) & (rgb >= 0)).all(-1))
+    finite = np.isfinite(rgb)
+    lowest = -UNDERSHOOT * float(rgb.mean(where=finite, dtype=np.float64)) if finite.any() else 0.0
+    bad = np.count_nonzero(~(finite & (rgb >= min(lowest, 0.0))).all(-1))
     if bad:
         came = f"{bad} pixels with NaN, infinite or negative values"
         _refuse(path, "finite radiance of at least 0", came, "Clean the panorama.")
-    if not rgb.any():
+    if not (rgb > 0).any():
         _refuse(path, "a panorama with some light in it", "a black one", "Choose another.")
-    return rgb
+    return np.maximum(rgb, 0)
 
 
 def _radiance(path: Path) -> np.ndarray:

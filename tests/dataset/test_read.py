@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from vig.dataset import Dataset, contact_sheet, read_dataset
+from vig.dataset import Dataset, read_dataset
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, Latents
 
@@ -62,11 +61,3 @@ def test_a_damaged_picture_is_told(content: bytes | None, made: Path, tmp_path: 
     dataset = read_dataset(copy)
     with pytest.raises(UserError, match=r"000002\.png' is missing or damaged"):
         _ = dataset.images
-
-
-def test_contact_sheet_holds_the_samples_side_by_side(dataset: Dataset, tmp_path: Path) -> None:
-    path = contact_sheet(dataset, tmp_path / "sheet.png", count=9)
-    sheet = np.asarray(Image.open(path))
-    assert sheet.shape == (2 * 164, 8 * 152, 3)
-    shown = ~(dataset.amodal[8] & ~dataset.visible[8])
-    np.testing.assert_array_equal(sheet[164:314, :150][shown], dataset.images[8][shown])

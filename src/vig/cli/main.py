@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from vig.cli import dataset as dataset_verbs
 from vig.errors import UserError
 
 
@@ -48,42 +49,6 @@ class Demo:
     """Folder for the results."""
     json: bool = False
     """Print one JSON object instead of a table."""
-
-
-@dataclass(frozen=True)
-class DatasetMake:
-    """Generate photos of scenes with everything known; safe to kill and run again."""
-
-    out: Path
-    """Folder of the dataset."""
-    count: int
-    """How many samples."""
-    seed: int = 0
-    """The dataset's seed: sample i is a pure function of it and i."""
-    tier: Literal["raster"] = "raster"
-    """Which renderer makes the images."""
-    split: Literal["train", "test"] = "train"
-    """Which assets the scenes are made of; the two share none."""
-    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
-    """A packaged class or the folder of a class pack."""
-    workers: int | None = None
-    """Processes; all cores by default."""
-    json: bool = False
-    """Print one JSON object at the end."""
-
-
-@dataclass(frozen=True)
-class DatasetShow:
-    """Write a contact sheet of a dataset."""
-
-    dataset: tyro.conf.Positional[Path]
-    """Folder of the dataset."""
-    split: Literal["train", "test"] = "train"
-    """Which split."""
-    count: int = 48
-    """How many samples."""
-    json: bool = False
-    """Print one JSON object."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +104,6 @@ class Doctor:
 
 
 VERBS = {Demo: "demo", Fit: "fit", Train: "train", Evaluate: "evaluate", Doctor: "doctor"}
-DATASET_VERBS = {DatasetMake: "make", DatasetShow: "show"}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -147,9 +111,9 @@ def main(arguments: list[str] | None = None) -> None:
     app, dataset = tyro.extras.SubcommandApp(), tyro.extras.SubcommandApp()
     for settings, name in VERBS.items():
         app.command(name=name)(settings)
-    for settings, name in DATASET_VERBS.items():
+    for settings, name in dataset_verbs.VERBS.items():
         dataset.command(name=name)(settings)
-    app.command(dataset, name="dataset", help="Generate datasets and look at them.")
+    app.command(dataset, name="dataset", help="Generate, check, look at and export datasets.")
     chosen = app.cli(
         prog="vig",
         description="Explain one object in one photo, even where it is hidden.",

@@ -6,7 +6,6 @@ import json
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
-from vig.cli.main import DatasetMake, DatasetShow, Demo, Doctor, Evaluate, Fit, Train
+from vig.cli import dataset as dataset_verbs
+from vig.cli.main import Demo, Doctor, Evaluate, Fit, Train
 from vig.errors import UserError
 
 
@@ -23,8 +23,7 @@ def run(settings: Any) -> int:
     work: dict[type, Callable[[Any], int]] = {
         Demo: demo,
         Fit: fit,
-        DatasetMake: dataset_make,
-        DatasetShow: dataset_show,
+        **dict.fromkeys(dataset_verbs.VERBS, dataset_verbs.run),
         Train: train,
         Evaluate: evaluate,
         Doctor: doctor,
@@ -65,45 +64,6 @@ def demo(settings: Demo) -> int:
     from vig.cli.demonstration import demonstrate
 
     return demonstrate(settings.out, settings.json)
-
-
-def dataset_make(settings: DatasetMake) -> int:
-    """`vig dataset make`."""
-    from vig.dataset import make_dataset
-    from vig.scene import ObjectClass
-
-    folder = make_dataset(
-        settings.out,
-        settings.count,
-        settings.seed,
-        tier=settings.tier,
-        split=settings.split,
-        workers=settings.workers,
-        progress=not settings.json,
-        object_class=ObjectClass.load(settings.object_class),
-    )
-    print(json.dumps({"folder": str(folder)} | asdict(settings), default=str) if settings.json else folder)
-    return 0
-
-
-def dataset_show(settings: DatasetShow) -> int:
-    """`vig dataset show`."""
-    from vig.dataset import contact_sheet, read_dataset
-
-    dataset = read_dataset(settings.dataset, settings.split)
-    path = contact_sheet(dataset, settings.dataset / f"contact-sheet-{settings.split}.png", settings.count)
-    counts, _ = np.histogram(dataset.occlusion, 10, (0, 1))
-    if settings.json:
-        print(
-            json.dumps(
-                {"sheet": str(path), "occlusion_histogram": counts.tolist(), "folder": str(settings.dataset)}
-            )
-        )
-        return 0
-    print("hidden  " + "  ".join(f"{10 * i}-{10 * i + 10}%: {n}" for i, n in enumerate(counts)))
-    print(path)
-    print(settings.dataset)
-    return 0
 
 
 def train(settings: Train) -> int:

@@ -1,32 +1,39 @@
-"""Where things lie in a dataset folder, in the BOP layout, and how one sample is described there.
+"""Where things lie in a dataset folder, in the BOP layout, and what is said of one sample.
 
-A dataset is `D/info.json` and, for each split, `D/<split>/` with `latents.parquet`, `specs.jsonl` (one
-SceneSpec a line) and the BOP scene `000000/`: `rgb/`, `depth/` (16 bits, times depth_scale in mm; 0 unknown),
-`mask/` (the object alone), `mask_visib/`, `scene_gt.json`, `scene_camera.json`, `scene_gt_info.json`.
-See https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md for the format.
+A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D/<split>/` with
+`latents.parquet`, `specs.jsonl` (one SceneSpec a line), `files.sha256` and the BOP scene `000000/`: `rgb/`,
+`depth/` (16 bits, times depth_scale in mm; 0 unknown), `mask/` (the object alone), `mask_visib/`,
+`scene_gt.json`, `scene_camera.json`, `scene_gt_info.json`. docs/dataset.md describes every field.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vig.dataset import bop
 from vig.errors import UserError
+from vig.files import atomic_write
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass
+from vig.synthesis.photo import PhotoSettings
 from vig.synthesis.picture import Picture
 from vig.synthesis.spec import SceneSpec
+from vig.synthesis.target import NO_DESIGN
 from vig.synthesis.view import View
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 INFO = "info.json"
 SCENE = "000000"
-DEPTH_SCALE = 0.1
-"""Millimetres per unit of the depth images."""
-OBJECT_ID = 1
+MANIFEST = "files.sha256"
+"""Lists the hash and the name of every other file of a split, as `sha256sum -c` reads it."""
+TABLE = "latents.parquet"
+PARTIAL = "partial"
+"""Folder of a split that is not complete: one JSON file per finished sample."""
 
 
 def image_paths(folder: Path, index: int) -> dict[str, Path]:
@@ -40,6 +47,17 @@ def image_paths(folder: Path, index: int) -> dict[str, Path]:
     }
 
 
+def sidecar_path(folder: Path, index: int) -> Path:
+    """The file that says that sample `index` of a split that is being made is whole."""
+    return folder / PARTIAL / f"{index:06d}.json"
+
+
+def depth_units(depth: np.ndarray) -> np.ndarray:
+    """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown."""
+    scaled = np.where(np.isfinite(depth), depth * (1000 / bop.DEPTH_SCALE), 0.0)
+    return np.round(scaled).clip(0, 65535).astype(np.uint16)
+
+
 def class_fingerprint(object_class: ObjectClass) -> str:
     """A short hash of the shapes of a class, so that a dataset is not continued with another."""
     digest = hashlib.sha256()
@@ -50,51 +68,87 @@ def class_fingerprint(object_class: ObjectClass) -> str:
     return digest.hexdigest()[:16]
 
 
-def describe(spec: SceneSpec, picture: Picture, object_class: ObjectClass) -> dict[str, Any]:
-    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec."""
+def describe(
+    spec: SceneSpec,
+    picture: Picture,
+    depth: np.ndarray,
+    object_class: ObjectClass,
+    photo: PhotoSettings | None = None,
+) -> dict[str, Any]:
+    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
+
+    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
+    """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
-    camera = view.camera
-    matrix = [camera.focal, 0.0, camera.cx, 0.0, camera.focal, camera.cy, 0.0, 0.0, 1.0]
-    rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
-    world = {"cam_R_w2c": rotation, "cam_t_w2c": translation}
-    alone, seen = int(picture.amodal.sum()), int(picture.visible.sum())
-    border = np.concatenate([picture.amodal[[0, -1]].ravel(), picture.amodal[:, [0, -1]].ravel()])
-    latents = dict(zip(Latents.names(len(spec.shape)), spec.latents().tolist(), strict=True))
+    info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
+    shares = picture.shares
+    latents = spec.latents()
+    latents[-len(picture.light) :] = picture.light  # a path tracer's label differs from the spec's light
+    named = dict(zip(Latents.names(len(spec.shape)), latents.tolist(), strict=True))
     return {
-        "camera": {"cam_K": matrix, "depth_scale": DEPTH_SCALE, **world},
-        "gt": [{"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": OBJECT_ID}],
-        "gt_info": [
-            {
-                "bbox_obj": _box(picture.amodal),
-                "bbox_visib": _box(picture.visible),
-                "px_count_all": alone,
-                "px_count_valid": alone,
-                "px_count_visib": seen,
-                "visib_fract": seen / alone,
-            }
-        ],
+        "camera": bop.scene_camera(view),
+        "gt": [bop.pose(view)],
+        "gt_info": [info],
         "row": {
             "index": spec.index,
             "seed": spec.seed,
-            **latents,
+            **named,
             "occlusion": picture.occlusion,
             "target_occlusion": spec.target,
-            "cause": spec.cause,
-            "truncated": bool(border.any()),
+            "visib_fract": info["visib_fract"],
+            **{f"share_{name}": share for name, share in shares.items()},
+            "cause": picture.cause,
+            "hidden_by": hidden_by(spec),
+            "truncated": shares["truncation"] > 0,
+            "size": info["px_count_all"] / picture.amodal.size,
             "panorama": spec.panorama,
+            "layout": spec.room.layout,
+            "zone": spec.room.zone,
+            "design": spec.design,
+            "assets": assets_used(spec),
+            "photo": None if photo is None else json.dumps(asdict(photo)),
         },
         "rejected": spec.rejected,
         "spec": spec.to_json(),
     }
 
 
-def _box(mask: np.ndarray) -> list[int]:
-    """x, y, width, height of the true pixels; all -1 when there is none, as BOP has it."""
-    rows, columns = np.nonzero(mask)
-    if not len(rows):
-        return [-1, -1, -1, -1]
-    left, top = int(columns.min()), int(rows.min())
-    return [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1]
+def hidden_by(spec: SceneSpec) -> list[str]:
+    """The props that were placed to hide the object, as `family/number`."""
+    return [f"{prop.family}/{prop.asset}" for prop in spec.props if prop.role == "occluder"]
+
+
+def assets_used(spec: SceneSpec) -> list[str]:
+    """The names of all assets of a scene, as `catalogue/number`, sorted; they belong to `spec.split`."""
+    names = {f"panorama/{spec.panorama}"}
+    names |= {f"prop/{prop.family}/{prop.asset}" for prop in spec.props}
+    names |= {f"surface/{each.kind}/{each.asset}" for _, each in spec.room.finishes}
+    if spec.design != NO_DESIGN:
+        names |= {f"design/{spec.design}"}
+    return sorted(names | {f"layout/{spec.room.layout}"})
+
+
+COLUMNS = (
+    "index",
+    "seed",
+    "occlusion",
+    "target_occlusion",
+    "visib_fract",
+    "share_occluder",
+    "share_support",
+    "share_truncation",
+    "cause",
+    "hidden_by",
+    "truncated",
+    "size",
+    "panorama",
+    "layout",
+    "zone",
+    "design",
+    "assets",
+    "photo",
+)
+"""The columns of latents.parquet that are no latents."""
 
 
 def read_info(root: Path) -> dict[str, Any]:
@@ -102,7 +156,9 @@ def read_info(root: Path) -> dict[str, Any]:
     try:
         info = json.loads((root / INFO).read_text())
         version = info["vig_dataset"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        splits = info["splits"]
+        whole = all(isinstance(each["count"], int) and "complete" in each for each in splits.values())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UserError(
             f"expected a dataset folder with {INFO}; '{root}' has none that can be read. "
             "Make one with `vig dataset make`."
@@ -111,4 +167,38 @@ def read_info(root: Path) -> dict[str, Any]:
         raise UserError(
             f"'{root}' is a dataset of format {version}; this vig reads {FORMAT_VERSION}. Make it again."
         )
+    if not whole:
+        raise UserError(f"'{root / INFO}' is damaged: a split lacks its count. Make the dataset again.")
     return info
+
+
+def complete_split(root: Path, split: str | None) -> str:
+    """The split that is meant: `split`, or the only complete one when None.
+
+    Raises UserError when it is not there, not complete, or not clear which one is meant.
+    """
+    splits = read_info(root)["splits"]
+    complete = [name for name, held in splits.items() if held["complete"]]
+    if split is None:
+        if len(complete) == 1:
+            return complete[0]
+        split = next(iter(splits), "train") if not complete else "train"
+    if split not in splits:
+        held = ", ".join(splits) or "none"
+        raise UserError(f"'{root}' has no {split} split; it has {held}. Choose it or make it.")
+    if split not in complete:
+        raise UserError(f"the {split} split of '{root}' is not complete; run the command that made it again.")
+    return split
+
+
+def write_json(path: Path, data: Any) -> bytes:
+    """Write JSON atomically; returns the bytes written."""
+    written = json.dumps(data).encode()
+    write_bytes(path, written)
+    return written
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)

@@ -7,19 +7,19 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from vig.dataset.format import DEPTH_SCALE, image_paths, read_info
+from vig.dataset.bop import DEPTH_SCALE
+from vig.dataset.format import COLUMNS, TABLE, complete_split, image_paths, read_info
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE
 from vig.scene.light import L_COUNT
 from vig.synthesis.spec import SceneSpec
-
-_OTHER_COLUMNS = ("index", "seed", "occlusion", "target_occlusion", "cause", "truncated", "panorama")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Dataset:
 
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
     1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
-    truncated: (N,) bool, the object reaches the frame's border.
+    truncated: (N,) bool, the frame cuts the object off. design: (N,) the held-out design whose deviation from
+    the model the object has, see `vig.synthesis.target`; -1 for none.
     """
 
     folder: Path
@@ -38,6 +39,7 @@ class Dataset:
     target_occlusion: np.ndarray
     cause: tuple[str, ...]
     truncated: np.ndarray
+    design: np.ndarray
 
     def __len__(self) -> int:
         return len(self.latents)
@@ -82,22 +84,18 @@ class Dataset:
             raise _damaged(path, error) from error
 
 
-def read_dataset(path: str | Path, split: str = "train") -> Dataset:
-    """Open one split of a dataset made by `make_dataset`.
+def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
+    """Open one split of a dataset made by `make_dataset`; None takes the only one there is, or train.
 
     Raises UserError when there is no such dataset or split, it is not complete, or it is damaged.
     """
     root = Path(path)
-    splits = read_info(root)["splits"]
-    if split not in splits:
-        held = ", ".join(splits) or "none"
-        raise UserError(f"'{root}' has no {split} split; it has {held}. Choose it or make it.")
-    if not splits[split]["complete"]:
-        raise UserError(f"the {split} split of '{root}' is not complete; run the command that made it again.")
-    table_path = root / split / "latents.parquet"
+    split = complete_split(root, split)
+    count = read_info(root)["splits"][split]["count"]
+    table_path = root / split / TABLE
+    table = read_table(root, split)
     try:
-        table = pq.read_table(table_path)
-        names = tuple(name for name in table.column_names if name not in _OTHER_COLUMNS)
+        names = tuple(name for name in table.column_names if name not in COLUMNS)
         latents = np.stack([table[name].to_numpy() for name in names], axis=1).astype(np.float32)
         dataset = Dataset(
             folder=root / split,
@@ -107,13 +105,31 @@ def read_dataset(path: str | Path, split: str = "train") -> Dataset:
             target_occlusion=table["target_occlusion"].to_numpy().astype(np.float32),
             cause=tuple(table["cause"].to_pylist()),
             truncated=table["truncated"].to_numpy(zero_copy_only=False),
+            design=table["design"].to_numpy(),
         )
     except (OSError, KeyError, ValueError, pa.ArrowException) as error:
         raise _damaged(table_path, error) from error
-    if len(dataset) != splits[split]["count"] or len(names) < L_COUNT + 5:
+    if len(dataset) != count or len(names) < L_COUNT + 5:
         found = f"{len(dataset)} rows of {len(names)} latents"
         raise UserError(f"'{table_path}' is damaged: {found}. Make it again.")
     return dataset
+
+
+def read_table(root: Path, split: str) -> pa.Table:
+    """All columns of a split's latents.parquet. Raises UserError when it is missing or damaged."""
+    path = root / split / TABLE
+    try:
+        return pq.read_table(path)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise _damaged(path, error) from error
+
+
+def describe_split(path: str | Path, split: str) -> dict[str, Any]:
+    """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
+    settings = read_info(Path(path))["splits"][split]
+    counts, _ = np.histogram(read_table(Path(path), split)["occlusion"].to_numpy(), 10, (0, 1))
+    told = {name: settings[name] for name in ("rejections", "rejections_per_sample")}
+    return {"occlusion_deciles": counts.tolist(), **told}
 
 
 def _picture(path: Path) -> np.ndarray:

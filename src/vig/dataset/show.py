@@ -1,41 +1,149 @@
-"""Contact sheets of datasets."""
+"""Pictures of a dataset: a contact sheet, and histograms of what was asked for and what came."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
-from vig.dataset.read import Dataset
+from vig.dataset.format import read_info
+from vig.dataset.read import Dataset, read_table
 from vig.errors import UserError
 from vig.files import atomic_write
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 COLUMNS = 8
-CAPTION = 14
+SCALE, MARGIN, CAPTION = 1.4, 10, 22
 TINT = np.array([255, 40, 160])
+INK, FAINT, BLUE, ORANGE = "#22262e", "#d9dde3", "#3b6fb6", "#e08a2e"
 
 
-def contact_sheet(dataset: Dataset, path: str | Path, count: int = 32) -> Path:
-    """Write the first `count` samples as one picture: hidden parts of the object tinted, occlusion below.
+def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
+    """Indices of `count` samples (all when there are fewer), evenly spread over the ranks of occlusion."""
+    order = np.argsort(occlusion, kind="stable")
+    return order[np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int)]
 
-    Raises UserError when count is below 1 or the file cannot be written.
+
+def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: bool = True) -> Path:
+    """Write `count` samples, from freely seen to hidden, as one picture; numbers and occlusion below.
+
+    The same samples whenever it is called. tint: colour the object's hidden part. Raises UserError when
+    count is below 1 or the file cannot be written.
     """
     if count < 1:
         raise UserError(f"count must be at least 1; got {count}")
-    chosen = range(min(count, len(dataset)))
-    images = dataset.read("rgb", chosen)
-    hidden = dataset.read("mask", chosen) & ~dataset.read("mask_visib", chosen)
-    tinted = np.where(hidden[..., None], 0.65 * images + 0.35 * TINT, images).astype(np.uint8)
-    height, width = images.shape[1:3]
-    columns = min(COLUMNS, len(chosen))
-    rows = -(-len(chosen) // columns)
-    sheet = Image.new("RGB", (columns * (width + 2), rows * (height + CAPTION)), "white")
-    draw = ImageDraw.Draw(sheet)
-    for number in chosen:
-        x, y = number % columns * (width + 2), number // columns * (height + CAPTION)
-        sheet.paste(Image.fromarray(tinted[number]), (x, y))
-        draw.text((x + 3, y + height), f"{number}: {dataset.occlusion[number]:.0%} hidden", fill="black")
+    indices = chosen(dataset.occlusion, count)
+    images = dataset.read("rgb", indices)
+    if tint:
+        hidden = dataset.read("mask", indices) & ~dataset.read("mask_visib", indices)
+        images = np.where(hidden[..., None], 0.65 * images + 0.35 * TINT, images).astype(np.uint8)
+    side = round(SCALE * images.shape[1])
+    columns = min(COLUMNS, len(indices))
+    rows = -(-len(indices) // columns)
+    size = (MARGIN + columns * (side + MARGIN), MARGIN + rows * (side + CAPTION))
+    sheet = Image.new("RGB", size, "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    for place, index in enumerate(indices):
+        x = MARGIN + place % columns * (side + MARGIN)
+        y = MARGIN + place // columns * (side + CAPTION)
+        sheet.paste(Image.fromarray(images[place]).resize((side, side), Image.Resampling.LANCZOS), (x, y))
+        draw.text((x, y + side + 2), f"{index}", fill="#8a93a0", font=font)
+        said = f"{dataset.occlusion[index]:.0%} hidden"
+        draw.text((x + side, y + side + 2), said, fill=INK, font=font, anchor="ra")
     with atomic_write(path) as temporary:
         sheet.save(temporary)
     return Path(path)
+
+
+def histograms(root: str | Path, split: str, path: str | Path) -> Path:
+    """Write the distributions of a split as one picture: occlusion, pose, size, light, causes.
+
+    Raises UserError when the split cannot be read or the file cannot be written.
+    """
+    from matplotlib.figure import Figure  # 0.2 s that worker processes need not spend
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    table = read_table(Path(root), split)
+    plain = [name for name in table.column_names if name not in ("hidden_by", "assets", "photo")]
+    columns = {name: np.array(table[name].to_pylist()) for name in plain}
+    settings = read_info(Path(root))["splits"][split]
+    spacing = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, hspace=0.06, wspace=0.04)
+    figure = Figure(figsize=(12, 6.6), facecolor="white", layout=spacing)
+    figure.suptitle(
+        f"{Path(root).resolve().name}: {len(table):,} samples, {split} split, {settings['tier']} tier,"
+        f" seed {settings['seed']}",
+        x=0.012,
+        ha="left",
+        color=INK,
+        fontsize=13,
+    )
+    axes = figure.subplots(2, 3)
+    _occlusion(axes[0, 0], columns)
+    _bars(axes[0, 1], np.degrees(columns["azimuth"]), np.linspace(0, 360, 19), "azimuth, degrees", 360)
+    axes[0, 1].set_xticks(range(0, 361, 90))
+    _bars(axes[0, 2], np.degrees(columns["elevation"]), np.linspace(0, 90, 19), "elevation, degrees", 90)
+    axes[0, 2].set_xticks(range(0, 91, 30))
+    size = 100 * columns["size"]
+    edges = np.linspace(0, max(10.0, np.ceil(size.max() / 10) * 10), 21)
+    _bars(axes[1, 0], size, edges, "size: silhouette, % of the frame")
+    light = np.stack([columns[f"light_1_{order}"] for order in (-1, 0, 1)], axis=1)
+    ratio = np.linalg.norm(light, axis=1) / columns["light_0_0"]
+    edges = np.linspace(0, max(1.5, np.ceil(ratio.max() * 4) / 4), 21)
+    _bars(axes[1, 1], ratio, edges, "light: |L1| / L0, 0 from all sides, 1.7 from one")
+    _causes(axes[1, 2], columns)
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, dpi=110)
+    return Path(path)
+
+
+def _bare(axes: Axes, label: str) -> None:
+    axes.set_title(label, loc="left", fontsize=10, color=INK)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.spines["bottom"].set_color(FAINT)
+    axes.tick_params(colors="#6b7480", labelsize=8.5, length=0)
+    axes.set_axisbelow(True)
+
+
+def _bars(axes: Axes, values: np.ndarray, edges: np.ndarray, label: str, limit: float | None = None) -> None:
+    axes.hist(values, edges.tolist(), color=BLUE, rwidth=0.92)
+    _bare(axes, label)
+    axes.grid(axis="y", color=FAINT, linewidth=0.7)
+    axes.set_xlim(0, limit or edges[-1])
+
+
+def _occlusion(axes: Axes, columns: dict[str, np.ndarray]) -> None:
+    edges = np.linspace(0, 100, 11)
+    asked, _ = np.histogram(100 * columns["target_occlusion"], edges)
+    got, _ = np.histogram(100 * columns["occlusion"], edges)
+    axes.bar(edges[:-1] + 2.9, asked, 4.0, color=FAINT, label="asked for")
+    axes.bar(edges[:-1] + 7.1, got, 4.0, color=ORANGE, label="reached")
+    _bare(axes, "occlusion, %")
+    axes.grid(axis="y", color=FAINT, linewidth=0.7)
+    axes.set_xlim(0, 100)
+    axes.set_xticks(range(0, 101, 20))
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.02, 0.98),
+        borderaxespad=0.0,
+        ncols=2,
+        frameon=False,
+        fontsize=8.5,
+        labelcolor=INK,
+    )
+
+
+def _causes(axes: Axes, columns: dict[str, np.ndarray]) -> None:
+    names = ("none", "truncation", "support", "occluder")
+    counts = [int((columns["cause"] == name).sum()) for name in names]
+    axes.barh(names, counts, color=BLUE, height=0.62)
+    _bare(axes, "what hides most of the object")
+    for place, count in enumerate(counts):
+        axes.text(count, place, f" {count:,}", va="center", fontsize=8.5, color=INK)
+    axes.set_xticks([])
+    axes.set_xlim(0, 1.18 * max(counts))
+    axes.spines["bottom"].set_visible(False)
+    axes.tick_params(axis="y", labelcolor=INK)

@@ -27,6 +27,7 @@ from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos, load_k
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.render import map_on_threads
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
+from vig.synthesis.target import shape_vertices
 
 LIKELIHOODS = {"gaussian": GAUSSIAN, "robust": ROBUST, "spatial": SPATIAL}
 METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
@@ -77,7 +78,7 @@ def evaluate(
         raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
     settings = settings or ExplainSettings()
     threads = threads or os.cpu_count() or 1
-    truth = Latents.from_vector(torch.from_numpy(dataset.latents))
+    truth = Truth.of(dataset, object_class)
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
     results = {}
     prediction = recognizer(photos)
@@ -179,12 +180,28 @@ def _mean_latents(object_class: ObjectClass, count: int) -> Latents:
     )
 
 
-def _errors(latents: Latents, truth: Latents, object_class: ObjectClass) -> dict[str, np.ndarray]:
-    model = object_class.shape_model
+@dataclass(frozen=True)
+class Truth:
+    """What is right of N images: latents, and vertices (N, V, 3), which no latents need to reach."""
+
+    latents: Latents
+    vertices: torch.Tensor
+
+    @staticmethod
+    def of(dataset: Dataset, object_class: ObjectClass) -> Truth:
+        """The truth of a dataset, whose objects may be designs that the model cannot quite take on."""
+        latents = Latents.from_vector(torch.from_numpy(dataset.latents))
+        shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
+        vertices = [shape_vertices(shape, design, object_class) for shape, design in shapes]
+        return Truth(latents, torch.from_numpy(np.stack(vertices)))
+
+
+def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[str, np.ndarray]:
+    right, vertices = truth.latents, object_class.shape_model.vertices(latents.shape)
     return {
-        "azimuth_deg": angle_error_deg(latents.azimuth, truth.azimuth),
-        "elevation_deg": angle_error_deg(latents.elevation, truth.elevation),
-        "appearance": appearance_error(latents.albedo, truth.albedo),
-        "illumination": illumination_error(latents.light, truth.light),
-        "shape_mm": shape_error_mm(model.vertices(latents.shape), model.vertices(truth.shape)),
+        "azimuth_deg": angle_error_deg(latents.azimuth, right.azimuth),
+        "elevation_deg": angle_error_deg(latents.elevation, right.elevation),
+        "appearance": appearance_error(latents.albedo, right.albedo),
+        "illumination": illumination_error(latents.light, right.light),
+        "shape_mm": shape_error_mm(vertices, truth.vertices),
     }

@@ -9,11 +9,13 @@ import numpy as np
 
 from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
-from vig.synthesis.assets import PANORAMAS, light
 from vig.synthesis.designs import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, TRAINING_DESIGNS, teapot_vertices
+from vig.synthesis.library import Library
 
 MODES = 10
 TURNS = 12
+GROUNDS = (0.1, 0.25, 0.5)
+"""Albedos of what the object stands on."""
 EXPOSURE_SD = 0.05
 """Relative uncertainty of L00, so that an exposure slightly off can be explained."""
 
@@ -23,7 +25,10 @@ def build_teapot_class() -> ObjectClass:
     designs = np.stack([teapot_vertices(design) for design in TRAINING_DESIGNS])
     model = ShapeModel.fit(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
-    lights = np.array([light("train", i, a) for i in range(PANORAMAS["train"]) for a in angles])
+    library = Library("train")
+    lights = np.array(
+        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUNDS]
+    )
     covariance = np.cov(lights.T)
     covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
     target_height = float(model.mean[:, 2].max() / 2)

@@ -12,23 +12,19 @@ import numpy as np
 from vig.scene import Mesh
 from vig.synthesis.props import Prop
 from vig.synthesis.props.material import material
-from vig.synthesis.props.shapes import box, moved, smooth, tube
+from vig.synthesis.props.shapes import box, moved, scaled, smooth, tube
 from vig.synthesis.textures import near
 
 _SKINS = np.array(
     [[0.70, 0.45, 0.33], [0.52, 0.30, 0.20], [0.30, 0.15, 0.09], [0.12, 0.06, 0.04]], np.float32
 )
-_SLEEVES = ("cloth", "paint", "speckle")
+_SLEEVES = ("cloth", "cloth", "stripes", "paint", "speckle")
 
 
 def _swept(points: list[list[float]], count: int, sides: int) -> Mesh:
     """A smooth tube through stations (x, y, z, half width, half height)."""
     curve = smooth(points, count)
     return tube(curve[:, :3], curve[:, 3:], sides)
-
-
-def _scaled(mesh: Mesh, size: float) -> Mesh:
-    return Mesh((mesh.vertices * size).astype(np.float32), mesh.faces, mesh.uv)
 
 
 def arm(rng: np.random.Generator) -> Prop:
@@ -68,7 +64,7 @@ def arm(rng: np.random.Generator) -> Prop:
     fabric = material("cloth", rng, str(rng.choice(_SLEEVES)), None, 128)
     hand = [*fingers, (_swept(thumb, 9, 8), skin), (_swept(palm, 16, 12), skin)]
     parts = [*hand, (_swept(sleeve, 8, 14), fabric)]
-    return Prop("arm", tuple((_scaled(mesh, size), stuff) for mesh, stuff in parts))
+    return Prop("arm", tuple((scaled(mesh, size), stuff) for mesh, stuff in parts))
 
 
 def twig(rng: np.random.Generator) -> Prop:
@@ -79,13 +75,13 @@ def twig(rng: np.random.Generator) -> Prop:
     stem = tube(np.stack([x, sway - sway[0], 0.3 * sway], 1), np.linspace(0.001, 0.004, 12), 6)
     green = near(np.array([0.10, 0.28, 0.06], np.float32), rng, 0.5)
     leaf_length, leaf_width = rng.uniform(0.04, 0.1), rng.uniform(0.25, 0.5)
-    t = np.linspace(0, 1, 9)
+    t = np.linspace(0, 1, 5)
     along = np.stack([leaf_length * t, 0 * t, 0.12 * leaf_length * np.sin(np.pi * t)], 1)
     width = leaf_length * leaf_width * np.sin(np.pi * np.clip(t**0.8, 0.02, 0.98)) / 2 + 0.0004
-    leaf = tube(along, np.stack([width, np.full(9, 0.0006)], 1), 8)
+    leaf = tube(along, np.stack([width, np.full(5, 0.0006)], 1), 4)
     parts = [(stem, material("wood", rng, "paint", near(0.7 * green, rng), 16))]
     leaves = [material("leaf", rng, "speckle", near(green, rng, 0.3), 32) for _ in range(3)]
-    for number, at in enumerate(np.arange(0.005, length, leaf_length * rng.uniform(0.25, 0.5))):
+    for number, at in enumerate(np.arange(0.005, length, leaf_length * rng.uniform(0.3, 0.5))):
         root = [at, np.interp(at, x, sway - sway[0]), 0.3 * np.interp(at, x, sway)]
         side = -1 if number % 2 else 1
         turn = np.pi - side * rng.uniform(0.5, 1.3) if at > 0.01 else np.pi
@@ -96,7 +92,7 @@ def twig(rng: np.random.Generator) -> Prop:
 def board(rng: np.random.Generator) -> Prop:
     """The end of a shelf board."""
     size = [0.7, rng.uniform(0.05, 0.15), rng.uniform(0.012, 0.03)]
-    pattern = str(rng.choice(["wood", "wood", "paint", "marble", "speckle"]))
+    pattern = str(rng.choice(["wood", "wood", "wood", "paint", "paint", "marble"]))
     plank = moved(box(size, 0.0015), [0.35, 0.0, -size[2] / 2])
     return Prop("board", ((plank, material("wood", rng, pattern, None, 128)),))
 

@@ -1,21 +1,40 @@
-"""Do two things touch: a test of hulls in the ground plane and along one free axis."""
+"""Do two things touch: a test of extents along sixteen level axes, upwards, and along one free axis."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 _ANGLES = np.arange(16) * (np.pi / 8)
 _AXES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+
+
+def hull_directions() -> np.ndarray:
+    """Unit vectors (162, 3) spread over the sphere, level ones among them."""
+    rings = []
+    for elevation, count in zip(
+        np.arange(-4, 5) * (np.pi / 8), (1, 8, 16, 24, 32, 24, 16, 8, 1), strict=True
+    ):
+        angle = 2 * np.pi * np.arange(count) / count
+        level = np.cos(elevation)
+        rings.append(
+            np.stack([level * np.cos(angle), level * np.sin(angle), 0 * angle + np.sin(elevation)], 1)
+        )
+    return np.concatenate(rings)
+
+
+def extreme_points(vertices: np.ndarray) -> np.ndarray:
+    """The points of (V, 3) farthest in any of `hull_directions`, (N, 3) float64: a lean convex hull."""
+    farthest = np.unique((vertices @ hull_directions().astype(vertices.dtype).T).argmax(axis=0))
+    return vertices[farthest].astype(np.float64)
 
 
 @dataclass(frozen=True)
 class Footprint:
     """A bound of a solid: its shadow on the ground, its heights, its depths along one axis.
 
-    outline: (N, 2) convex hull in the ground plane. support: (16,) extents of the outline along sixteen
+    outline: (N, 2) points whose convex hull is its shadow. support: (16,) extents of the outline along sixteen
     directions. heights: lowest and highest z. depths: least and greatest coordinate along the axis.
     """
 
@@ -25,26 +44,22 @@ class Footprint:
     depths: tuple[float, float]
 
     @staticmethod
-    def of(vertices: np.ndarray, axis: np.ndarray) -> Footprint:
-        """The footprint of world points (V, 3); `axis` (3,) a unit vector, such as the direction of view."""
-        try:
-            outline = vertices[ConvexHull(vertices[:, :2]).vertices, :2]
-        except QhullError:  # everything on one line
-            outline = vertices[:, :2]
-        depth = vertices @ axis
+    def of(points: np.ndarray, axis: np.ndarray) -> Footprint:
+        """The footprint of world points (N, 3); `axis` (3,) a unit vector, such as the direction of view."""
+        depth, height = points @ axis, points[:, 2]
         return Footprint(
-            outline,
-            (outline @ _AXES.T).max(0),
-            (float(vertices[:, 2].min()), float(vertices[:, 2].max())),
+            points[:, :2],
+            (points[:, :2] @ _AXES.T).max(0),
+            (float(height.min()), float(height.max())),
             (float(depth.min()), float(depth.max())),
         )
 
-    def clear_of(self, other: Footprint, margin: float) -> bool:
-        """Whether `margin` metres along one of the axes lie between the two; may say no too often."""
-        gap = -(self.support + np.roll(other.support, 8)).min()
+    def gap(self, other: Footprint) -> float:
+        """At least this many metres lie between the two along one of the axes; may be too small."""
+        gap = -float((self.support + np.roll(other.support, 8)).min())
         gap = max(gap, self.heights[0] - other.heights[1], other.heights[0] - self.heights[1])
-        return max(gap, self.depths[0] - other.depths[1], other.depths[0] - self.depths[1]) >= margin
+        return max(gap, self.depths[0] - other.depths[1], other.depths[0] - self.depths[1])
 
-    def within(self, directions: np.ndarray, extents: tuple[float, ...], margin: float) -> bool:
-        """Whether the outline stays `margin` inside the half-planes direction . x <= extent."""
-        return bool((self.outline @ directions.T <= np.array(extents) - margin).all())
+    def clear_of(self, other: Footprint, margin: float) -> bool:
+        """Whether `margin` metres lie between the two; may say no too often."""
+        return self.gap(other) >= margin

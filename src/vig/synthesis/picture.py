@@ -33,18 +33,18 @@ class Picture:
     @property
     def occlusion(self) -> float:
         """1 - visible / alone, pixels within the frame, as in the paper."""
-        return 1.0 - float(self.visible.sum()) / float(self.amodal.sum())
+        return 1.0 - _count(self.visible) / _count(self.amodal)
 
     @property
     def shares(self) -> dict[str, float]:
         """Which share of the canvas's silhouette is lost to an `occluder`, a `support`, to `truncation`."""
-        whole = float(self.canvas.sum())
+        whole = _count(self.canvas)
         hidden = self.amodal & ~self.visible
-        support = float((hidden & self.by_support).sum())
+        support = _count(hidden & self.by_support)
         return {
-            "occluder": (float(hidden.sum()) - support) / whole,
+            "occluder": (_count(hidden) - support) / whole,
             "support": support / whole,
-            "truncation": 1.0 - float(self.amodal.sum()) / whole,
+            "truncation": 1.0 - _count(self.amodal) / whole,
         }
 
     @property
@@ -53,3 +53,7 @@ class Picture:
         shares = self.shares
         cause = max(shares, key=lambda name: shares[name])
         return cause if shares[cause] > 0 else "none"
+
+
+def _count(mask: np.ndarray) -> float:
+    return float(np.count_nonzero(mask))

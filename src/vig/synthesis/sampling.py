@@ -1,24 +1,30 @@
-"""Draws a scene from (seed, index): latents, light, room, and props that hide a chosen share."""
+"""Draws a scene from (seed, index): latents, light, a furnished room, and props that hide a chosen share."""
 
 from __future__ import annotations
 
 from collections import Counter
 
 import numpy as np
-import torch
 
-from vig.scene import SHAPE_LIMIT, ObjectClass
-from vig.synthesis import assets
-from vig.synthesis.occlusion import Stage, draw_prop, hide, measure
-from vig.synthesis.room import draw_room
-from vig.synthesis.spec import SPLITS, Placed, SceneSpec, Split
+from vig.scene import ObjectClass
+from vig.synthesis.clutter import strew
+from vig.synthesis.library import SLOTS, Library
+from vig.synthesis.occlusion import hide
+from vig.synthesis.place import find_place
+from vig.synthesis.raster import Item, depth
+from vig.synthesis.spec import SPLITS, Placed, Room, SceneSpec, Split
+from vig.synthesis.stage import Actor
+from vig.synthesis.target import draw_shape, shape_vertices
+from vig.synthesis.view import View
 
 MAX_OCCLUSION = 0.9
 NONE_SHARE = 0.05
 """Share of scenes with nothing in front of the object, on top of the flat distribution."""
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
-ATTEMPTS = 40
+ATTEMPTS = 60
+SUPPORT_SHARE, SUPPORT_ATTEMPTS = 0.15, 3
+"""In this share of scenes, room and furniture are to hide most of what is hidden, if three rooms allow it."""
 
 
 def stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
@@ -26,46 +32,50 @@ def stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Gener
     return np.random.default_rng(np.random.SeedSequence([seed, index, SPLITS.index(split), purpose]))
 
 
-def sample(object_class: ObjectClass, seed: int, index: int, split: Split = "train") -> SceneSpec:
+def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -> SceneSpec:
     """The scene number `index` of a seed.
 
     Latents and the target occlusion are drawn first and never redrawn, so their distributions are exactly
-    the documented ones: shape N(0, 1) clipped to 3, azimuth uniform, elevation uniform in [0.05, pi/2],
-    albedo uniform in [0.2, 0.8], occlusion zero for a share of 0.05 and else uniform in [0, 0.9]. Only rooms
-    and placements are thrown away, until the hidden share of the object is within 0.015 of the target.
+    the documented ones: shape as `target.draw_shape` says, azimuth uniform, elevation uniform in
+    [0.05, pi/2], albedo uniform in [0.2, 0.8], occlusion zero for a share of 0.05 and else uniform in
+    [0, 0.9]. Only rooms, spots and placements are thrown away, until the hidden share of the object is within
+    0.015 of the target.
 
     Raises:
-        RuntimeError: no placement reached the target in 40 rooms.
+        RuntimeError: no placement reached the target in 60 rooms.
     """
+    split = library.split
     rng = stream(seed, index, split, 0)
-    modes = object_class.shape_model.modes
-    shape = np.clip(rng.standard_normal(modes), -SHAPE_LIMIT, SHAPE_LIMIT)
+    shape, design = draw_shape(rng, object_class, split)
     azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(LOWEST_ELEVATION, np.pi / 2)
     albedo = rng.uniform(0.2, 0.8, 3)
-    panorama, turn = int(rng.integers(assets.PANORAMAS[split])), rng.uniform(0, 2 * np.pi)
-    light = assets.light(split, panorama, turn)
+    panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
     target = 0.0 if rng.uniform() < NONE_SHARE else rng.uniform(0, MAX_OCCLUSION)
+    finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
-    coefficients = torch.tensor(shape, dtype=torch.float32)[None]
-    vertices = object_class.shape_model.vertices(coefficients)[0].numpy()
+    actor = Actor.of(object_class, shape_vertices(shape, design, object_class), azimuth, elevation)
     rejected: Counter[str] = Counter()
+    by_support = rng.uniform() < SUPPORT_SHARE
     for attempt in range(ATTEMPTS):
         rng = stream(seed, index, split, 1 + attempt)
-        room = draw_room(rng, split, azimuth, vertices)
-        stage = Stage.empty(object_class, vertices, azimuth, elevation, room, split)
-        if not hide(stage, target, rng, rejected):
+        least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
+        stage = find_place(library, actor, finishes, (least, target), rng, rejected)
+        if stage is None or not hide(stage, target, rng, rejected):
             rejected["room"] += 1
             continue
         strew(stage, rng, rejected)
-        occlusion = measure(object_class, vertices, stage.props, azimuth, elevation, split)
+        occlusion = measure(library, object_class, actor, stage.room, stage.props)
         if abs(occlusion - target) > TOLERANCE:
             rejected["tolerance"] += 1
             continue
+        top = dict(finishes)["floor" if stage.room.zone == "floor" else "top"]
+        light = library.light(panorama, turn, library.albedo(top.kind, top.asset))
         return SceneSpec(
             seed=seed,
             index=index,
             split=split,
             shape=tuple(shape.tolist()),
+            design=design,
             azimuth=azimuth,
             elevation=elevation,
             albedo=tuple(albedo.tolist()),
@@ -74,29 +84,19 @@ def sample(object_class: ObjectClass, seed: int, index: int, split: Split = "tra
             panorama_angle=turn,
             target=target,
             occlusion=occlusion,
-            cause="occluder" if occlusion > 0 else "none",
-            room=room,
+            room=stage.room,
             props=tuple(stage.props),
             rejected=dict(sorted(rejected.items())),
         )
     raise RuntimeError(f"sample {index} of seed {seed}: no scene hides {target:.3f}; {dict(rejected)}")
 
 
-def strew(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> None:
-    """Stand clutter round the object, in and out of view, hiding nothing of it."""
-    wanted = int(rng.integers(2, 10))
-    near, far = stage.visible_ground()
-    for _ in range(3 * wanted):
-        if wanted == 0:
-            return
-        family, asset = draw_prop(rng, stage.split)
-        ahead = rng.uniform(near, far)
-        aside = rng.uniform(-1, 1) * (0.45 * (ahead - near) + 0.25)
-        xy = ahead * stage.ahead + aside * stage.aside
-        position = (float(xy[0]), float(xy[1]), 0.0)
-        placed = Placed(family, asset, position, (0.0, 0.0, rng.uniform(0, 2 * np.pi)), "clutter")
-        reason = stage.try_clutter(placed)
-        if reason:
-            rejected[f"clutter {reason}"] += 1
-        else:
-            wanted -= 1
+def measure(
+    library: Library, object_class: ObjectClass, actor: Actor, room: Room, props: list[Placed]
+) -> float:
+    """The hidden share of the object at the full size of the image, one sample per pixel."""
+    view = View.of(object_class, actor.azimuth, actor.elevation)
+    alone = depth([actor.item], view)[0]
+    items = [Item(library.packed_layout(room.layout), room.rotation(), np.array(room.origin))]
+    items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
+    return float((depth(items, view)[0] < alone)[np.isfinite(alone)].mean())

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 
+from vig.synthesis.rotations import about_z, matrix_of
+
+WORLD_VERSION = 2
+"""Goes up whenever the same seed and index would give another scene."""
+
 Split = Literal["train", "test"]
 SPLITS: tuple[Split, ...] = ("train", "test")
 Role = Literal["occluder", "holder", "clutter"]
-Cause = Literal["none", "occluder"]
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A textured finish of the room: texture kind, its asset number, metres per repeat."""
+    """A textured finish: texture kind, its asset number, metres per repeat."""
 
     kind: str
     asset: int
@@ -25,33 +30,27 @@ class Surface:
 
 @dataclass(frozen=True)
 class Room:
-    """A box of four walls, a floor and a ceiling, and perhaps a table, round an object at the origin.
+    """A furnished room round the object, which stands at the world's origin.
 
-    support: what the object stands on, at z = 0. heading: radians about +Z of the first wall's direction.
-    walls: metres from the origin to the four walls, at heading + k * 90 degrees. table: metres from the
-    origin to the four edges of the table top, same directions; empty when the object stands on the floor.
-    floor_z, ceiling_z, thickness (of the table top): metres.
+    layout: asset number of the room. support: which of the layout's supports the object stands on; zone: of
+    that support. origin: metres, where the layout's own origin lies in the world; turn: radians about +Z from
+    the layout to the world. finishes: what each slot of the layout is covered with, in the slots' order.
     """
 
-    support: Literal["table", "floor"]
-    heading: float
-    walls: tuple[float, ...]
-    table: tuple[float, ...]
-    thickness: float
-    floor_z: float
-    ceiling_z: float
-    floor: Surface
-    wall: Surface
-    table_top: Surface
+    layout: int
+    support: int
+    zone: str
+    origin: tuple[float, float, float]
+    turn: float
+    finishes: tuple[tuple[str, Surface], ...]
 
-    def extents(self) -> tuple[float, ...]:
-        """Metres from the origin to the four ends of the surface on which things stand."""
-        return self.table or self.walls
+    def rotation(self) -> np.ndarray:
+        """Layout to world, (3, 3) float64."""
+        return about_z(self.turn)
 
-    def directions(self) -> np.ndarray:
-        """Unit vectors (4, 2) in the ground plane towards the four walls."""
-        angle = self.heading + np.arange(4) * (np.pi / 2)
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    def to_world(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the layout in the world."""
+        return points @ self.rotation().T + np.array(self.origin)
 
 
 @dataclass(frozen=True)
@@ -69,21 +68,28 @@ class Placed:
     rotation: tuple[float, float, float]
     role: Role
 
+    def matrix(self) -> np.ndarray:
+        """Prop to world, (3, 3) float64."""
+        return _matrix(self.rotation)
+
 
 @dataclass(frozen=True)
 class SceneSpec:
     """One scene: the 24 latents and everything else that is seen.
 
-    shape (K,) standard deviations; azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of
-    incident radiance, world frame. panorama: asset number; panorama_angle: radians by which it was turned.
-    target: the occlusion asked for, in [0, 0.9]; occlusion: what the layout measured at low resolution.
-    rejected: how many candidate placements were thrown away, by reason.
+    shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the held-out
+    design whose deviation from the model the object also has, -1 for none. azimuth, elevation radians; albedo
+    (3,) linear RGB; light (9,) SH of incident radiance, world frame, as the raster tier has it. panorama: asset
+    number; panorama_angle: radians by which it was turned. target: the occlusion asked for, in [0, 0.9];
+    occlusion: what the layout measured at low resolution. rejected: how many candidate placements were
+    thrown away, by reason.
     """
 
     seed: int
     index: int
     split: Split
     shape: tuple[float, ...]
+    design: int
     azimuth: float
     elevation: float
     albedo: tuple[float, float, float]
@@ -92,7 +98,6 @@ class SceneSpec:
     panorama_angle: float
     target: float
     occlusion: float
-    cause: Cause
     room: Room
     props: tuple[Placed, ...]
     rejected: dict[str, int]
@@ -110,10 +115,16 @@ class SceneSpec:
         """The inverse of `to_json`. Raises KeyError, TypeError or ValueError on anything else."""
         data = json.loads(text)
         room = _tuples(data.pop("room"))
-        for name in ("floor", "wall", "table_top"):
-            room[name] = Surface(**room[name])
+        room["finishes"] = tuple((slot, Surface(**finish)) for slot, finish in room["finishes"])
         props = tuple(Placed(**_tuples(prop)) for prop in data.pop("props"))
         return SceneSpec(**_tuples(data), room=Room(**room), props=props)
+
+
+@lru_cache(maxsize=256)
+def _matrix(rotation: tuple[float, float, float]) -> np.ndarray:
+    matrix = matrix_of(rotation)
+    matrix.setflags(write=False)
+    return matrix
 
 
 def _tuples(data: dict[str, Any]) -> dict[str, Any]:

@@ -51,10 +51,14 @@ class View:
 
     def window(self, vertices: np.ndarray) -> tuple[slice, slice]:
         """Rows and columns of the frame that can show world points (V, 3), all in front of the eye."""
-        x, y, z = (vertices @ self.rotation.T + self.translation).T
-        camera = self.camera
-        column, row = camera.focal * x / z + camera.cx, camera.focal * y / z + camera.cy
+        x, y, z = self.rotation @ vertices.T + self.translation[:, None]
+        camera, scale = self.camera, self.camera.focal / z
+        column, row = scale * x + camera.cx, scale * y + camera.cy
+
+        def within(low: float, high: float, size: int) -> slice:
+            return slice(min(max(int(low), 0), size), min(max(int(high + 1), 0), size))
+
         return (
-            slice(*np.clip([row.min(), row.max() + 1], 0, camera.height).astype(int)),
-            slice(*np.clip([column.min(), column.max() + 1], 0, camera.width).astype(int)),
+            within(row.min(), row.max(), camera.height),
+            within(column.min(), column.max(), camera.width),
         )

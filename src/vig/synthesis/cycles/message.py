@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from vig.scene import ObjectClass
-from vig.synthesis import assets
 from vig.synthesis.build import Instance, build
 from vig.synthesis.cycles.appearance import (
     COAT_ROUGHNESS,
@@ -20,7 +19,8 @@ from vig.synthesis.cycles.appearance import (
     painted,
     painted_faces,
 )
-from vig.synthesis.raster import NEAR
+from vig.synthesis.library import Library
+from vig.synthesis.raster.draw import NEAR
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.view import View
 
@@ -30,7 +30,7 @@ SHELL = ("wall", "ceiling")
 Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
-def compose(spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Message:
+def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Message:
     """Header and arrays of everything in the scene; sampling settings are the renderer's to add.
 
     The header holds `things` (material, shell, target), `camera`, `angle`, `seed` and the probe's height;
@@ -39,14 +39,14 @@ def compose(spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Messa
     """
     rng = np.random.default_rng(np.random.SeedSequence([spec.seed, spec.index, 0xC1C1E5]))
     noise_seed = int(rng.integers(2**31))
-    instances = build(spec, object_class)
+    instances = build(library, spec, object_class)
     scene = _Scene()
     for instance in instances:
         if instance.is_target:
             _add_target(scene, instance, object_class, finish, rng)
         else:
             scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
-    scene.arrays["panorama"] = assets.radiance(spec.split, spec.panorama).astype(np.float32)
+    scene.arrays["panorama"] = library.surroundings(spec.panorama).astype(np.float32)
     view = View.of(object_class, spec.azimuth, spec.elevation)
     header = {
         "seed": noise_seed,
@@ -83,8 +83,9 @@ class _Scene:
         number, mesh = len(self.things), instance.mesh
         chosen = mesh.faces if faces is None else faces
         self.things.append({"material": material, "shell": shell, "target": instance.is_target})
-        self.arrays[f"{number}_vertices"] = mesh.vertices.astype(np.float32)
-        self.arrays[f"{number}_normals"] = instance.normals.astype(np.float32)
+        vertices, normals = instance.world()
+        self.arrays[f"{number}_vertices"] = vertices.astype(np.float32)
+        self.arrays[f"{number}_normals"] = normals.astype(np.float32)
         self.arrays[f"{number}_faces"] = chosen.astype(np.int32)
         if material["texture"]:
             assert uv is not None or mesh.uv is not None
@@ -103,7 +104,8 @@ def _material(scene: _Scene, instance: Instance, rng: np.random.Generator) -> di
     kind = instance.kind
     if instance.name in SHELL and kind == "paint":
         kind = "plaster"  # emulsion, not lacquer
-    return appearance(kind, instance.roughness, 0.0, instance.texture[0, 0], name, rng)
+    colour = instance.texture[0, 0]
+    return appearance(kind, instance.roughness, instance.emission, colour, name, rng)
 
 
 def _add_target(

@@ -16,14 +16,15 @@ import torch
 
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, grey, project_panorama, rotate_z, srgb8_from_linear
-from vig.synthesis import raster
 from vig.synthesis.cycles.appearance import FINISHES, Finish
 from vig.synthesis.cycles.message import compose
 from vig.synthesis.cycles.process import Worker, WorkerDiedError
+from vig.synthesis.library import BLENDER_VARIABLE as PYTHON_VARIABLE
+from vig.synthesis.library import Library
 from vig.synthesis.picture import Picture
+from vig.synthesis.rendering import render
 from vig.synthesis.spec import SceneSpec
 
-PYTHON_VARIABLE = "VIG_BLENDER_PYTHON"
 WORKER = Path(__file__).parent / "blender" / "worker.py"
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
@@ -47,7 +48,7 @@ class TracedPicture(Picture):
 class CyclesRenderer:
     """Renders scenes in one worker process, which is started when it is first needed.
 
-    python: an interpreter that can import bpy; None takes the environment variable `VIG_BLENDER_PYTHON`, then
+    library, object_class: what scenes are made of. python: an interpreter that can import bpy; None takes the environment variable `VIG_BLENDER_PYTHON`, then
     the running one. samples: paths per pixel. threads: of the worker. recycle: scenes after which the worker
     is replaced by a fresh one. finish: of the object: `diffuse` is Lambertian as in vig's model, `glossy`
     adds a clear coat, `painted` also a painted decoration.
@@ -60,6 +61,8 @@ class CyclesRenderer:
 
     def __init__(
         self,
+        library: Library,
+        object_class: ObjectClass,
         python: str | None = None,
         samples: int = 32,
         threads: int = 1,
@@ -71,6 +74,7 @@ class CyclesRenderer:
                 raise UserError(f"{name} must be at least 1; got {value}")
         if finish not in FINISHES:
             raise UserError(f"finish must be one of {', '.join(FINISHES)}; got '{finish}'")
+        self._library, self._object_class = library, object_class
         self._command = [find_python(python), str(WORKER)]
         self._settings = {"samples": samples, "threads": threads}
         self._recycle, self._finish = recycle, finish
@@ -80,13 +84,13 @@ class CyclesRenderer:
         self.timing: dict[str, float] = {}
         """Seconds of the last scene as the worker saw it: `build_s`, `image_s`, `probe_s`, `cpu_s`."""
 
-    def render(self, spec: SceneSpec, object_class: ObjectClass) -> TracedPicture:
+    def render(self, spec: SceneSpec) -> TracedPicture:
         """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
             UserError: Blender did not answer, twice.
         """
-        header, arrays = compose(spec, object_class, self._finish)
+        header, arrays = compose(self._library, spec, self._object_class, self._finish)
         header |= self._settings
         header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
         name = f"sample {spec.index} of seed {spec.seed}"
@@ -99,7 +103,7 @@ class CyclesRenderer:
             )
         gain = EXPOSURE_L00 / probe[0]
         linear = traced["image"] * gain.astype(np.float32)
-        drawn = raster.render(spec, object_class)
+        drawn = render(self._library, spec, self._object_class)
         kept = {field.name: getattr(drawn, field.name) for field in fields(Picture)}
         light = grey(probe * gain).astype(np.float32)
         kept |= {"image": srgb8_from_linear(linear), "light": light}

@@ -17,8 +17,8 @@ class Support:
     zone: what is done there, which says what stands there: `cooking`, `dining`, `drinks`, `desk`, `reading`,
     `display`, `storage`, `bedside`, `washing` or `floor`. centre: (x, y, z) metres; half: half its extents
     along its own axes; turn: radians about +Z from its owner's x axis to its own. clearance: free metres
-    above it (a shelf's next board); inf where nothing is above. behind: metres by which a wall or a back
-    closes the side at +y of its own axes, inf where that side is open; -y is where people stand.
+    above it (a shelf's next board); inf where nothing is above. behind: metres from its edge at +y of its own
+    axes to the wall, back or thing that closes that side, inf where it is open; -y is where people stand.
     """
 
     zone: str

@@ -1,5 +1,6 @@
 """Procedural furnished rooms, each a pure function of a random generator."""
 
+from vig.synthesis.layouts.draw import draw_layout
 from vig.synthesis.layouts.layout import Layout
 
-__all__ = ["Layout"]
+__all__ = ["Layout", "draw_layout"]

@@ -6,12 +6,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vig.scene import Mesh
-from vig.synthesis.props.material import Material, Prop, ceramic, label, material, metal, prop
+from vig.synthesis.props.material import (
+    Material,
+    Prop,
+    ceramic,
+    label,
+    material,
+    metal,
+    plastic,
+    prop,
+    steel,
+    timber,
+)
 from vig.synthesis.props.shapes import box, moved, revolve, smooth, superellipse, tube, vessel
 from vig.synthesis.textures import colour, near
 
 
-def _band(radius: float, low: float, high: float, outline: ArrayLike = 1.0, segments: int = 32) -> Mesh:
+def band_of(radius: float, low: float, high: float, outline: ArrayLike = 1.0, segments: int = 28) -> Mesh:
     """A label round a body of the given radius: a closed thin sleeve, half a millimetre proud."""
     inner, outer = radius - 0.001, radius + 0.0005
     loop = [
@@ -38,7 +49,9 @@ def can(rng: np.random.Generator) -> Prop:
         [neck - 0.0015, height], [neck - 0.0015, height], [neck - 0.002, height - rim],
         [neck - 0.002, height - rim], [0, height - rim],
     ])  # fmt: skip
-    return prop("can", (revolve(profile, 32), metal(rng)), (_band(radius, 0.009, height - 0.009), label(rng)))
+    return prop(
+        "can", (revolve(profile, 28), metal(rng)), (band_of(radius, 0.009, height - 0.009), label(rng))
+    )
 
 
 def bottle(rng: np.random.Generator) -> Prop:
@@ -49,11 +62,11 @@ def bottle(rng: np.random.Generator) -> Prop:
     shoulder = height * rng.uniform(0.5, 0.72)
     slope = height * rng.uniform(0.75, 0.85)
     side = smooth([[radius, 0.004], [radius, 0.5 * shoulder], [radius, shoulder], [neck * 1.1, slope],
-                   [neck, 0.95 * height]], 22)  # fmt: skip
+                   [neck, 0.95 * height]], 15)  # fmt: skip
     profile = np.concatenate(
         [[[0, 0], [0.94 * radius, 0]], side, [[neck * 0.7, 0.95 * height], [0, 0.95 * height]]]
     )
-    outline = superellipse(32, float(rng.choice([2.0, 2.0, 4.0])), 1.0)
+    outline = superellipse(28, float(rng.choice([2.0, 2.0, 4.0])))
     glass = near(np.array([[0.05, 0.12, 0.06], [0.20, 0.10, 0.04], [0.55, 0.62, 0.60]])[rng.integers(3)], rng)
     body = material(
         "glass" if rng.uniform() < 0.6 else "plastic", rng, "paint", glass if rng.uniform() < 0.6 else None
@@ -63,9 +76,9 @@ def bottle(rng: np.random.Generator) -> Prop:
     low = rng.uniform(0.1, 0.25) * shoulder
     return prop(
         "bottle",
-        (revolve(profile, 32, outline), body),
-        (_band(radius * 1.01, low, rng.uniform(0.7, 0.92) * shoulder, outline), label(rng)),
-        (revolve(cap, 24), metal(rng) if rng.uniform() < 0.4 else material("plastic", rng, size=16)),
+        (revolve(profile, 28, outline), body),
+        (band_of(radius * 1.01, low, rng.uniform(0.7, 0.92) * shoulder, outline), label(rng)),
+        (revolve(cap, 18), metal(rng) if rng.uniform() < 0.4 else plastic(rng)),
     )
 
 
@@ -73,8 +86,8 @@ def jar(rng: np.random.Generator) -> Prop:
     """A storage jar with a lid (knob, screw cap or cork) and perhaps a label."""
     height, radius = rng.uniform(0.07, 0.2), rng.uniform(0.03, 0.06)
     belly = radius * rng.uniform(1.0, 1.2)
-    outline = superellipse(36, float(rng.choice([2.0, 2.0, 3.5])))
-    side = smooth([[0.93, 0], [1, 0.05], [belly / radius, 0.45], [1, 0.8], [0.85, 0.86]], 16) * [
+    outline = superellipse(28, float(rng.choice([2.0, 2.0, 3.5])))
+    side = smooth([[0.93, 0], [1, 0.05], [belly / radius, 0.45], [1, 0.8], [0.85, 0.86]], 10) * [
         radius,
         height,
     ]
@@ -100,10 +113,10 @@ def jar(rng: np.random.Generator) -> Prop:
         lid += (knob * turned + [0, height]).tolist()
     else:
         lid += [[0, height]]
-    lids = [body, metal(rng), material("wood", rng, "wood")]
-    parts = [(revolve(profile, 36, outline), body), (revolve(lid, 36, outline), lids[rng.integers(3)])]
+    top = (body, metal(rng), timber(rng, 32))[rng.integers(3)]
+    parts = [(revolve(profile, 28, outline), body), (revolve(lid, 28, outline), top)]
     if not glazed and rng.uniform() < 0.6:
-        parts.append((_band(1.005 * belly, 0.3 * height, 0.62 * height, outline, 36), label(rng)))
+        parts.append((band_of(1.005 * belly, 0.3 * height, 0.62 * height, outline), label(rng)))
     return prop("jar", *parts)
 
 
@@ -132,14 +145,14 @@ def pen_pot(rng: np.random.Generator) -> Prop:
         else:  # brush: ends in a tuft
             widths = np.outer([0.6, 0.8, 1.2, 1.7, 1.3, 0.4], [thickness, thickness])
         wooden = style > 0 and rng.uniform() < 0.7
-        paint = material("wood", rng, "wood", size=32) if wooden else material("plastic", rng, size=16)
+        paint = timber(rng, 32) if wooden else plastic(rng)
         parts.append((tube(path, widths, 8, up=across), paint))
     return prop("pen_pot", *parts)
 
 
 def cutlery(rng: np.random.Generator) -> Prop:
     """One to three spoons or knives lying side by side."""
-    steel = metal(rng)
+    shiny = steel(rng)
     parts = []
     for i in range(rng.integers(1, 4)):
         length = rng.uniform(0.15, 0.22)
@@ -153,7 +166,7 @@ def cutlery(rng: np.random.Generator) -> Prop:
             lift = np.full_like(s, 0.003)
         width[-1] = min(width[-1], 0.004)
         path = np.stack([0.028 * i + 0.001 * np.sin(3 * s), length * s, np.maximum(lift, 0.0025)], -1)
-        parts.append((tube(path, np.stack([width, np.full_like(s, 0.0013)], -1), 8), steel))
+        parts.append((tube(path, np.stack([width, np.full_like(s, 0.0013)], -1), 6), shiny))
     return prop("cutlery", *parts)
 
 

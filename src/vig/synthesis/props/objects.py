@@ -12,13 +12,13 @@ from vig.synthesis.props.shapes import box, moved, revolve, smooth, tube, vessel
 def ball(rng: np.random.Generator) -> Prop:
     """A toy ball."""
     radius = rng.uniform(0.02, 0.075)
-    t = np.linspace(0, np.pi, 20)
+    t = np.linspace(0, np.pi, 15)
     profile = np.stack([radius * np.sin(t), radius * (1 - np.cos(t))], -1)
     profile[[0, -1], 0] = 0.0
     pattern = str(rng.choice(["paint", "wallpaper", "checker", "speckle", "terrazzo"]))
     return prop(
         "ball",
-        (moved(revolve(profile, 36), tilt=rng.uniform(0, 3)), material("plastic", rng, pattern, size=128)),
+        (moved(revolve(profile, 28), tilt=rng.uniform(0, 3)), material("plastic", rng, pattern, size=128)),
     )
 
 
@@ -30,12 +30,12 @@ def lamp(rng: np.random.Generator) -> Prop:
     narrow = wide * rng.uniform(0.55, 0.95)
     belly = rng.uniform(0.012, 0.05)
     stem = smooth([[foot, 0.0], [foot * 0.9, 0.012], [belly * 0.6, 0.05], [belly, 0.6 * low], [0.008, low],
-                   [0.006, low + 0.03]], 20)  # fmt: skip
+                   [0.006, low + 0.03]], 14)  # fmt: skip
     profile = np.concatenate([[[0, 0], stem[0]], stem, [[0, stem[-1, 1]]]])
-    shade = vessel(np.linspace([wide, low], [narrow, height], 6), 0.002, 0.6 * (height - low))
+    shade = vessel(np.linspace([wide, low], [narrow, height], 3), 0.002, 0.6 * (height - low))
     fabric = material("cloth", rng, str(rng.choice(["cloth", "wallpaper", "paint"])))
     body = [ceramic(rng), metal(rng), material("wood", rng, "wood")][rng.integers(3)]
-    return prop("lamp", (revolve(profile, 28), body), (revolve(shade, 32), fabric))
+    return prop("lamp", (revolve(profile, 22), body), (revolve(shade, 28), fabric))
 
 
 def clock(rng: np.random.Generator) -> Prop:

@@ -7,7 +7,9 @@ import numpy as np
 from vig.scene import Mesh
 from vig.synthesis.props.material import Material, Prop, label, material, prop
 from vig.synthesis.props.shapes import box, moved, relief
-from vig.synthesis.textures import Array, colour, near, noise, texture
+from vig.synthesis.textures import colour, noise, shade
+
+_MOUNT = (0.78, 0.76, 0.70)
 
 
 def _book(
@@ -16,7 +18,7 @@ def _book(
     """A closed book lying on z = 0, its spine on the -X side."""
     cover = label(rng) if rng.uniform() < 0.7 else material("cloth", rng, "cloth")
     board, lip = 0.003, 0.004
-    lines = np.tile(near([0.8, 0.76, 0.66], rng), (32, 4, 1))
+    lines = np.tile(shade([0.78, 0.74, 0.64], rng), (32, 4, 1))
     lines *= rng.uniform(0.8, 1.1, (32, 1, 1)).astype(np.float32)
     pages = Material(np.clip(lines, 0.02, 0.95), "paper", 0.9)
     block = box((width - 2 * lip, depth - 2 * lip, thickness - 1.6 * board))
@@ -82,21 +84,6 @@ def carton(rng: np.random.Generator) -> Prop:
     return prop("carton", *parts)
 
 
-def _picture(rng: np.random.Generator, size: int = 96) -> Array:
-    """A picture to frame: a landscape of sky and three ridges with perhaps a sun, or an abstract print."""
-    if rng.uniform() < 0.3:
-        return texture(str(rng.choice(["print", "marble", "terrazzo"])), rng, size)
-    v, u = np.mgrid[:size, :size] / size
-    image = (colour(rng) + (colour(rng) - colour(rng)) * v[..., None]).astype(np.float32)
-    image[np.hypot(u - rng.uniform(0.2, 0.8), v - rng.uniform(0.15, 0.4)) < rng.uniform(0, 0.12)] = colour(
-        rng
-    )
-    for horizon in (0.4, 0.6, 0.8):
-        ridge = horizon + 0.07 * noise(rng, size, 1.8)[0] + rng.uniform(-0.05, 0.05)
-        image[v > ridge[None, :]] = colour(rng)
-    return np.clip(image * (1 + 0.06 * noise(rng, size)[..., None]), 0.02, 0.95).astype(np.float32)
-
-
 def frame(rng: np.random.Generator) -> Prop:
     """A standing picture frame that leans back a little."""
     width, height = rng.uniform(0.09, 0.2), rng.uniform(0.12, 0.26)
@@ -109,7 +96,12 @@ def frame(rng: np.random.Generator) -> Prop:
         parts.append((moved(rail, (0, 0, (height - border) * (sign > 0))), wood))
         parts.append((moved(post, (sign * (width - border) / 2, 0, border)), wood))
     picture = box((width - 1.5 * border, 0.4 * depth, height - 1.5 * border))
-    parts.append((moved(picture, (0, 0, 0.75 * border)), Material(_picture(rng), "paper", 0.3)))
+    parts.append(
+        (
+            moved(picture, (0, 0, 0.75 * border)),
+            material("paper", rng, "picture", _MOUNT if rng.uniform() < 0.5 else None, 96),
+        )
+    )
     lean = rng.uniform(0.1, 0.3)
     parts = [(moved(mesh, tilt=-lean), m) for mesh, m in parts]
     top = height * np.array([np.sin(lean), np.cos(lean)])
@@ -121,10 +113,10 @@ def frame(rng: np.random.Generator) -> Prop:
 def napkin(rng: np.random.Generator) -> Prop:
     """A folded napkin or towel: a few soft layers."""
     width, depth = rng.uniform(0.09, 0.2), rng.uniform(0.09, 0.16)
-    layers = int(rng.integers(2, 5))
+    layers = int(rng.integers(2, 4))
     thickness = rng.uniform(0.003, 0.014)
     fabric = material("cloth", rng, "cloth", size=128)
-    s, t = np.meshgrid(np.linspace(-1, 1, 13), np.linspace(-1, 1, 9))
+    s, t = np.meshgrid(np.linspace(-1, 1, 11), np.linspace(-1, 1, 8))
     parts, bottom = [], np.zeros_like(s)
     for i in range(layers):
         shrink = 1 - 0.02 * i - rng.uniform(0, 0.03)
@@ -139,7 +131,7 @@ def napkin(rng: np.random.Generator) -> Prop:
 
 def crumpled_cloth(rng: np.random.Generator) -> Prop:
     """A cloth dropped in a heap."""
-    n = 20
+    n = 18
     s, t = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
     radius = rng.uniform(0.06, 0.13)
     bend = noise(rng, 2 * n, 2.0)[:n, :n]

@@ -7,7 +7,7 @@ import numpy as np
 from vig.scene import Mesh
 from vig.synthesis.props.material import Prop, ceramic, material, metal, prop
 from vig.synthesis.props.shapes import moved, revolve, smooth, superellipse, tube, vessel
-from vig.synthesis.textures import colour, near
+from vig.synthesis.textures import colour, shade
 
 
 def bowl(rng: np.random.Generator) -> Prop:
@@ -17,10 +17,10 @@ def bowl(rng: np.random.Generator) -> Prop:
     foot = radius * rng.uniform(0.35, 0.6)
     belly = rng.uniform(0.75, 1.02)
     wall = smooth(
-        [[foot, 0], [foot, 0.06 * height], [belly * radius * 0.88, 0.45 * height], [radius, height]], 10
+        [[foot, 0], [foot, 0.06 * height], [belly * radius * 0.88, 0.45 * height], [radius, height]], 8
     )
-    outline = 1 + rng.choice([0, 0, 0.03]) * np.cos(8 * 2 * np.pi * np.arange(48) / 48)
-    return prop("bowl", (revolve(vessel(wall, 0.005, 0.008), 48, outline), ceramic(rng)))
+    outline = 1 + rng.choice([0, 0, 0.03]) * np.cos(8 * 2 * np.pi * np.arange(32) / 32)
+    return prop("bowl", (revolve(vessel(wall, 0.005, 0.008), 32, outline), ceramic(rng)))
 
 
 def plate(rng: np.random.Generator) -> Prop:
@@ -28,16 +28,16 @@ def plate(rng: np.random.Generator) -> Prop:
     radius, height = rng.uniform(0.08, 0.14), rng.uniform(0.012, 0.028)
     foot = radius * rng.uniform(0.5, 0.65)
     wall = smooth(
-        [[foot, 0], [foot * 1.05, 0.15 * height], [0.78 * radius, 0.5 * height], [radius, height]], 6
+        [[foot, 0], [foot * 1.05, 0.15 * height], [0.78 * radius, 0.5 * height], [radius, height]], 5
     )
-    mesh = revolve(vessel(wall, 0.005, 0.005), 30)
-    count = int(rng.choice([1, 1, 2, 3]))
+    mesh = revolve(vessel(wall, 0.005, 0.004, 1), 28)
+    count = int(rng.choice([1, 1, 2, 2]))
     glaze = ceramic(rng)
     parts = [(moved(mesh, (*rng.normal(0, 0.001, 2), 0.0065 * i)), glaze) for i in range(count)]
     return prop("plate", *parts)
 
 
-def _handle(radius: float, low: float, high: float, reach: float, thickness: float, dip: float) -> Mesh:
+def handle_of(radius: float, low: float, high: float, reach: float, thickness: float, dip: float) -> Mesh:
     """A handle on the +X side of a round wall, from `low` to `high`, sticking out by `reach`."""
     start = radius - 0.6 * thickness
     path = [
@@ -47,7 +47,7 @@ def _handle(radius: float, low: float, high: float, reach: float, thickness: flo
         [radius + 0.55 * reach, 0, low - 0.2 * dip],
         [start, 0, low],
     ]
-    return tube(smooth(path, 14), np.full((14, 2), [1.4 * thickness, thickness]), 8, up=(0, 1, 0))
+    return tube(smooth(path, 11), np.full((11, 2), [thickness, 1.4 * thickness]), 6, up=(0, 1, 0))
 
 
 def mug(rng: np.random.Generator) -> Prop:
@@ -56,18 +56,18 @@ def mug(rng: np.random.Generator) -> Prop:
     height = rng.uniform(0.075, 0.115)
     bottom = radius * rng.uniform(0.7, 1.0)
     belly = radius * rng.uniform(0.95, 1.15)
-    wall = smooth([[bottom * 0.94, 0], [bottom, 0.03 * height], [belly, 0.5 * height], [radius, height]], 12)
+    wall = smooth([[bottom * 0.94, 0], [bottom, 0.03 * height], [belly, 0.5 * height], [radius, height]], 8)
     glaze = ceramic(rng)
-    body = revolve(vessel(wall, 0.004, 0.006), 36)
+    body = revolve(vessel(wall, 0.004, 0.006), 26)
     reach = rng.uniform(0.02, 0.032)
-    handle = _handle(
+    handle = handle_of(
         min(bottom, radius, belly), 0.25 * height, 0.78 * height, reach, rng.uniform(0.003, 0.005), 0.004
     )
     parts = [(body, glaze), (handle, glaze if rng.uniform() < 0.8 else ceramic(rng))]
     if rng.uniform() < 0.2:
         saucer = [[0.03, 0.0], [0.045, 0.004], [0.075, 0.015]]
         parts = [(moved(mesh, (0, 0, 0.007)), glaze) for mesh, _ in parts]
-        parts.append((revolve(vessel(saucer, 0.004, 0.004), 36), glaze))
+        parts.append((revolve(vessel(saucer, 0.004, 0.004, 1), 26), glaze))
     return prop("mug", *parts)
 
 
@@ -78,8 +78,8 @@ def jug(rng: np.random.Generator) -> Prop:
     neck, foot = belly * rng.uniform(0.55, 0.8), belly * rng.uniform(0.55, 0.85)
     rim = neck * rng.uniform(1.05, 1.3)
     wall = smooth([[foot, 0], [foot * 1.05, 0.03 * height], [belly, rng.uniform(0.3, 0.45) * height],
-                   [neck, 0.8 * height], [rim, height]], 18)  # fmt: skip
-    body = revolve(vessel(wall, 0.005, 0.008), 36)
+                   [neck, 0.8 * height], [rim, height]], 13)  # fmt: skip
+    body = revolve(vessel(wall, 0.005, 0.008), 28)
     points = body.vertices.copy()
     angle = np.arctan2(points[:, 1], -points[:, 0])
     rise = np.clip((points[:, 2] - 0.8 * height) / (0.2 * height), 0, 1.1)
@@ -88,7 +88,7 @@ def jug(rng: np.random.Generator) -> Prop:
     points[:, 2] += (0.05 * height * lip).astype(np.float32)
     glaze = ceramic(rng)
     reach = rng.uniform(0.35, 0.55) * belly + 0.02
-    handle = _handle(
+    handle = handle_of(
         neck, 0.38 * height, 0.86 * height, reach + belly - neck, rng.uniform(0.004, 0.007), 0.01
     )
     return prop("jug", (Mesh(points, body.faces, body.uv), glaze), (handle, glaze))
@@ -99,18 +99,18 @@ def tumbler(rng: np.random.Generator) -> Prop:
     height = rng.uniform(0.07, 0.16)
     radius = rng.uniform(0.03, 0.043)
     bottom = radius * rng.uniform(0.65, 1.0)
-    wall = np.linspace([bottom, 0.002], [radius, height], 8)
+    wall = np.linspace([bottom, 0.002], [radius, height], 4)
     wall = np.concatenate([[[bottom - 0.002, 0]], wall])
-    outline = superellipse(40, rng.choice([2.0, 2.0, 4.0, 6.0]))
+    outline = superellipse(32, rng.choice([2.0, 2.0, 4.0, 6.0]))
     kind = "glass" if rng.uniform() < 0.6 else "plastic"
     pattern = str(rng.choice(["paint", "paint", "wallpaper", "speckle"]))
-    body = revolve(vessel(wall, 0.0025, 0.008), 40, outline)
+    body = revolve(vessel(wall, 0.0025, 0.008), 32, outline)
     return prop("tumbler", (body, material(kind, rng, pattern)))
 
 
 def candle(rng: np.random.Generator) -> Prop:
     """A pillar candle, or a taper in a holder."""
-    wax = material("wax", rng, "paint", near([0.85, 0.8, 0.68], rng) if rng.uniform() < 0.5 else None)
+    wax = material("wax", rng, "paint", shade([0.82, 0.77, 0.64], rng, 0.1) if rng.uniform() < 0.5 else None)
     black = material("cloth", rng, "paint", np.full(3, 0.03, np.float32), 16)
     taper = rng.uniform() < 0.5
     radius = 0.011 if taper else rng.uniform(0.025, 0.045)
@@ -124,7 +124,7 @@ def candle(rng: np.random.Generator) -> Prop:
     wick = np.linspace([0, 0, height - 3 * edge], [0.002, 0, height + 0.008], 3)
     lift = (0, 0, base)
     parts = [
-        (moved(revolve(pillar, 28), lift), wax),
+        (moved(revolve(pillar, 24), lift), wax),
         (moved(tube(wick, 0.0009, 5, up=(0, 1, 0)), lift), black),
     ]
     if taper:
@@ -170,6 +170,6 @@ def egg_cup(rng: np.random.Generator) -> Prop:
     t = np.linspace(0, np.pi, 13)
     egg = np.stack([0.0215 * np.sin(t) * (1 + 0.12 * np.cos(t)), height + 0.012 - 0.029 * np.cos(t)], -1)
     egg[[0, -1], 0] = 0.0
-    shell = near([0.75, 0.52, 0.36] if rng.uniform() < 0.6 else [0.85, 0.83, 0.78], rng)
+    shell = shade([0.66, 0.44, 0.28] if rng.uniform() < 0.6 else [0.82, 0.79, 0.73], rng, 0.12)
     egg_shell = material("skin", rng, "speckle", shell)
     return prop("egg_cup", (revolve(cup, 28), ceramic(rng, colour(rng))), (revolve(egg, 24), egg_shell))

@@ -1,0 +1,127 @@
+"""How fast synthetic scenes are made, and whether memory stays flat: `python -m benchmarks.dataset`.
+
+Makes a dataset in a temporary folder with `vig.dataset.make_dataset`, as `vig dataset make` does, everything
+included: choosing rooms, occluders and views, drawing, encoding and writing files. Two rates are printed: the
+whole call's, worker processes' start and first assets included, and the steady one, of the last three quarters
+of the samples. For memory, the resident sizes of this process and its children are added up four times a second.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import metric, report, write
+from vig.dataset import make_dataset
+from vig.dataset.format import image_paths
+
+RASTER_COUNT, CYCLES_COUNT = 2000, 40
+RUNS = 3
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="where to write the figures")
+    parser.add_argument("--raster", type=int, default=RASTER_COUNT, help="samples of a raster run")
+    parser.add_argument("--cycles", type=int, default=CYCLES_COUNT, help="path-traced samples; 0 for none")
+    parser.add_argument("--runs", type=int, default=RUNS, help="raster runs; the median counts")
+    parser.add_argument("--workers", type=int, default=2)
+    arguments = parser.parse_args()
+
+    metrics: list[dict[str, Any]] = []
+    runs = [Run.of("raster", arguments.raster, arguments.workers, seed) for seed in range(arguments.runs)]
+    metrics.append(metric("raster_images_per_s", [run.steady for run in runs], "1/s", "higher"))
+    metrics.append(metric("raster_images_per_s_with_start", [run.whole for run in runs], "1/s", "higher"))
+    metrics.append(metric("raster_memory_mib", [run.memory[-1] for run in runs], "MiB"))
+    metrics.append(metric("raster_memory_growth_mib", [run.growth for run in runs], "MiB"))
+    if arguments.cycles:
+        run = Run.of("cycles", arguments.cycles, arguments.workers, 0)
+        metrics.append(metric("cycles_s_per_image", [1 / run.steady], "s"))
+        metrics.append(metric("cycles_s_per_image_with_start", [1 / run.whole], "s"))
+        metrics.append(metric("cycles_memory_mib", [run.memory[-1]], "MiB"))
+        metrics.append(metric("cycles_memory_growth_mib", [run.growth], "MiB"))
+    for each in metrics:
+        print(f"{each['name']:32} {each['value']:10} {each['unit']:5} (iqr {each['iqr']})")
+    if arguments.json:
+        write(report(metrics, arguments.workers), arguments.json)
+        print(arguments.json)
+
+
+class Run:
+    """One dataset made. whole, steady: samples per second. memory: MiB over time, all processes together."""
+
+    def __init__(self, whole: float, steady: float, memory: np.ndarray) -> None:
+        self.whole, self.steady, self.memory = whole, steady, memory
+
+    @staticmethod
+    def of(tier: str, count: int, workers: int, seed: int) -> Run:
+        """Make `count` samples of a tier."""
+        with tempfile.TemporaryDirectory() as folder, Memory() as memory:
+            out = Path(folder) / "dataset"
+            started = time.perf_counter()
+            make_dataset(out, count, seed, tier=tier, workers=workers, progress=False)
+            whole = count / (time.perf_counter() - started)
+            written = [image_paths(out / "train", i)["rgb"].stat().st_mtime for i in range(count)]
+        late = np.sort(written)[count // 4 :]
+        return Run(whole, (len(late) - 1) / (late[-1] - late[0]), np.array(memory.sizes))
+
+    @property
+    def growth(self) -> float:
+        """MiB between the middle of the run and its end: medians of a tenth of the run each."""
+        tenth = max(1, len(self.memory) // 10)
+        middle = len(self.memory) // 2
+        before, after = self.memory[middle : middle + tenth], self.memory[-2 * tenth : -tenth]
+        return float(np.median(after) - np.median(before))
+
+
+class Memory:
+    """Adds up the resident memory of this process and all below it while it is open (Linux)."""
+
+    def __init__(self) -> None:
+        self.sizes: list[float] = []
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Memory:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._done.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        while not self._done.wait(0.25):
+            self.sizes.append(sum(_resident(pid) for pid in _family(os.getpid())) / 2**20)
+
+
+def _family(root: int) -> list[int]:
+    """Process ids of a process and all its descendants."""
+    parents = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            parents[int(folder.name)] = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:  # it has gone
+            continue
+    family = [root]
+    for pid in family:
+        family += [child for child, parent in parents.items() if parent == pid]
+    return family
+
+
+def _resident(pid: int) -> int:
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0
+
+
+if __name__ == "__main__":
+    main()

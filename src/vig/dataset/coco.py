@@ -1,0 +1,114 @@
+"""Datasets as COCO annotations: the visible instances, and the amodal ones as the amodal tools read them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vig.dataset.bop import OBJECT_ID
+from vig.dataset.format import image_paths, read_info, write_bytes
+from vig.dataset.read import Dataset, read_dataset
+from vig.errors import UserError
+from vig.scene import IMAGE_SIZE
+
+READ_AT_ONCE = 256
+
+
+def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> Path:
+    """Write `out/images/<split>/*.png` and, under `out/annotations`, two files of the split.
+
+    `instances_<split>.json` is plain COCO: segmentation, bbox and area of what is visible; an object that is
+    not seen at all has no annotation. `amodal_<split>.json` is in the manner of COCOA and D2SA (segmentation,
+    bbox and area of the whole object within the frame, visible_mask, invisible_mask, occlude_rate) and has
+    KINS's names beside (a_segm, a_bbox, a_area, i_segm, i_bbox, i_area). Masks are uncompressed run lengths.
+
+    Returns `out`. Raises UserError when there is no such dataset or a file cannot be read or written.
+    """
+    root, out = Path(root), Path(out)
+    dataset = read_dataset(root, split)
+    split = dataset.folder.name
+    settings = read_info(root)["splits"][split]
+    visible: list[dict[str, Any]] = []
+    amodal: list[dict[str, Any]] = []
+    for start in range(0, len(dataset), READ_AT_ONCE):
+        indices = range(start, min(start + READ_AT_ONCE, len(dataset)))
+        alone, seen = dataset.read("mask", indices), dataset.read("mask_visib", indices)
+        for index, whole, part in zip(indices, alone, seen, strict=True):
+            if part.any():
+                visible.append(_instance(index) | _region(part))
+            amodal.append(_instance(index) | _amodal(whole, part))
+            _copy_image(dataset, index, out / "images" / split / f"{index:06d}.png")
+    images = [
+        {
+            "id": index,
+            "file_name": f"{index:06d}.png",
+            "width": IMAGE_SIZE,
+            "height": IMAGE_SIZE,
+            "occlusion": round(float(dataset.occlusion[index]), 6),
+        }
+        for index in range(len(dataset))
+    ]
+    common = {
+        "info": {"description": f"{settings['class']}, {settings['tier']} tier, seed {settings['seed']}"},
+        "licenses": [],
+        "categories": [{"id": OBJECT_ID, "name": settings["class"], "supercategory": "object"}],
+        "images": images,
+    }
+    for name, found in (("instances", visible), ("amodal", amodal)):
+        data = json.dumps(common | {"annotations": found}).encode()
+        write_bytes(out / "annotations" / f"{name}_{split}.json", data)
+    return out
+
+
+def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
+    """COCO's uncompressed run lengths of a mask (H, W): size and counts, column by column, zeros first."""
+    pixels = np.asarray(mask, bool).ravel(order="F")
+    changes = np.flatnonzero(pixels[1:] != pixels[:-1]) + 1
+    ends = np.concatenate([[0] if pixels.size and pixels[0] else [], changes, [pixels.size]])
+    return {"size": list(mask.shape), "counts": np.diff(ends, prepend=0).astype(int).tolist()}
+
+
+def bounding_box(mask: np.ndarray) -> list[float]:
+    """COCO's x, y, width, height of a mask (H, W), whole pixels; all 0 when it is empty."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return [0.0, 0.0, 0.0, 0.0]
+    left, top, right, bottom = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
+    return [float(left), float(top), float(right - left), float(bottom - top)]
+
+
+def _instance(index: int) -> dict[str, Any]:
+    return {"id": index + 1, "image_id": index, "category_id": OBJECT_ID, "iscrowd": 0}
+
+
+def _region(mask: np.ndarray) -> dict[str, Any]:
+    area = int(np.count_nonzero(mask))
+    return {"segmentation": run_lengths(mask), "bbox": bounding_box(mask), "area": area}
+
+
+def _amodal(whole: np.ndarray, part: np.ndarray) -> dict[str, Any]:
+    full, seen = _region(whole), _region(part)
+    return {
+        **full,
+        "visible_mask": seen["segmentation"],
+        "visible_bbox": seen["bbox"],
+        "invisible_mask": run_lengths(whole & ~part),
+        "occlude_rate": 1 - seen["area"] / full["area"],
+        **{f"a_{short}": full[name] for short, name in _KINS.items()},
+        **{f"i_{short}": seen[name] for short, name in _KINS.items()},
+    }
+
+
+_KINS = {"segm": "segmentation", "bbox": "bbox", "area": "area"}
+
+
+def _copy_image(dataset: Dataset, index: int, path: Path) -> None:
+    source = image_paths(dataset.folder, index)["rgb"]
+    try:
+        data = source.read_bytes()
+    except OSError as error:
+        raise UserError(f"'{source}' cannot be read ({error.strerror}); make the dataset again.") from error
+    write_bytes(path, data)

@@ -1,0 +1,77 @@
+"""Datasets as WebDataset shards: tar files that are read from front to back."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from pathlib import Path
+from typing import Any
+
+from vig.dataset.format import SCENE, image_paths, read_info
+from vig.dataset.read import read_dataset, read_table
+from vig.errors import UserError
+from vig.files import atomic_write
+
+SHARD = 1000
+"""Samples in a shard."""
+
+
+def export_webdataset(
+    root: str | Path, out: str | Path, split: str | None = None, shard: int = SHARD
+) -> Path:
+    """Write `out/<split>-000000.tar` and so on: `000000.rgb.png 000000.mask.png 000000.mask_visib.png
+    000000.depth.png 000000.json` of each sample, `shard` samples in a file.
+
+    The JSON holds the sample's row of latents.parquet (key `row`) and its BOP entries (`camera`, `gt`,
+    `gt_info`). The same dataset gives the same bytes. Returns `out`.
+
+    Raises UserError when shard is below 1, there is no such dataset or a file cannot be read or written.
+    """
+    if shard < 1:
+        raise UserError(f"shard must be at least 1 sample; got {shard}")
+    root, out = Path(root), Path(out)
+    dataset = read_dataset(root, split)
+    split = dataset.folder.name
+    labels = _labels(root, split)
+    for number, start in enumerate(range(0, len(dataset), shard)):
+        indices = range(start, min(start + shard, len(dataset)))
+        with atomic_write(out / f"{split}-{number:06d}.tar") as temporary:
+            with tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar:
+                for index in indices:
+                    _add_sample(tar, dataset.folder, index, labels[index])
+    return out
+
+
+def _labels(root: Path, split: str) -> list[dict[str, Any]]:
+    rows = read_table(root, split).to_pylist()
+    settings = read_info(root)["splits"][split]
+    origin = {name: settings[name] for name in ("class", "tier", "seed")} | {"split": split}
+    try:
+        scene = {
+            key: json.loads((root / split / SCENE / f"scene_{key}.json").read_text())
+            for key in ("camera", "gt", "gt_info")
+        }
+        return [
+            {"dataset": origin, "row": row, **{key: entries[str(index)] for key, entries in scene.items()}}
+            for index, row in enumerate(rows)
+        ]
+    except (OSError, ValueError, KeyError) as error:
+        raise UserError(f"the labels of '{root / split}' are damaged; make the dataset again.") from error
+
+
+def _add_sample(tar: tarfile.TarFile, folder: Path, index: int, label: dict[str, Any]) -> None:
+    for kind, path in image_paths(folder, index).items():
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise UserError(f"'{path}' cannot be read ({error.strerror}); make the dataset again.") from error
+        _add(tar, f"{index:06d}.{kind}.png", data)
+    _add(tar, f"{index:06d}.json", json.dumps(label).encode())
+
+
+def _add(tar: tarfile.TarFile, name: str, data: bytes) -> None:
+    """Add a file; a new TarInfo has no time and no owner, so the bytes depend on nothing else."""
+    member = tarfile.TarInfo(name)
+    member.size = len(data)
+    tar.addfile(member, io.BytesIO(data))

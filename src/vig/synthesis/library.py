@@ -1,0 +1,242 @@
+"""A split's finite catalogues of rooms, props, finishes and lights, and users' own beside or instead of them.
+
+An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
+the test split ever occurs in training, and a worker can keep what it has made.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+
+from vig.scene import EXPOSURE_L00, grey, project_panorama, rotate_z
+from vig.synthesis.fixtures import HOLDERS
+from vig.synthesis.footprint import extreme_points
+from vig.synthesis.furniture import FAMILIES as FURNITURE
+from vig.synthesis.furniture import Furniture
+from vig.synthesis.layouts import Layout, draw_layout
+from vig.synthesis.own import (
+    OwnFurniture,
+    OwnPanorama,
+    OwnProp,
+    read_envmaps,
+    read_furniture,
+    read_props,
+)
+from vig.synthesis.panoramas import light_parts, local_light, panorama
+from vig.synthesis.props import FAMILIES, ZONES, Prop
+from vig.synthesis.raster import Packed, Pyramid
+from vig.synthesis.spec import SPLITS, Split, Surface
+from vig.synthesis.textures import FINISHES, METRES, texture
+
+PROPS_PER_FAMILY = {"train": 16, "test": 8}
+SURFACES_PER_KIND = {"train": 40, "test": 16}
+PANORAMAS = {"train": 200, "test": 70}
+LAYOUTS = {"train": 96, "test": 32}
+TEXTURE_SIZE = 128
+MOST_ALBEDO = 0.85
+"""Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
+SLOTS = tuple(FINISHES)
+BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
+"""The environment variable that names an interpreter which can import bpy."""
+
+
+def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:
+    """The generator that makes asset `number` of a catalogue, such as `prop/mug`, of a split."""
+    entropy = [SPLITS.index(split), zlib.crc32(catalogue.encode()), number]
+    return np.random.default_rng(np.random.SeedSequence(entropy))
+
+
+@dataclass(frozen=True)
+class OwnFolders:
+    """Where a user's own assets lie; None: ours are taken. panoramas may be `bpy`, see `read_envmaps`."""
+
+    panoramas: str | None = None
+    props: str | None = None
+    furniture: str | None = None
+
+
+@dataclass(frozen=True)
+class OwnAssets:
+    """What a user brings: each kind that is there takes the place of ours, furniture family by family."""
+
+    props: tuple[OwnProp, ...] = ()
+    furniture: tuple[OwnFurniture, ...] = ()
+    panoramas: tuple[OwnPanorama, ...] = ()
+
+    @staticmethod
+    def read(folders: OwnFolders) -> tuple[OwnAssets, list[str]]:
+        """Read folders; also one sentence for each file that was left out or guessed at. Raises UserError."""
+        notes: list[str] = []
+
+        def read(reader: Callable[[str], tuple[list, list[str]]], folder: str | None) -> tuple:
+            if folder is None:
+                return ()
+            found, problems = reader(folder)
+            notes.extend(problems)
+            return tuple(found)
+
+        props, furniture = read(read_props, folders.props), read(read_furniture, folders.furniture)
+        blender = os.environ.get(BLENDER_VARIABLE)
+        panoramas = read(lambda folder: read_envmaps(folder, blender), folders.panoramas)
+        return OwnAssets(props, furniture, panoramas), notes
+
+    def fingerprints(self) -> dict[str, str]:
+        """What tells the assets apart: kind and name to hash."""
+        kinds = {"panorama": self.panoramas, "prop": self.props, "furniture": self.furniture}
+        return {f"{kind}/{each.name}": each.fingerprint for kind, own in kinds.items() for each in own}
+
+
+class Library:
+    """Everything that scenes of a split are made of; what was made is kept, up to a bound."""
+
+    def __init__(self, split: Split, own: OwnAssets | None = None) -> None:
+        self.split = split
+        self.own = own or OwnAssets()
+        self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
+        self.prop = lru_cache(maxsize=128)(self._prop)
+        self.packed = lru_cache(maxsize=4096)(self._packed)
+        self.extremes = lru_cache(maxsize=4096)(self._extremes)
+        self.area = lru_cache(maxsize=4096)(self._area)
+        self.layout = lru_cache(maxsize=128)(self._layout)
+        self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
+        self.finish = lru_cache(maxsize=128)(self._finish)
+        self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
+        self.albedo = lru_cache(maxsize=4096)(self._albedo)
+        self.radiance = lru_cache(maxsize=16)(self._radiance)
+        self.light_parts = lru_cache(maxsize=4096)(self._light_parts)
+
+    # Props
+
+    def families(self, zone: str) -> tuple[str, ...]:
+        """The families of props that belong in a zone."""
+        if self._own_props:
+            fit = tuple(name for name, own in self._own_props.items() if not own.zones or zone in own.zones)
+            return fit or tuple(self._own_props)
+        return _families_of(zone)
+
+    def members(self, family: str) -> int:
+        """How many members a family has."""
+        return 1 if family in self._own_props else PROPS_PER_FAMILY[self.split]
+
+    def _prop(self, family: str, number: int) -> Prop:
+        if family in self._own_props:
+            return self._own_props[family].prop
+        make = FAMILIES.get(family) or HOLDERS[family]
+        return make(asset_rng(self.split, f"prop/{family}", number))
+
+    def _packed(self, family: str, number: int) -> Packed:
+        return Packed.of(self.prop(family, number).parts)
+
+    def _extremes(self, family: str, number: int) -> np.ndarray:
+        """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
+        return extreme_points(np.concatenate([mesh.vertices for mesh, _ in self.prop(family, number).parts]))
+
+    def _area(self, family: str, number: int) -> float:
+        """Square metres of a prop's bounding box from its broad side."""
+        size = np.ptp(self.extremes(family, number), axis=0)
+        return float(size[2] * max(size[0], size[1]))
+
+    # Rooms
+
+    @property
+    def layouts(self) -> int:
+        """How many furnished rooms there are."""
+        return LAYOUTS[self.split]
+
+    def _layout(self, number: int) -> Layout:
+        """Furnished room `number`."""
+        return draw_layout(asset_rng(self.split, "layout", number), self._furniture)
+
+    def _furniture(self, family: str, rng: np.random.Generator) -> Furniture:
+        own = [each.furniture for each in self.own.furniture if _stands_for(each.furniture.family, family)]
+        return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
+
+    def _packed_layout(self, number: int) -> Packed:
+        return Packed.of(self.layout(number).parts)
+
+    # Finishes
+
+    def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
+        """A random finish that suits a slot."""
+        kind = str(rng.choice(FINISHES[slot]))
+        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[kind]))
+
+    def _finish(self, kind: str, number: int) -> np.ndarray:
+        """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish; less gaudy than props are."""
+        rng = asset_rng(self.split, f"surface/{kind}", number)
+        image = texture(kind, rng, TEXTURE_SIZE)
+        luminance = image.mean(axis=2, keepdims=True)
+        return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
+
+    def _pyramid(self, kind: str, number: int) -> Pyramid:
+        return Pyramid.of(self.finish(kind, number))
+
+    def _albedo(self, kind: str, number: int) -> float:
+        """Mean grey albedo of a finish."""
+        return float(self.finish(kind, number).mean())
+
+    # Light
+
+    @property
+    def panoramas(self) -> int:
+        """How many panoramas there are."""
+        return len(self.own.panoramas) or PANORAMAS[self.split]
+
+    def _radiance(self, number: int) -> np.ndarray:
+        """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; users' at their own size."""
+        own = self.own.panoramas
+        image = own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number))
+        return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+
+    def surroundings(self, number: int) -> np.ndarray:
+        """Panorama `number` for a path tracer: as `radiance`, users' at their full size."""
+        if not self.own.panoramas:
+            return self.radiance(number)
+        image = self.own.panoramas[number].sharp()
+        return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+
+    def _light_parts(self, number: int) -> np.ndarray:
+        return light_parts(self.radiance(number))
+
+    def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
+        """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
+
+        At the paper's exposure. What the object gets from below is the support's grey albedo times what
+        the support gets from above.
+        """
+        local = local_light(self.light_parts(number), ground_albedo)
+        return rotate_z(torch.from_numpy(local), angle).numpy()
+
+
+@lru_cache(maxsize=64)
+def _families_of(zone: str) -> tuple[str, ...]:
+    return tuple(family for family, zones in ZONES.items() if zone in zones)
+
+
+STANDS_FOR = {
+    "table": ("dining_table", "cafe_table", "kitchen_island", "side_table"),
+    "coffee_table": ("coffee_table", "side_table"),
+    "desk": ("desk",),
+    "counter": ("kitchen_counter", "kitchen_island"),
+    "shelf": ("bookshelf", "wall_shelf"),
+    "cabinet": ("sideboard", "chest_of_drawers", "media_bench", "console", "wardrobe", "dresser"),
+    "nightstand": ("bedside_table",),
+    "sofa": ("sofa",),
+    "armchair": ("armchair",),
+    "chair": ("chair",),
+    "stool": ("stool", "side_table", "bar_stool"),
+    "bench": ("bench", "window_seat"),
+    "bed": ("bed",),
+}
+"""Which families of ours a user's piece of furniture takes the place of."""
+
+
+def _stands_for(own: str, family: str) -> bool:
+    return family == own or family in STANDS_FOR.get(own, ("side_table", "sideboard"))

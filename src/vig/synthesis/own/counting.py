@@ -1,0 +1,95 @@
+"""How many triangles a mesh file holds, from its header or by a pass over its bytes, before it is loaded."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+from vig.errors import UserError
+
+MOST_FACES = 1_000_000
+MOST_BYTES = 512 * 2**20
+_CHUNK = 2**20
+_HEADER = 2**16
+
+
+def refuse_huge(path: Path) -> None:
+    """Raise UserError for a mesh file of more than MOST_FACES faces or MOST_BYTES bytes.
+
+    Other errors (ValueError, KeyError, OSError, ...) say that the file is damaged.
+    """
+    size = path.stat().st_size
+    if size == 0:
+        raise UserError(f"{path}: expected a mesh; got an empty file.")
+    if size > MOST_BYTES:
+        raise UserError(f"{path}: expected at most {MOST_BYTES >> 20} MiB; got {size >> 20}. Simplify it.")
+    count = {
+        ".obj": lambda: _lines(path, b"\nf"),
+        ".stl": lambda: _stl(path, size),
+        ".ply": lambda: _ply(path),
+        ".off": lambda: _off(path),
+        ".glb": lambda: _gltf(_glb_json(path)),
+        ".gltf": lambda: _gltf(path.read_bytes()),
+    }[path.suffix.lower()]()
+    if count > MOST_FACES:
+        raise UserError(f"{path}: expected at most {MOST_FACES:,} faces; got {count:,}. Simplify it.")
+
+
+def _lines(path: Path, mark: bytes) -> int:
+    """How often a mark occurs in a file."""
+    total, tail = 0, b"\n"
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            block = tail + chunk
+            total += block.count(mark)
+            tail = block[-len(mark) + 1 :]
+    return total
+
+
+def _stl(path: Path, size: int) -> int:
+    with path.open("rb") as file:
+        head = file.read(84)
+    if len(head) == 84:
+        count = struct.unpack("<I", head[80:])[0]
+        if size == 84 + 50 * count or not head.lstrip().startswith(b"solid"):
+            return int(count)
+    return _lines(path, b"endfacet")
+
+
+def _ply(path: Path) -> int:
+    """The larger of the counts of faces and of a third of the vertices."""
+    with path.open("rb") as file:
+        header = file.read(_HEADER).split(b"end_header")[0].split()
+    counts = [int(header[i + 2]) // share for i, word in enumerate(header) if word == b"element"
+              for share in [3 if header[i + 1] == b"vertex" else 1]]  # fmt: skip
+    return max(counts)
+
+
+def _off(path: Path) -> int:
+    with path.open("rb") as file:
+        lines = file.read(_HEADER).splitlines()
+    words = b" ".join(line.split(b"#")[0] for line in lines).split()
+    numbers = [word for word in words[:4] if word.isdigit()]
+    return max(int(numbers[1]), int(numbers[0]) // 3)
+
+
+def _glb_json(path: Path) -> bytes:
+    with path.open("rb") as file:
+        magic, _, _, length, _ = struct.unpack("<5I", file.read(20))
+        if magic != 0x46546C67:
+            raise ValueError("no GLB header")
+        return file.read(length)
+
+
+def _gltf(text: bytes) -> int:
+    """Faces of all nodes' meshes, an instanced mesh counted as often as it is placed."""
+    tree = json.loads(text)
+    accessors = tree.get("accessors", [])
+
+    def faces(primitive: dict) -> int:
+        index = primitive.get("indices", primitive["attributes"]["POSITION"])
+        return int(accessors[index]["count"]) // 3
+
+    meshes = [sum(faces(part) for part in mesh["primitives"]) for mesh in tree.get("meshes", [])]
+    return sum(meshes[node["mesh"]] for node in tree.get("nodes", []) if "mesh" in node)

@@ -1,0 +1,120 @@
+"""What a user tells of mesh files: `vig.toml` in their folder or in a folder above, up to the root.
+
+    [defaults]
+    up = "z"
+    [files."old/chair.obj"]
+    scale = 0.001
+    skip = false
+
+`[defaults]` holds for all files below that folder, `[files.NAME]` for one, NAME being relative to it. What a
+file of a deeper folder says comes last, and so goes before.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+from vig.errors import UserError
+
+FILE = "vig.toml"
+ZONES = (
+    "cooking", "dining", "drinks", "desk", "reading", "display", "storage", "bedside", "washing", "floor",
+)  # fmt: skip
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told of a file; None or empty where nothing is.
+
+    up: which of the file's axes points up. scale: metres per unit of the file. turn: degrees,
+    counter-clockwise about the upward axis, after the file's axes were put upright (furniture's front is to
+    face -Y). zones: where it belongs. family: what it is, such as `table`. nodes: the only ones of a scene
+    that are wanted. skip: leave the file out.
+    """
+
+    up: str | None = None
+    scale: float | None = None
+    turn: float = 0.0
+    zones: tuple[str, ...] = ()
+    family: str | None = None
+    nodes: tuple[str, ...] = ()
+    skip: bool = False
+
+
+def told(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Told:
+    """What the `vig.toml` files between root and a file's own folder say of it. UserError on a wrong one."""
+    result = Told()
+    folders = [root, *(root / part for part in reversed(path.relative_to(root).parents) if part.parts)]
+    for folder in folders:
+        if folder not in cache:
+            cache[folder] = _read(folder / FILE)
+        table = cache[folder]
+        name = path.relative_to(folder).as_posix()
+        for settings in (table.get("defaults", {}), table.get("files", {}).get(name, {})):
+            result = replace(result, **settings)
+    return result
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """A checked `vig.toml`, its lists made tuples; empty when there is none."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: expected TOML; got {error}. Mend that line.") from error
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from error
+    for key in table:
+        if key not in ("defaults", "files"):
+            _refuse(path, "[defaults] and [files.NAME]", repr(key), "Move what it says into one of them")
+    tables: dict[str, Any] = {"defaults": table.get("defaults", {})}
+    files = table.get("files", {})
+    if not isinstance(files, dict):
+        _refuse(path, "tables [files.NAME]", f"files = {files!r}", "Write a table for each file")
+    for name, settings in [("[defaults]", tables["defaults"]), *files.items()]:
+        if not isinstance(settings, dict):
+            _refuse(path, f"a table {name}", repr(settings), "Write it in brackets")
+    tables["defaults"] = _checked(path, "[defaults]", tables["defaults"])
+    tables["files"] = {
+        name: _checked(path, f"[files.{name!r}]", settings) for name, settings in files.items()
+    }
+    for name in files:
+        if not (path.parent / name).is_file():
+            _refuse(path, f"a file {name} beside it", "none of that name", "Correct the name")
+    return tables
+
+
+def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings of one table with the right types, or UserError."""
+    names = [field.name for field in fields(Told)]
+    result: dict[str, Any] = {}
+    for key, value in settings.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        strings = isinstance(value, list) and all(isinstance(item, str) for item in value)
+        expected = {
+            "up": (value in AXES, "one of " + " ".join(AXES)),
+            "scale": (number and value > 0, "a positive number of metres per unit"),
+            "turn": (number, "a number of degrees"),
+            "zones": (
+                strings and all(item in ZONES for item in value), "a list of some of " + " ".join(ZONES),
+            ),
+            "family": (isinstance(value, str) and value != "", "a name"),
+            "nodes": (strings and value != [], "a list of the scene's node names"),
+            "skip": (isinstance(value, bool), "true or false"),
+        }.get(key)  # fmt: skip
+        if expected is None:
+            _refuse(path, f"in {where} keys {' '.join(names)}", repr(key), "Correct or remove it")
+        if not expected[0]:
+            _refuse(path, f"in {where} {key} = {expected[1]}", repr(value), "Correct it")
+        result[key] = tuple(value) if isinstance(value, list) else float(value) if number else value
+    return result
+
+
+def _refuse(path: Path, expected: str, came: str, remedy: str) -> NoReturn:
+    raise UserError(f"{path}: expected {expected}; got {came}. {remedy}.")

@@ -1,0 +1,48 @@
+"""The light that a panorama gives: nine grey SH coefficients, of all of it or at a place on a support."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vig.scene.light import Y00, Y1, exposed, grey, project_panorama
+
+Array = np.ndarray
+
+
+def grey_light(image: Array) -> NDArray[np.float64]:
+    """Grey light of a panorama (H, W, 3): nine SH coefficients, scaled so that L00 = 0.75 pi."""
+    return exposed(grey(project_panorama(image)))
+
+
+def light_parts(radiance: Array) -> NDArray[np.float64]:
+    """What a panorama gives a place on a level support: (2, 9) grey SH of radiance, unexposed.
+
+    radiance: (H, W, 3), H even. First the panorama's upper hemisphere alone, then what a white support that
+    fills the lower one sends up: everywhere E / pi, E being the irradiance from above. Both turn with
+    `rotate_z`, so they are computed once per panorama.
+    """
+    rows = len(radiance)
+    if rows % 2:
+        raise ValueError(f"a panorama needs an even number of rows to be cut at its horizon; got {rows}.")
+    above = np.array(radiance)
+    above[rows // 2 :] = 0
+    upper = grey(project_panorama(above))
+    # Row by row the integral of cosine over solid angle, and over all directions below of Y00 and Y10.
+    sine = np.sin(np.linspace(0, np.pi / 2, rows // 2 + 1))
+    cosines = np.pi * (sine[1:] ** 2 - sine[:-1] ** 2)
+    reflected = cosines @ grey(above[: rows // 2].mean(axis=1, dtype=np.float64)) / np.pi
+    white = np.zeros(9)
+    white[0], white[2] = 2 * np.pi * Y00 * reflected, -np.pi * Y1 * reflected
+    return np.stack([upper, white])
+
+
+def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
+    """Grey light (9,) at a place on a level support of this albedo, at the paper's exposure.
+
+    radiance: (H, W, 3), H even, or its `light_parts` (2, 9). The support hides the lower hemisphere and
+    sends back albedo x E / pi, E the irradiance from above. Turning it by `rotate_z` is the same as turning
+    the panorama. Raises ValueError when no light comes from above.
+    """
+    upper, white = radiance if radiance.shape == (2, 9) else light_parts(radiance)
+    return exposed(upper + ground_albedo * white)

@@ -1,0 +1,205 @@
+"""What Python and the native code hand to each other: one layout of each record, given to both.
+
+Addresses are of numpy arrays that the caller keeps alive during the call.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+MOST_LEVELS = 10
+"""Levels of a texture pyramid: up to 512 texels a side."""
+
+PART = np.dtype(
+    [
+        ("vertices", "i4", 2),  # first and end
+        ("faces", "i4", 2),
+        ("sphere", "f4", 4),  # centre and radius, metres, of the asset's frame
+        ("texels", "i8"),  # bytes from the asset's start to the texture's finest level
+        ("log_size", "i4", 2),  # log2 of the texture's width and height
+        ("slot", "i4"),  # into the item's finishes, -1 none
+        ("roughness", "f4"),
+        ("mirror", "f4"),  # share of light thrown back at once, seen from the front
+        ("metal", "f4"),  # share of the albedo that mirrors instead of scattering
+        ("emission", "f4"),
+    ],
+    align=True,
+)
+HEADER = np.dtype(
+    [
+        ("sphere", "f4", 4),
+        ("part_count", "i4"),
+        ("vertex_count", "i4"),
+        ("face_count", "i4"),
+        ("point_count", "i4"),
+        # Bytes from the asset's start:
+        ("parts", "i8"),
+        ("positions", "i8"),  # (3, vertex_count) float32
+        ("attributes", "i8"),  # (vertex_count, 5) float32: unit normal and uv
+        ("corners", "i8"),  # (face_count, 3) int32
+        ("points", "i8"),  # (point_count, 4) float32: places on the surface and their areas
+        ("gloom", "i8"),  # see GRID; 0 none
+    ],
+    align=True,
+)
+GRID = np.dtype(
+    [
+        # Cells are `cell` wide. Plane s is rise[0] * s + rise[1] * s * s above the origin, metres.
+        ("origin", "f4", 3),
+        ("cell", "f4"),
+        ("rise", "f4", 2),
+        ("size", "i4", 3),  # along x, y, z
+        ("scale", "f4"),  # a stored 1 in irradiance
+        ("values", "i8"),  # address of (z, y, x, 4) int16: lost irradiance = v0 + v123 . normal
+    ],
+    align=True,
+)
+FINISH = np.dtype(
+    [("texels", "i8"), ("log_size", "i4", 2), ("repeats", "f4"), ("unused", "i4")],  # repeats per metre
+    align=True,
+)
+ITEM = np.dtype(
+    [
+        ("rotation", "f8", (3, 3)),  # world from asset
+        ("translation", "f8", 3),
+        ("asset", "i8"),
+        ("finishes", "i8"),
+        ("owner", "i4"),
+        ("is_target", "i4"),
+        ("is_support", "i4"),
+        ("unused", "i4"),
+    ],
+    align=True,
+)
+VISIBLE_PART = np.dtype(
+    [
+        ("part", "i8"),
+        ("attributes", "i8"),
+        ("item", "i4"),
+        ("count", "i4"),  # of fragments
+    ],
+    align=True,
+)
+FRAGMENT = np.dtype(
+    [
+        ("face", "i4"),
+        ("pixel", "i4"),
+        ("x", "f4"),  # where it is shaded, samples
+        ("y", "f4"),
+        ("share", "f4"),  # of the pixel
+        ("part", "i4"),
+    ],
+    align=True,
+)
+TASK = np.dtype(
+    [
+        ("rotation", "f8", (3, 3)),  # camera_from_world
+        ("translation", "f8", 3),
+        ("items", "i8"),
+        ("item_count", "i4"),
+        ("samples", "i4"),  # along a pixel's side
+        ("width", "i4"),  # of the image, samples
+        ("height", "i4"),
+        ("focal", "f4"),
+        ("cx", "f4"),
+        ("cy", "f4"),
+        ("near", "f4"),
+        ("keep", "i4"),  # whether ids are faces to be shaded, else owners
+        # Filled by drawing:
+        ("part_count", "i4"),
+        ("face_count", "i4"),
+        ("clipped_count", "i4"),
+        ("q", "i8"),  # (height, width) float32, one over depth
+        ("ids", "i8"),  # (height, width) int32
+        ("screen", "i8"),  # (vertices of the largest asset, 3) float32
+        ("parts", "i8"),  # visible parts: two for each part, its faces and its clipped ones
+        ("faces", "i8"),  # (faces, 16) float32: what a drawn face interpolates
+        ("clipped", "i8"),  # (clipped corners, 5) float32: their attributes
+        # For shading:
+        ("fragments", "i8"),  # (samples,) FRAGMENT
+        ("sorted", "i8"),  # (samples,) int32: fragments by visible part
+        ("linear", "i8"),  # (pixels, 3) float32
+        ("image", "i8"),  # (pixels, 3) uint8
+        ("depth", "i8"),  # (pixels,) float32
+        ("seen", "i8"),  # (pixels,) uint8: samples of the target
+        ("support", "i8"),  # (pixels,) uint8: samples of items that are supports
+        ("encode", "i8"),  # see `shading.srgb_tables`
+        ("thresholds", "i8"),
+        ("shadow", "i8"),  # GRID, 0 none
+        ("irradiance", "f4", 9),  # of a normal: constant, y, z, x, xy, yz, 3zz - 1, xz, xx - yy
+        ("radiance", "f4", 9),  # the same of a direction
+        ("sun", "f4", 4),  # the light's main direction, and the radiance of its highlight
+        ("albedo", "f4", 3),  # of the target
+    ],
+    align=True,
+)
+SWEEP = np.dtype(
+    [
+        ("occupancy", "i8"),  # (z, y, x) float32, areas in units of a cell's base
+        ("planes", "i8"),  # (2, directions, padded y, padded x) float32: scratch
+        ("gathered", "i8"),  # (4, y, x) float32: scratch
+        ("directions", "i8"),  # (directions, 2) float32: metres along x, y per metre of z
+        ("weights", "i8"),  # (directions, 4) float32: lost irradiance when blocked
+        ("direction_count", "i4"),
+        ("reach", "f4"),  # metres of height over which a shadow fades to 1 / e; 0 never
+        ("items", "i8"),
+        ("item_count", "i4"),
+        ("opacity", "f4"),
+        ("grid", GRID),
+    ],
+    align=True,
+)
+TARGET = np.dtype(
+    [
+        ("vertices", "i8"),  # (V, 3) float32
+        ("added", "i8"),  # (V,) float32, irradiance by self-shadow and bounce; 0 none
+        ("corners", "i8"),
+        ("positions", "i8"),  # where results go, see HEADER; irradiance is the fourth attribute
+        ("attributes", "i8"),
+        ("points", "i8"),
+        ("vertex_count", "i4"),
+        ("face_count", "i4"),
+        ("irradiance", "f4", 9),
+        ("unused", "i4"),
+    ],
+    align=True,
+)
+
+_NAMES = {"i4": "int", "f4": "float", "f8": "double", "i8": "wp::int64"}
+
+
+def _declared(dtype: np.dtype, name: str) -> str:
+    lines = []
+    assert dtype.fields is not None
+    for field, (kind, *_) in dtype.fields.items():
+        base, shape = kind.subdtype or (kind, ())
+        word = "Grid" if base == GRID else _NAMES[base.str[1:]]
+        lines.append(f"{word} {field}{''.join(f'[{n}]' for n in shape)};")
+    return f"struct {name} {{ {' '.join(lines)} }};\n"
+
+
+STRUCTS = "".join(
+    _declared(dtype, name)
+    for dtype, name in (
+        (PART, "Part"),
+        (HEADER, "Header"),
+        (GRID, "Grid"),
+        (FINISH, "Finish"),
+        (ITEM, "Item"),
+        (VISIBLE_PART, "VisiblePart"),
+        (FRAGMENT, "Fragment"),
+        (TASK, "Task"),
+        (SWEEP, "Sweep"),
+        (TARGET, "Target"),
+    )
+)
+"""The records' declarations in C++, to stand at the beginning of a native function."""
+
+
+CONTRACT = "#pragma clang fp contract(fast)\n"
+"""To stand before them: products and sums in one instruction."""
+
+
+def address(array: np.ndarray) -> int:
+    """Where an array's first element lies in memory."""
+    return array.ctypes.data

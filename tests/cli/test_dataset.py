@@ -1,0 +1,96 @@
+"""`vig dataset VERB` as its user meets it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from vig.cli.main import main
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of `vig dataset ...`."""
+    with pytest.raises(SystemExit) as caught:
+        main(["dataset", *(str(argument) for argument in arguments)])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    return int(str(caught.value.code)), out, err
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("cli") / "d"
+    arguments = ["--out", str(out), "--count", "6", "--split", "test", "--workers", "1", "--json"]
+    with pytest.raises(SystemExit) as caught:
+        main(["dataset", "make", *arguments])
+    assert caught.value.code == 0
+    return out
+
+
+def test_make_ends_with_deciles_rejections_and_the_folder(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, err = run(capsys, "make", "--out", tmp_path / "d", "--count", 3, "--workers", 1)
+    hidden, rejected, folder = out.splitlines()
+    assert code == 0 and folder == str(tmp_path / "d")
+    assert hidden.startswith("hidden    0-10%: ") and "90-100%: 0" in hidden
+    assert rejected.startswith("rejected  ") and "candidates a sample" in rejected
+    assert err.splitlines()[-1].startswith("3 of 3 samples, ")
+
+
+def test_json_is_one_object_and_nothing_else(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    code, out, err = run(capsys, "make", "--out", tmp_path / "d", "--count", 3, "--workers", 1, "--json")
+    told = json.loads(out)
+    assert code == 0 and err == ""
+    assert sum(told["occlusion_deciles"]) == 3
+    assert told["folder"] == str(tmp_path / "d")
+
+
+def test_check_is_0_when_clean_and_1_when_not(
+    capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path
+) -> None:
+    code, out, _ = run(capsys, "check", made, "--render", 1)
+    assert code == 0
+    assert out.splitlines() == ["test: 6 samples, 29 files, 1 rendered again: clean", str(made)]
+    copy = shutil.copytree(made, tmp_path / "copy")
+    for picture in (copy / "test" / "000000").rglob("*.png"):
+        picture.unlink()
+    code, out, _ = run(capsys, "check", copy)
+    lines = out.splitlines()
+    assert code == 1 and lines[-2:] == ["test: 6 samples, 29 files: 12 problems", str(copy)]
+    assert all("No such file" in line or "not a picture" in line for line in lines[:-2])
+    code, out, _ = run(capsys, "check", copy, "--json")
+    assert code == 1 and not json.loads(out)["clean"]
+
+
+def test_show_takes_the_split_that_is_there(
+    capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path
+) -> None:
+    code, out, _ = run(capsys, "show", made, "--count", 4, "--out", tmp_path)
+    assert code == 0
+    names = ["contact-sheet-test.png", "histograms-test.png"]
+    assert out.splitlines() == [str(tmp_path / name) for name in names] + [str(tmp_path)]
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
+
+
+@pytest.mark.parametrize(
+    ("to", "written"), [("coco", "annotations/amodal_test.json"), ("webdataset", "test-000000.tar")]
+)
+def test_export_writes_and_prints_its_folder(
+    to: str, written: str, capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path
+) -> None:
+    code, out, _ = run(capsys, "export", made, "--to", to, "--out", tmp_path / "o")
+    assert (code, out) == (0, f"{tmp_path / 'o'}\n")
+    assert (tmp_path / "o" / written).is_file()
+
+
+@pytest.mark.parametrize("verb", ["check", "show"])
+def test_what_is_no_dataset_is_told_in_one_line(
+    verb: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, err = run(capsys, verb, tmp_path)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1 and str(tmp_path) in err

@@ -1,0 +1,21 @@
+from __future__ import annotations
+
+import numpy as np
+
+from vig.synthesis.footprint import Footprint
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def box(low: tuple[float, ...], high: tuple[float, ...]) -> np.ndarray:
+    return np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), np.float32).reshape(3, 8).T
+
+
+def test_footprints_are_apart_by_the_gap_between_boxes() -> None:
+    first = Footprint.of(box((0, 0, 0), (1, 1, 1)), UP)
+    aside = Footprint.of(box((1.3, 0.2, 0), (2, 0.8, 1)), UP)
+    above = Footprint.of(box((0, 0, 1.2), (1, 1, 2)), UP)
+    for other, gap in ((aside, 0.3), (above, 0.2)):
+        assert first.clear_of(other, gap - 0.01) and other.clear_of(first, gap - 0.01)
+        assert not first.clear_of(other, gap + 0.01)
+    assert not first.clear_of(Footprint.of(box((0.9, 0.9, 0.9), (2, 2, 2)), UP), 0.0)
