@@ -28,8 +28,8 @@ from vig.synthesis.spec import SceneSpec
 WORKER = Path(__file__).parent / "blender" / "worker.py"
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
-TIMEOUT = 120.0
-"""Seconds for one scene; one that takes longer is tried once more, then given up."""
+TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
+"""Seconds for one scene, with so many more per path per pixel; then it is tried once more, and given up."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class CyclesRenderer:
         self._command = [find_python(python), str(WORKER)]
         self._settings = {"samples": samples, "threads": threads}
         self._recycle, self._finish = recycle, finish
+        self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples
         self._worker: Worker | None = None
         self._served = 0
         self.timing: dict[str, float] = {}
@@ -132,10 +133,13 @@ class CyclesRenderer:
             if self._worker is None:
                 self._worker, self._served = self._start(), 0
             try:
-                answer, traced = self._worker.ask(header, arrays, TIMEOUT)
+                answer, traced = self._worker.ask(header, arrays, self._timeout)
             except WorkerDiedError as death:
                 self._worker, why = None, str(death)
                 continue
+            except BaseException:  # Ctrl-C in the middle of an answer
+                self.close()
+                raise
             if "error" in answer:
                 raise RuntimeError(f"{name}: {answer['error']}")
             self._served += 1

@@ -1,9 +1,9 @@
 """The process that Blender runs in: `python worker.py FOLDER`, scenes on standard input, pictures on output.
 
 Both are streams of `wire` messages; the first that goes out tells Blender's version. FOLDER holds temporary
-files and is removed at the end. The process ends when its input does, when its parent has gone, or when a
-scene takes longer than the header's `timeout` seconds (SIGALRM, which ends it even in the middle of
-Blender's own code).
+files and is removed at the end. The process ends when its input does or its parent has gone, also in the
+middle of a scene, and when a scene takes longer than the header's `timeout` seconds (SIGALRM, which ends it
+whatever Blender is doing).
 """
 
 from __future__ import annotations
@@ -14,32 +14,30 @@ import select
 import shutil
 import signal
 import sys
+import threading
 import traceback
 from pathlib import Path
 from typing import BinaryIO
 
 import wire
 
-PATIENCE = 5.0
+PATIENCE = 2.0
 """Seconds between looks whether the parent is still there; its end of the pipe may live on in a fork."""
 
 
 def main() -> None:
     """Serve scenes until the input ends."""
-    parent = os.getppid()
+    parent, folder = os.getppid(), Path(sys.argv[1])
     requests, replies = own_streams()
-    folder = Path(sys.argv[1])
+    threading.Thread(target=watch, args=(requests, parent, folder), daemon=True).start()
     import tracing  # from here on Blender writes to what it takes for standard output
 
     try:
         wire.send(replies, {"blender": tracing.version()}, {})
-        while waits(requests, parent):
+        while True:
             serve(requests, replies, folder)
     except (EOFError, BrokenPipeError):
-        pass
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        os._exit(0)  # Blender has nothing to save, and its own end sometimes crashes
+        leave(folder)
 
 
 def own_streams() -> tuple[io.FileIO, BinaryIO]:
@@ -51,12 +49,19 @@ def own_streams() -> tuple[io.FileIO, BinaryIO]:
     return requests, replies
 
 
-def waits(requests: io.FileIO, parent: int) -> bool:
-    """Wait for a message; False when the parent has gone."""
-    while not select.select([requests], [], [], PATIENCE)[0]:
-        if os.getppid() != parent:
-            return False
-    return True
+def watch(requests: io.FileIO, parent: int, folder: Path) -> None:
+    """Leave as soon as nobody can send any more; Cycles lets other threads run while it renders."""
+    hung_up = select.poll()
+    hung_up.register(requests, 0)
+    while not hung_up.poll(1000 * PATIENCE) and os.getppid() == parent:
+        pass
+    leave(folder)
+
+
+def leave(folder: Path) -> None:
+    """Remove the temporary files and end at once: Blender has nothing to save."""
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(0)
 
 
 def serve(requests: io.FileIO, replies: BinaryIO, folder: Path) -> None:
