@@ -18,6 +18,8 @@ ZONE_WEIGHTS = {
 }  # fmt: skip
 """How often a teapot stands in each zone, relative to the number of supports there."""
 PLACES_TRIED = 40
+COVERED, LOW_COVER = 12.0, 0.7
+"""Supports with less than so many metres above are so much more likely where they are to hide the object."""
 EYE_CLEARANCE = 0.06
 """Metres between the eye and walls or furniture."""
 EDGE = 0.01
@@ -40,9 +42,9 @@ def find_place(
     """
     number = int(rng.integers(library.layouts))
     layout = library.layout(number)
-    weights = np.array([ZONE_WEIGHTS[support.zone] for support in layout.supports])
+    weights = _weights(layout, hidden[0] > 0)
     for _ in range(PLACES_TRIED):
-        chosen = int(rng.choice(len(weights), p=weights / weights.sum()))
+        chosen = int(rng.choice(len(weights), p=weights))
         support = layout.supports[chosen]
         reason, room = _stand(actor, support, hidden[0] > 0, rng)
         if room is None:
@@ -61,6 +63,18 @@ def find_place(
         else:
             return stage
     return None
+
+
+def _weights(layout: Layout, under_cover: bool) -> np.ndarray:
+    """How likely the object is to stand on each support: a zone by `ZONE_WEIGHTS`, any support in it.
+
+    under_cover: mostly on those with something above, which may hide it.
+    """
+    zones = [support.zone for support in layout.supports]
+    weights = np.array([ZONE_WEIGHTS[zone] / zones.count(zone) for zone in zones])
+    if under_cover:
+        weights *= [COVERED if support.clearance < LOW_COVER else 1.0 for support in layout.supports]
+    return weights / weights.sum()
 
 
 def _stand(
