@@ -182,7 +182,7 @@ def _lounge(rng: np.random.Generator, family: str, places: int) -> Furniture:
     if loose:
         own = finishes.fabric_own(rng)
         for side in (-1, 1):
-            pillow = cushion((0.2, 0.2), 0.11, 0.05, 2)
+            pillow = cushion((0.2, 0.2), 0.11, 0.05, 3)
             j.add(
                 own,
                 pillow,
