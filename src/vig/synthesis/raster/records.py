@@ -195,8 +195,17 @@ STRUCTS = "".join(
 """The records' declarations in C++, to stand at the beginning of a native function."""
 
 
-CONTRACT = "#pragma clang fp contract(fast)\n"
-"""To stand before them: products and sums in one instruction."""
+def native(record: str, body: str, **constants: float) -> str:
+    """A native function's text: declarations of records and constants, `task` of type `record`, the body.
+
+    Products and sums go in one instruction.
+    """
+    lines = "".join(
+        f"constexpr {'int' if isinstance(value, int) else 'float'} {name} = {value!r};\n"
+        for name, value in constants.items()
+    )
+    task = f"{record}* const task = ({record}*)address;\n"
+    return "#pragma clang fp contract(fast)\n" + STRUCTS + lines + task + body
 
 
 def address(array: np.ndarray) -> int:
