@@ -127,7 +127,7 @@ TASK = np.dtype(
         ("depth", "i8"),  # (pixels,) float32
         ("seen", "i8"),  # (pixels,) uint8: samples of the target
         ("support", "i8"),  # (pixels,) uint8: samples of items that are supports
-        ("encode", "i8"),  # see `shading.srgb_tables`
+        ("encode", "i8"),  # see `encoding.srgb_tables`
         ("thresholds", "i8"),
         ("shadow", "i8"),  # GRID, 0 none
         ("irradiance", "f4", 9),  # of a normal: constant, y, z, x, xy, yz, 3zz - 1, xz, xx - yy
