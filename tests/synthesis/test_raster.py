@@ -24,7 +24,7 @@ from vig.synthesis.picture import Picture
 from vig.synthesis.props import FAMILIES
 from vig.synthesis.props.material import Material
 from vig.synthesis.raster import Item, Packed, Pyramid, Target, depth, draw
-from vig.synthesis.raster.shading import EVEN
+from vig.synthesis.raster.shading import EVEN, MOST
 from vig.synthesis.view import View
 
 HERE = np.eye(3), np.zeros(3)
@@ -257,7 +257,7 @@ def test_a_rooms_corner_is_dimmer_than_its_wall(teapot: ObjectClass) -> None:
     picture = linear(draw([room], target(teapot, light), View.of(teapot, 0.9, 0.1), light))[..., 1]
     wall = picture[10:40, 10:140]
     assert wall.max() > 1.08 * wall.min()
-    assert wall.max() < 0.5 * EXPOSURE_L00 * 0.2821 * 1.02
+    assert wall.max() < 0.5 * EXPOSURE_L00 * Y00 * MOST
 
 
 def test_what_hides_the_object_is_told_apart(teapot: ObjectClass) -> None:

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 
 from vig.scene.light import COSINE_LOBE, Y1
 from vig.synthesis.picture import CANVAS, Picture
+from vig.synthesis.raster.encoding import srgb_tables
 from vig.synthesis.raster.items import HARMONICS, Item, Target, item_table
 from vig.synthesis.raster.native import workspace
 from vig.synthesis.raster.packed import Packed
 from vig.synthesis.raster.records import FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
-from vig.synthesis.raster.shading import srgb_tables
 from vig.synthesis.raster.shadow import cast_shadows
 from vig.synthesis.view import View
 
@@ -79,6 +79,7 @@ def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) ->
     record["albedo"] = target.albedo
     workspace.launch("collect", "task")
     workspace.launch("shade", "task")
+    workspace.launch("encode", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))
     aside = (CANVAS - 1) // 2

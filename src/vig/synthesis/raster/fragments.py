@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from vig.synthesis.raster.records import CONTRACT, SAMPLES, STRUCTS
+from vig.synthesis.raster.records import SAMPLES, native
 
 _COLLECT = """
 constexpr int S = SAMPLES, n = S * S;
@@ -95,10 +95,5 @@ for (int n = 0; n < count; ++n)
 """
 
 
-@wp.func_native(
-    snippet=CONTRACT
-    + STRUCTS
-    + "Task* const task = (Task*)address;\n"
-    + _COLLECT.replace("SAMPLES", str(SAMPLES))
-)
+@wp.func_native(snippet=native("Task", _COLLECT, SAMPLES=SAMPLES))
 def collect_fragments(address: wp.uint64): ...

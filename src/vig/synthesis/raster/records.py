@@ -127,7 +127,7 @@ TASK = np.dtype(
         ("depth", "i8"),  # (pixels,) float32
         ("seen", "i8"),  # (pixels,) uint8: samples of the target
         ("support", "i8"),  # (pixels,) uint8: samples of items that are supports
-        ("encode", "i8"),  # see `shading.srgb_tables`
+        ("encode", "i8"),  # see `encoding.srgb_tables`
         ("thresholds", "i8"),
         ("shadow", "i8"),  # GRID, 0 none
         ("irradiance", "f4", 9),  # of a normal: constant, y, z, x, xy, yz, 3zz - 1, xz, xx - yy
@@ -195,8 +195,17 @@ STRUCTS = "".join(
 """The records' declarations in C++, to stand at the beginning of a native function."""
 
 
-CONTRACT = "#pragma clang fp contract(fast)\n"
-"""To stand before them: products and sums in one instruction."""
+def native(record: str, body: str, **constants: float) -> str:
+    """A native function's text: declarations of records and constants, `task` of type `record`, the body.
+
+    Products and sums go in one instruction.
+    """
+    lines = "".join(
+        f"constexpr {'int' if isinstance(value, int) else 'float'} {name} = {value!r};\n"
+        for name, value in constants.items()
+    )
+    task = f"{record}* const task = ({record}*)address;\n"
+    return "#pragma clang fp contract(fast)\n" + STRUCTS + lines + task + body
 
 
 def address(array: np.ndarray) -> int:

@@ -6,16 +6,14 @@ side through vector registers.
 
 from __future__ import annotations
 
-import functools
-
-import numpy as np
 import warp as wp
 
-from vig.scene.colour import linear_from_srgb
-from vig.synthesis.raster.records import CONTRACT, SAMPLES, STRUCTS
+from vig.synthesis.raster.records import MOST_LEVELS, SAMPLES, native
 
 LEAST = 0.1
 """Share of the irradiance that no shadow takes away."""
+MOST = 1.25
+"""The most by which a place is lighter than the object's, which may be in a dim corner."""
 EVEN = 0.6
 """Far from the object, this share of the irradiance is the mean of all directions; half of it at 1 m."""
 
@@ -119,9 +117,24 @@ for (int slot = 0; slot < task->part_count; ++slot) {
         at += 1 << (log_width + log_height - 2 * level);
     }
     Grid gloom = {};
+    float reference = 1;
     if (header.gloom) {
         gloom = *(const Grid*)(asset + header.gloom);
         gloom.values = (wp::int64)(asset + header.gloom + sizeof(Grid));
+        // The light is what arrives at the object, whatever the room takes of it there: that is the measure.
+        float x[LANES], y[LANES], z[LANES], mx[LANES], my[LANES], mz[LANES], less[LANES];
+        for (int lane = 0; lane < LANES; ++lane) {
+            const float up = 1.25f * gloom.cell - item.translation[2];
+            const float from_x = -item.translation[0], from_y = -item.translation[1];
+            x[lane] = R[0][0] * from_x + R[1][0] * from_y + R[2][0] * up;
+            y[lane] = R[0][1] * from_x + R[1][1] * from_y + R[2][1] * up;
+            z[lane] = R[0][2] * from_x + R[1][2] * from_y + R[2][2] * up;
+            mx[lane] = R[2][0];
+            my[lane] = R[2][1];
+            mz[lane] = R[2][2];
+        }
+        lost(gloom, x, y, z, mx, my, mz, less);
+        reference = less[0] < 0 ? 1 : 1 / wp::max(1 - less[0], 0.3f);
     }
     // A highlight's exponent 2^sharpness, of a Blinn-Phong lobe as wide as the roughness says.
     int sharpness = 3;
@@ -299,7 +312,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 }
                 lost(gloom, x, y, z, mx, my, mz, less);
                 for (int lane = 0; lane < LANES; ++lane)
-                    left[lane] -= less[lane] > 0 ? less[lane] : 0;
+                    left[lane] = reference * (1 - (less[lane] > 0 ? less[lane] : 0));
             }
             // What casts shadows leaves its own cells to see out.
             const float ahead = item.is_support ? 0 : 1.2f * shadow->cell;
@@ -328,7 +341,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                     lobe[lane] *= lobe[lane];
             const float bright = part.emission, metal = part.metal, plain = 1 - metal, mirror = part.mirror;
             for (int lane = 0; lane < LANES; ++lane) {
-                const float open = left[lane] > LEAST ? left[lane] < 1 ? left[lane] : 1 : LEAST;
+                const float open = left[lane] > LEAST ? left[lane] < MOST ? left[lane] : MOST : LEAST;
                 const float x = rx[lane], y = ry[lane], z = rz[lane];
                 float l = L[0] + L[1] * y + L[2] * z + L[3] * x + L[4] * x * y + L[5] * y * z
                     + L[6] * (3 * z * z - 1) + L[7] * x * z + L[8] * (x * x - y * y);
@@ -353,43 +366,16 @@ for (int slot = 0; slot < task->part_count; ++slot) {
 }
 """
 
-_ENCODE = """
-const unsigned char* const encode = (const unsigned char*)task->encode;
-const float* const thresholds = (const float*)task->thresholds;
-unsigned char* const image = (unsigned char*)task->image;
-const int values = 3 * (task->width / S) * (task->height / S);
-for (int n = 0; n < values; ++n) {
-    const float value = linear[n] < 1 ? linear[n] : 1;
-    const int level = encode[(int)(value * BINS)];
-    image[n] = level + (value >= thresholds[level + 1]);
-}
-"""
-
-BINS = 4096
-"""Bins of linear light, each narrower than a level of 8-bit sRGB."""
-
-
-@functools.cache
-def srgb_tables() -> tuple[np.ndarray, np.ndarray]:
-    """The 8-bit sRGB level of each bin's lower edge (BINS + 1,), and where each level begins (257,)."""
-    thresholds = np.full(257, np.inf, np.float32)
-    thresholds[:256] = linear_from_srgb((np.arange(256) - 0.5) / 255)
-    thresholds[0] = 0
-    edges = np.arange(BINS + 1, dtype=np.float32) / BINS
-    return (np.searchsorted(thresholds, edges, side="right") - 1).astype(np.uint8), thresholds
-
-
-_SNIPPET = (
-    CONTRACT
-    + STRUCTS
-    + "Task* const task = (Task*)address;\n"
-    + _SHADE.replace("MOST_LEVELS", "10")
-    .replace("LEAST", f"{LEAST}f")
-    .replace("EVEN", f"{EVEN}f")
-    .replace("SAMPLES", str(SAMPLES))
-    + _ENCODE.replace("BINS", str(BINS))
+_SHADED = native(
+    "Task",
+    _SHADE,
+    SAMPLES=SAMPLES,
+    MOST_LEVELS=MOST_LEVELS,
+    LEAST=LEAST,
+    MOST=MOST,
+    EVEN=EVEN,
 )
 
 
-@wp.func_native(snippet=_SNIPPET)
+@wp.func_native(snippet=_SHADED)
 def shade_samples(address: wp.uint64): ...

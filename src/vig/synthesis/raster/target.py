@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import warp as wp
 
-from vig.synthesis.raster.records import STRUCTS
+from vig.synthesis.raster.records import native
 
 _LIGHT = """
 // Area-weighted vertex normals, and with them irradiance and the areas that vertices stand for.
-const float* const vertices = (const float*)target->vertices;
-const float* const added = (const float*)target->added;
-char* const asset = (char*)target->asset;
+const float* const vertices = (const float*)task->vertices;
+const float* const added = (const float*)task->added;
+char* const asset = (char*)task->asset;
 Header& header = *(Header*)asset;
 const int* const corners = (const int*)(asset + header.corners);
 float* const positions = (float*)(asset + header.positions);
 float* const attributes = (float*)(asset + header.attributes);
 float* const points = (float*)(asset + header.points);
-const float* const E = target->irradiance;
+const float* const E = task->irradiance;
 const int V = header.vertex_count;
 float low[3], high[3];
 for (int r = 0; r < 3; ++r)
@@ -67,5 +67,5 @@ for (int v = 0; v < V; ++v) {
 """
 
 
-@wp.func_native(snippet=STRUCTS + "const Target* const target = (const Target*)address;\n" + _LIGHT)
+@wp.func_native(snippet=native("Target", _LIGHT))
 def light_target(address: wp.uint64): ...

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from vig.synthesis.raster.records import CONTRACT, STRUCTS
+from vig.synthesis.raster.records import native
 
 SLACK = 4.8e-7
 """A sample that lies beyond an edge by rounding only is covered, so that no gap opens between neighbours."""
@@ -274,7 +274,5 @@ task->clipped_count = clipped_count;
 """
 
 
-@wp.func_native(
-    snippet=CONTRACT + STRUCTS + "Task* const task = (Task*)address;\n" + _DRAW.replace("SLACK", f"{SLACK}f"),
-)
+@wp.func_native(snippet=native("Task", _DRAW, SLACK=SLACK))
 def draw_faces(address: wp.uint64): ...
