@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,9 @@ EDGE = 0.01
 """Metres between the object's outline and the edge of what it stands on."""
 WALL_SHARE = 0.9
 """Of supports with a wall or back behind, this share of views comes from the side of the people."""
+COVERED, LOW_COVER = 12.0, 0.7
+"""Supports with less than so many metres above are so much likelier where the room is to hide the object."""
+SLIDES = 8
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
 
@@ -49,30 +52,58 @@ def find_place(
     places = _Places.draw(layout, actor, hidden[0] > 0, rng)
     for place in places.sifted(layout, actor, hidden[0] > 0, rejected):
         chosen = int(places.support[place])
-        origin, turn = places.pose(place)
-        zone = layout.supports[chosen].zone
-        stage = Stage.empty(library, actor, Room(number, chosen, zone, origin, turn, finishes))
+
+        def stage_at(slid: float, place: int = place, chosen: int = chosen) -> Stage:
+            origin, turn = places.pose(place, slid)
+            zone = layout.supports[chosen].zone
+            return Stage.empty(library, actor, Room(number, chosen, zone, origin, turn, finishes))
+
+        stage = _hiding(stage_at, hidden)
         share = stage.hidden()
         if not hidden[0] <= share <= hidden[1]:
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
-        elif (stage.behind < NEAREST).mean() > 0.02:
+        elif (stage.behind < NEAREST).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
             rejected["place near"] += 1
         else:
             return stage
     return None
 
 
+def _hiding(stage_at: Callable[[float], Stage], hidden: tuple[float, float]) -> Stage:
+    """A stage slid out, 0 to 1, from under what hides more of the object than is wanted, if anything is."""
+    stage = stage_at(0.0)
+    if hidden[0] == 0 or stage.hidden() <= hidden[1]:
+        return stage
+    low, high = 0.0, 1.0
+    for _ in range(SLIDES):
+        slid = (low + high) / 2
+        stage = stage_at(slid)
+        share = stage.hidden()
+        if hidden[0] <= share <= hidden[1]:
+            break
+        low, high = (slid, high) if share > hidden[1] else (low, slid)
+    return stage
+
+
+def _eye_of(stage: Stage) -> np.ndarray:
+    """The eye (1, 3) in the layout."""
+    room = stage.room
+    return (stage.actor.view.eye - np.array(room.origin))[None] @ room.rotation()
+
+
 @dataclass(frozen=True)
 class _Places:
     """Proposals, N of them.
 
-    support: (N,) its number. turn: (N,) radians, layout to world. spot: (N, 3) of the object in the layout.
-    fits: (N,) whether the object has room there. eye: (N, 3) in the layout.
+    support: (N,) its number. turn: (N,) radians, layout to world. spot: (N, 3) of the object in the layout;
+    slide: (N, 3) from there to the support's edge on the side of the people. fits: (N,) whether the object
+    has room there. eye: (N, 3) in the layout.
     """
 
     support: np.ndarray
     turn: np.ndarray
     spot: np.ndarray
+    slide: np.ndarray
     fits: np.ndarray
     eye: np.ndarray
 
@@ -82,6 +113,8 @@ class _Places:
         supports, count = layout.supports, PROPOSALS[hiding]
         zones = [support.zone for support in supports]
         weights = np.array([ZONE_WEIGHTS[zone] / zones.count(zone) for zone in zones])
+        if hiding:
+            weights *= [COVERED if support.clearance < LOW_COVER else 1.0 for support in supports]
         chosen = rng.choice(len(supports), count, p=weights / weights.sum())
         own_turn = np.array([support.turn for support in supports])[chosen]
         half = np.array([support.half for support in supports])[chosen]
@@ -106,11 +139,12 @@ class _Places:
         fits = (reach >= 0).all(1) & (actor.body.heights[1] <= clearance - EDGE)
         turn = facing - own_turn
         spot = centre + _turned(np.column_stack([own, np.zeros(count)]), own_turn)
+        to_edge = np.column_stack([np.zeros(count), least[:, 1] - own[:, 1], np.zeros(count)])
         eye = spot + _turned(np.broadcast_to(actor.view.eye, (count, 3)), -turn)
-        return _Places(chosen, turn, spot, fits, eye)
+        return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
 
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
-        """Numbers of places where object and eye are free; where furniture is in the line of sight first."""
+        """Numbers of places where object and eye are free; those with furniture in the line of sight first."""
         rejected["place too small"] += int((~self.fits).sum())
         free = self.fits & _eye_is_free(layout, self.eye)
         rejected["place eye"] += int((self.fits & ~free).sum())
@@ -118,12 +152,15 @@ class _Places:
         if hiding:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
             met = _in_sight(layout, self.eye[order], middle)
+            clearance = np.array([support.clearance for support in layout.supports])[self.support[order]]
+            met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # it looks down past a board
             order = order[np.argsort(~met, kind="stable")]
         yield from order[:MOST_LOOKED_AT].tolist()
 
-    def pose(self, place: int) -> tuple[tuple[float, float, float], float]:
-        """The layout's origin and turn in the world at one of the places."""
-        x, y, z = (-_turned(self.spot[place : place + 1], self.turn[place : place + 1])[0]).tolist()
+    def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
+        """The layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
+        spot = self.spot[place] + slid * self.slide[place]
+        x, y, z = (-_turned(spot[None], self.turn[place : place + 1])[0]).tolist()
         return (x, y, z), float(self.turn[place])
 
 
