@@ -71,7 +71,7 @@ class Check:
     props: Path | None = None
     """Folder of your own household things (.glb, .gltf, .obj, .ply, .off, .stl) that it was made with."""
     furniture: Path | None = None
-    """Folder of your own furniture, that it was made with."""
+    """Folder of your own furniture that it was made with."""
     json: bool = False
     """Print one JSON object with every problem."""
 

@@ -59,7 +59,7 @@ def label_problems(
 
 
 def silhouette(object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec) -> np.ndarray:
-    """The object (V, 3) alone on the canvas of 3 x 3 frames, (3H, 3W) bool: half of a pixel's samples or more.
+    """The object (V, 3) alone on the canvas of 3 x 3 frames: (3H, 3W) bool, half a pixel or more.
 
     By the differentiable renderer, which shares no code with those that make pictures.
     """

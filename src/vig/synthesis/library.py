@@ -43,6 +43,7 @@ TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
 SLOTS = tuple(FINISHES)
+ALL_ZONES = tuple(sorted({zone for zones in ZONES.values() for zone in zones}))
 BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
 """The environment variable that names an interpreter which can import bpy."""
 
@@ -114,11 +115,6 @@ class Library:
         self.light_parts = lru_cache(maxsize=4096)(self._light_parts)
 
     # Props
-
-    @property
-    def zones(self) -> tuple[str, ...]:
-        """Where things are used; see `Support`."""
-        return tuple(sorted({zone for zones in ZONES.values() for zone in zones}))
 
     def families(self, zone: str) -> tuple[str, ...]:
         """The families of props that belong in a zone."""

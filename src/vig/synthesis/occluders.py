@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig.synthesis.library import ALL_ZONES
 from vig.synthesis.rotations import about_x, about_z, along, vector_of
 from vig.synthesis.spec import Placed, Role
 from vig.synthesis.stage import MARGIN, NEAREST, Stage
@@ -58,9 +59,8 @@ def draw_large(stage: Stage, rng: np.random.Generator, least_area: float, uprigh
 
     First from the zone of the object's support, then from any. upright: it is seen from the side.
     """
-    zones = list(stage.library.zones)
     for draw in range(DRAWS):
-        zone = stage.room.zone if draw < DRAWS // 2 else zones[int(rng.integers(len(zones)))]
+        zone = stage.room.zone if draw < DRAWS // 2 else ALL_ZONES[int(rng.integers(len(ALL_ZONES)))]
         name = draw_prop(stage, rng, zone)
         x, y, z = stage.library.sizes(*name)
         area = z * max(x, y) if upright else x * y * z / min(x, y, z)

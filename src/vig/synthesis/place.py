@@ -18,7 +18,7 @@ ZONE_WEIGHTS = {
     "bedside": 1.0, "washing": 0.7, "floor": 0.3,
 }  # fmt: skip
 """How often a teapot stands in each zone of a room, relative to the others."""
-PROPOSALS = {False: 48, True: 400}
+PROPOSALS = {False: 48, True: 200}
 """Places drawn at a time; more where the room is to hide the object."""
 MOST_LOOKED_AT = 16
 """Of the places that pass, so many are drawn."""
@@ -109,7 +109,7 @@ class _Places:
 
     @staticmethod
     def draw(layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> _Places:
-        """Zones by `ZONE_WEIGHTS`, any support in a zone; seen from where people stand, if that is one side."""
+        """Zones by `ZONE_WEIGHTS`, any support in a zone; seen from where people stand."""
         supports, count = layout.supports, PROPOSALS[hiding]
         zones = [support.zone for support in supports]
         weights = np.array([ZONE_WEIGHTS[zone] / zones.count(zone) for zone in zones])

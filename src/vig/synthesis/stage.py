@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vig.scene import ObjectClass
-from vig.synthesis.footprint import Footprint
+from vig.synthesis.footprint import Footprint, extreme_points
 from vig.synthesis.furniture import Support
 from vig.synthesis.library import Library
 from vig.synthesis.raster import Item, Target, depth
@@ -56,7 +56,7 @@ class Actor:
             azimuth=azimuth,
             elevation=elevation,
             view=view,
-            body=Footprint.of(vertices.astype(np.float64), view.forward),
+            body=Footprint.of(extreme_points(vertices), view.forward),
             depth=alone,
             pixels=np.flatnonzero(np.isfinite(alone)),
             own=alone[np.isfinite(alone)],
