@@ -48,10 +48,11 @@ class TracedPicture(Picture):
 class CyclesRenderer:
     """Renders scenes in one worker process, which is started when it is first needed.
 
-    library, object_class: what scenes are made of. python: an interpreter that can import bpy; None takes the environment variable `VIG_BLENDER_PYTHON`, then
-    the running one. samples: paths per pixel. threads: of the worker. recycle: scenes after which the worker
-    is replaced by a fresh one. finish: of the object: `diffuse` is Lambertian as in vig's model, `glossy`
-    adds a clear coat, `painted` also a painted decoration.
+    library, object_class: what scenes are made of. python: an interpreter that can import bpy; None takes the
+    environment variable `VIG_BLENDER_PYTHON`, then the running one. samples: paths per pixel. threads: of the
+    worker. recycle: scenes after which the worker is replaced by a fresh one. finish: of the object:
+    `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat, `painted` also a painted
+    decoration.
 
     Use it as a context manager, or call `close`.
 
