@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from vig.scene import ShapeModel
-from vig.synthesis.cycles.decorations import decoration
+from vig.synthesis.textures import decoration
 
 Finish = Literal["diffuse", "glossy", "painted"]
 FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")

@@ -95,7 +95,7 @@ class _Scene:
     def texture(self, pixels: np.ndarray) -> str:
         """The name under which a texture (h, w, 3) is sent, once however often it is used."""
         name = self._textures.setdefault(id(pixels), f"texture_{len(self._textures)}")
-        self.arrays[name] = pixels.astype(np.float32)
+        self.arrays[name] = np.asarray(pixels, np.float32)
         return name
 
 

@@ -31,6 +31,7 @@ def make(
     """A material as `vig.synthesis.cycles.appearance` describes it; one-sided ones have no back."""
     result = bpy.data.materials.new(name)
     result.use_nodes = True
+    result.cycles.emission_sampling = "NONE"  # panes and shades are large and dim: to aim at them adds noise
     nodes, links = result.node_tree.nodes, result.node_tree.links
     nodes.clear()
     lambertian = about["lambertian"]

@@ -83,7 +83,7 @@ def settle(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
     cycles.device, cycles.seed, cycles.samples = "CPU", header["seed"], header["samples"]
     cycles.sampling_pattern = "TABULATED_SOBOL"
     cycles.use_adaptive_sampling = False
-    cycles.use_light_tree = any(about["material"]["emission"] > 0 for about in header["things"])
+    cycles.use_light_tree = False
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 4, 4, 2
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_direct, cycles.sample_clamp_indirect = 0.0, CLAMP
