@@ -144,7 +144,7 @@ class _Places:
         return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
 
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
-        """Numbers of places where object and eye are free; those with furniture in the line of sight first."""
+        """Numbers of places where object and eye are free; furniture in the line of sight goes first."""
         rejected["place too small"] += int((~self.fits).sum())
         free = self.fits & _eye_is_free(layout, self.eye)
         rejected["place eye"] += int((self.fits & ~free).sum())
@@ -190,7 +190,7 @@ def _eye_is_free(layout: Layout, eye: np.ndarray) -> np.ndarray:
 
 
 def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Whether the lines from eyes to objects (N, 3) pass furniture that the object is not within: (N,) bool."""
+    """Whether the lines from eyes to objects (N, 3) pass furniture: (N,) bool."""
     if not len(layout.solids):
         return np.zeros(len(eye), bool)
     sides, low, high = _half_spaces(layout, NEAR_RAY)
