@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,8 +12,9 @@ _OPPOSITE = (np.arange(16) + 8) % 16
 _AXES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 
 
-def hull_directions() -> np.ndarray:
-    """Unit vectors (162, 3) spread over the sphere, level ones among them."""
+@lru_cache(maxsize=1)
+def _hull_directions() -> np.ndarray:
+    """Unit vectors (130, 3) float32 spread over the sphere, level ones among them."""
     rings: list[np.ndarray] = []
     for elevation, count in zip(
         np.arange(-4, 5) * (np.pi / 8), (1, 8, 16, 24, 32, 24, 16, 8, 1), strict=True
@@ -22,13 +24,13 @@ def hull_directions() -> np.ndarray:
         rings.append(
             np.stack([level * np.cos(angle), level * np.sin(angle), 0 * angle + np.sin(elevation)], 1)
         )
-    return np.concatenate(rings)
+    return np.concatenate(rings).astype(np.float32)
 
 
 def extreme_points(vertices: np.ndarray) -> np.ndarray:
-    """The points of (V, 3) farthest in any of `hull_directions`, (N, 3) float64: a lean convex hull."""
-    farthest = np.unique((vertices @ hull_directions().astype(vertices.dtype).T).argmax(axis=0))
-    return vertices[farthest].astype(np.float64)
+    """The points of (V, 3) farthest in any of 130 directions, (N, 3) float64: a lean convex hull."""
+    farthest = (_hull_directions() @ vertices.astype(np.float32).T).argmax(axis=1)
+    return vertices[np.unique(farthest)].astype(np.float64)
 
 
 @dataclass(frozen=True)

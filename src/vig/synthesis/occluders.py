@@ -1,4 +1,4 @@
-"""Ways to hide an object: something in front of it, a hand, a branch, something that hangs."""
+"""Ways to hide an object: something in front of it, a hand, a branch, as a last resort a board."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from vig.synthesis.stage import MARGIN, NEAREST, Stage
 class Candidate:
     """Props that move together along a line: at offset `least` they hide most, at `most` nothing.
 
-    motion: (3,) metres per unit of offset. stands: on the object's own support; otherwise in mid-air, held.
+    motion: (3,) metres per unit of offset, across the line of sight. stands: on the object's own support;
+    otherwise in mid-air, held.
     """
 
     parts: list[Placed]
@@ -32,15 +33,18 @@ Kind = Callable[[Stage, np.random.Generator, float], Candidate]
 DRAWS = 12
 
 
-def draw_kind(stage: Stage, rng: np.random.Generator, last_resort: bool) -> Kind:
-    """A way to hide the object that suits the elevation: what stands hides little from above."""
-    high = float(np.clip((stage.actor.elevation - 0.6) / 0.7, 0, 1))
+def draw_kind(stage: Stage, rng: np.random.Generator, level: float, last_resort: bool) -> Kind:
+    """A way to hide the object that suits the elevation and the share that is to be hidden.
+
+    What stands hides little from above; an arm or a twig never hides nearly everything.
+    """
+    high = float(np.clip((stage.actor.elevation - 0.45) / 0.6, 0, 1))
+    missing = level - stage.hidden()
     chances: dict[Kind, float] = {
-        standing: 0.85 - 0.75 * high,
+        standing: 0.85 - 0.8 * high,
         in_hand: 0.08 + 0.42 * high,
-        reaching: 0.06 + 0.2 * high,
-        branch: 0.05 + 0.07 * high,
-        hanging: 0.03 * (stage.actor.elevation < 0.7),
+        reaching: (0.06 + 0.2 * high) * (missing < 0.65),
+        branch: (0.05 + 0.07 * high) * (missing < 0.45),
         board: 0.3 * last_resort,
     }
     kinds, weights = list(chances), np.array(list(chances.values()))
@@ -98,8 +102,8 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
 
 def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the eye."""
-    name = draw_large(stage, rng, area_to_hide(stage, level, 0.5), False)
-    if rng.uniform() < level:
+    name = draw_large(stage, rng, area_to_hide(stage, level, 0.75), False)
+    if rng.uniform() < 0.3 + 0.7 * level:
         turn = _facing(stage, rng, int(stage.library.sizes(*name).argmin()))
     else:
         turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
@@ -110,7 +114,7 @@ def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     aim = _aim(stage, rng, (depth.max() - depth.min()) / 2)
     grip = 0.75 * ((points - middle) @ outward).max()
     arm = _arm(stage, rng, aim + grip * outward, outward, "holder")
-    return Candidate([placed(name, aim - middle, turn), arm], outward, -0.06, 0.4, False)
+    return Candidate([placed(name, aim - middle, turn), arm], outward, 0.0, 0.4, False)
 
 
 def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
@@ -136,20 +140,6 @@ def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     rotation = about_z(np.arctan2(outward[1], outward[0]))
     part = placed(("board", _member(stage, rng)), _aim(stage, rng, 0.06), rotation)
     return Candidate([part], outward, -0.3, 0.3, False)
-
-
-def hanging(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
-    """An upright prop on a cord; moves sideways."""
-    name = draw_large(stage, rng, area_to_hide(stage, level, 0.5), True)
-    turn = about_z(rng.uniform(0, 2 * np.pi))
-    points = stage.library.extremes(*name) @ turn.T
-    depth = points @ stage.actor.view.forward
-    middle = (points.max(0) + points.min(0)) / 2
-    aim = _aim(stage, rng, (depth.max() - depth.min()) / 2)
-    top = aim + np.array([0.0, 0.0, np.ptp(points[:, 2]) / 2 - 0.002])
-    cord = placed(("cord", _member(stage, rng)), top, np.eye(3), "holder")
-    parts = [placed(name, aim - middle, turn), cord]
-    return Candidate(parts, rng.choice([-1.0, 1.0]) * stage.actor.aside, 0.0, 0.4, False)
 
 
 def _member(stage: Stage, rng: np.random.Generator) -> int:

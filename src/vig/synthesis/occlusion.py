@@ -9,11 +9,13 @@ import numpy as np
 from vig.synthesis.footprint import Footprint
 from vig.synthesis.occluders import Candidate, draw_kind
 from vig.synthesis.spec import Placed
-from vig.synthesis.stage import MARGIN, Stage
+from vig.synthesis.stage import MARGIN, NEAREST, Stage
 
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8
 """How often the last occluder is drawn before the room is given up."""
+PROBED = (0.0, 0.12)
+"""A candidate that cannot be at either of these offsets from the least is not tried further."""
 STEPS = 12
 """How often an offset is tried."""
 HAND_SHARE = 0.02
@@ -33,9 +35,9 @@ def hide(
     count = 1 if target - already < 0.08 else int(rng.choice([1, 2, 3], p=[0.45, 0.35, 0.2]))
     levels = already + (target - already) * np.cumsum(rng.dirichlet(np.full(count, 2.0)))
     for level in levels[:-1]:
-        _count(rejected, _place(stage, draw_kind(stage, rng, last_resort)(stage, rng, level), level))
+        _count(rejected, _place(stage, draw_kind(stage, rng, level, last_resort)(stage, rng, level), level))
     for _ in range(KINDS_TRIED):
-        make = draw_kind(stage, rng, last_resort)
+        make = draw_kind(stage, rng, target, last_resort)
         for _ in range(TRIALS_PER_KIND):
             reason = _place(stage, make(stage, rng, target), target)
             if not reason:
@@ -53,11 +55,14 @@ def _place(stage: Stage, candidate: Candidate, level: float) -> str:
     """Bisect a candidate's offset until `level` is hidden and keep it, or say why not in a word."""
     clouds = [stage.points(part) for part in candidate.parts]
     points, forward = np.concatenate(clouds), stage.actor.view.forward
-    low, high = candidate.least, candidate.most
-    nearest = (points @ forward).min() + min(candidate.motion @ forward * end for end in (low, high))
-    if nearest < forward @ stage.actor.view.eye + 0.02:
-        return "eye"
-    if stage.hidden_at_most(points + low * candidate.motion) < level - FIT_TOLERANCE:
+    if (points @ forward).min() < forward @ stage.actor.view.eye + NEAREST:
+        return "eye"  # wherever it is moved: motions are across the line of sight
+    if _hand_is_out(stage, candidate):
+        return "no hand"
+    nowhere = [_misplaced(stage, candidate, clouds, candidate.least + more) for more in PROBED]
+    if all(nowhere):
+        return nowhere[0]
+    if stage.hidden_at_most(points + candidate.least * candidate.motion) < level - FIT_TOLERANCE:
         return "too small"
     found = _offset(stage, candidate, level)
     if isinstance(found, str):
@@ -65,23 +70,41 @@ def _place(stage: Stage, candidate: Candidate, level: float) -> str:
     offset, seen = found
     shift = offset * candidate.motion
     footprints = [Footprint.of(cloud + shift, forward) for cloud in clouds]
-    for cloud, footprint in zip(clouds, footprints, strict=True):
+    for footprint in footprints:
         if reason := stage.check(footprint):
             return reason
-        if candidate.stands and not stage.carries(stage.support, cloud + shift):
-            return "off support"
-        if not candidate.stands and stage.on_support(stage.support, cloud + shift)[:, 2].min() < MARGIN:
-            return "below support"
+    if reason := _misplaced(stage, candidate, clouds, offset):
+        return reason
     if not candidate.stands and (stage.behind < seen + 2 * MARGIN)[np.isfinite(seen)].any():
         return "in furniture"
     if (np.minimum(stage.blockers, seen) < stage.behind).mean() > 0.3 + 0.5 * level:
         return "fills the frame"
     parts = [_moved(part, shift) for part in candidate.parts]
-    arms = [part for part in parts if part.family == "arm"]
-    if arms and len(parts) > 1 and (stage.seen_at(arms) <= seen)[np.isfinite(seen)].mean() < HAND_SHARE:
+    arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
+    if arms and (stage.seen_at(arms) <= seen)[np.isfinite(seen)].mean() < HAND_SHARE:
         return "no hand"
     stage.add(parts, footprints, seen)
     return ""
+
+
+def _misplaced(stage: Stage, candidate: Candidate, clouds: list[np.ndarray], offset: float) -> str:
+    """Why a candidate cannot be at an offset, as far as the support goes; an empty string if it can."""
+    shift = offset * candidate.motion
+    if candidate.stands:
+        carried = all(stage.carries(stage.support, cloud + shift) for cloud in clouds)
+        return "" if carried else "off support"
+    lowest = min(stage.on_support(stage.support, cloud + shift)[:, 2].min() for cloud in clouds)
+    return "below support" if lowest < MARGIN else ""
+
+
+def _hand_is_out(stage: Stage, candidate: Candidate) -> bool:
+    """Whether the fingertips of an arm that holds something are out of the frame at the least offset."""
+    holders = [part for part in candidate.parts if part.role == "holder" and part.family == "arm"]
+    if not holders:
+        return False
+    tips = np.array([holders[0].position]) + candidate.least * candidate.motion
+    rows, columns = stage.actor.view.window(tips)
+    return rows.start == rows.stop or columns.start == columns.stop
 
 
 def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np.ndarray] | str:

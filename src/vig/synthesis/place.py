@@ -144,7 +144,7 @@ class _Places:
         return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
 
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
-        """Numbers of places where object and eye are free; furniture in the line of sight goes first."""
+        """Numbers of places where object and eye are free and, if hiding, furniture is in the line of sight."""
         rejected["place too small"] += int((~self.fits).sum())
         free = self.fits & _eye_is_free(layout, self.eye)
         rejected["place eye"] += int((self.fits & ~free).sum())
@@ -154,7 +154,7 @@ class _Places:
             met = _in_sight(layout, self.eye[order], middle)
             clearance = np.array([support.clearance for support in layout.supports])[self.support[order]]
             met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # it looks down past a board
-            order = order[np.argsort(~met, kind="stable")]
+            order = order[met]
         yield from order[:MOST_LOOKED_AT].tolist()
 
     def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
@@ -208,7 +208,7 @@ def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray
 
 
 def _half_spaces(layout: Layout, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Furniture grown by `margin`: (M, 4, 3) outward normal and offset of its sides; lowest, highest z (M,)."""
+    """Furniture grown by `margin`: (M, 4, 3) outward normal and offset of sides; lowest, highest z (M,)."""
     corners = layout.solids[:, :4]
     way = np.roll(corners, -1, axis=1) - corners
     normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)

@@ -6,16 +6,15 @@ from collections import Counter
 
 import numpy as np
 
-from vig.scene import ObjectClass
+from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.synthesis.clutter import strew
 from vig.synthesis.library import SLOTS, Library
 from vig.synthesis.occlusion import hide
 from vig.synthesis.place import find_place
 from vig.synthesis.raster import Item, depth
 from vig.synthesis.spec import SPLITS, Placed, Room, SceneSpec, Split
-from vig.synthesis.stage import Actor
+from vig.synthesis.stage import LAYOUT_SIZE, Actor
 from vig.synthesis.target import draw_shape, shape_vertices
-from vig.synthesis.view import View
 
 MAX_OCCLUSION = 0.9
 NONE_SHARE = 0.05
@@ -67,7 +66,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
             rejected["room"] += 1
             continue
         strew(stage, rng, rejected)
-        occlusion = measure(library, object_class, actor, stage.room, stage.props)
+        occlusion = measure(library, actor, stage.room, stage.props)
         if abs(occlusion - target) > TOLERANCE:
             rejected["tolerance"] += 1
             continue
@@ -94,11 +93,9 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
     raise RuntimeError(f"sample {index} of seed {seed}: no scene hides {target:.3f}; {dict(rejected)}")
 
 
-def measure(
-    library: Library, object_class: ObjectClass, actor: Actor, room: Room, props: list[Placed]
-) -> float:
+def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> float:
     """The hidden share of the object at the full size of the image, one sample per pixel."""
-    view = View.of(object_class, actor.azimuth, actor.elevation)
+    view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
     items = [Item(library.packed_layout(room.layout), room.rotation(), np.array(room.origin))]
     items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]

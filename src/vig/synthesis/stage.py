@@ -18,7 +18,7 @@ LAYOUT_SIZE = 75
 """Pixels on a side of the masks on which placements are judged."""
 MARGIN = 0.004
 """Metres between any two things."""
-NEAREST = 0.12
+NEAREST = 0.09
 """Nothing comes nearer to the eye's image plane than this, metres."""
 
 
@@ -32,7 +32,6 @@ class Actor:
     """
 
     item: Item
-    azimuth: float
     elevation: float
     view: View
     body: Footprint
@@ -53,7 +52,6 @@ class Actor:
         alone = depth([item], view)[0]
         return Actor(
             item=item,
-            azimuth=azimuth,
             elevation=elevation,
             view=view,
             body=Footprint.of(extreme_points(vertices), view.forward),

@@ -35,6 +35,10 @@ class View:
         camera = Camera(factor * c.width, factor * c.height, c.focal, cx, cy)
         return View(camera, self.rotation, self.translation)
 
+    def scaled(self, factor: float) -> View:
+        """The same view in an image `factor` times as wide and high."""
+        return View(self.camera.scaled(factor), self.rotation, self.translation)
+
     @property
     def eye(self) -> np.ndarray:
         """The eye in the world (3,), metres."""
