@@ -2,8 +2,9 @@
 
 Makes a dataset in a temporary folder with `vig.dataset.make_dataset`, as `vig dataset make` does, everything
 included: choosing rooms, occluders and views, drawing, encoding and writing files. Two rates are printed: the
-whole call's, worker processes' start and first assets included, and the steady one, of the last three quarters
-of the samples. For memory, the resident sizes of this process and its children are added up four times a second.
+whole call's, worker processes' start and first assets included, and the steady one, of the last three
+quarters of the samples. For memory, the resident sizes of this process and its children are added up four
+times a second.
 """
 
 from __future__ import annotations

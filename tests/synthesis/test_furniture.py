@@ -27,6 +27,8 @@ HEIGHTS = {  # of the support that is used most, metres
     "desk": (0.72, 0.76),
     "coffee_table": (0.35, 0.48),
     "side_table": (0.45, 0.6),
+    "sink_counter": (0.88, 0.94),
+    "hob_counter": (0.88, 0.94),
     "kitchen_counter": (0.88, 0.94),
     "kitchen_island": (0.88, 0.94),
     "chair": (0.43, 0.48),

@@ -102,7 +102,7 @@ def test_supports_lie_on_surfaces_and_are_free_above(seed):
 
 def test_what_is_behind_a_support_is_there():
     """From its +y edge, a little above it, a level ray meets a face within `behind`, or nothing near."""
-    told = 0
+    told, missed = 0, 0
     for seed in range(12):
         layout = drawn(seed)
         vertices, faces = joined(layout.parts)
@@ -118,8 +118,8 @@ def test_what_is_behind_a_support_is_there():
                 assert distance > 0.3
             elif support.zone != "floor":  # what stands on the floor may have legs
                 told += 1
-                assert distance < support.behind + 0.3
-    assert told > 40
+                missed += distance > support.behind + 0.1  # between the rods of a chair's back
+    assert told > 40 and missed < 0.05 * told
 
 
 def first_hit(vertices: np.ndarray, faces: np.ndarray, start: np.ndarray, ahead: np.ndarray) -> float:

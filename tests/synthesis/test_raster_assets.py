@@ -3,12 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vig.scene import Mesh
+from vig.scene import Mesh, srgb8_from_linear
 from vig.synthesis.props.material import Material
 from vig.synthesis.raster import Packed, Pyramid
+from vig.synthesis.raster.encoding import BINS, srgb_tables
 from vig.synthesis.raster.gloom import directions
 from vig.synthesis.raster.points import strewn
-from vig.synthesis.raster.shadow import sky_weights
+from vig.synthesis.raster.shadow import BOUNCE, sky_weights
 
 
 def decoded(pyramid: Pyramid) -> list[np.ndarray]:
@@ -78,9 +79,19 @@ def test_slots_and_shared_textures_are_kept_once() -> None:
 
 
 def test_light_from_all_directions_is_what_a_level_surface_gets() -> None:
-    """Under even light of radiance 1, L00 = 2 sqrt(pi), all directions together are an irradiance of 1."""
+    """Under even light of radiance 1, L00 = 2 sqrt(pi), they are an irradiance of 1, less what comes back."""
     towards = directions()
     np.testing.assert_allclose(np.linalg.norm(towards, axis=1), 1, atol=1e-12)
-    weights = sky_weights(towards, np.array([2 * np.sqrt(np.pi), *[0.0] * 8]))
-    assert (weights[:, 0] + weights[:, 3]).sum() == pytest.approx(1)
+    weights = sky_weights(np.array([2 * np.sqrt(np.pi), *[0.0] * 8]))
+    assert (weights[:, 0] + weights[:, 3]).sum() == pytest.approx(1 - BOUNCE)
     np.testing.assert_allclose(weights[:, 1:3].sum(0), 0, atol=0.05)
+
+
+def test_tables_encode_as_the_formula_does() -> None:
+    """Each bin's level, or the next where its threshold is reached: what the native code does."""
+    levels, thresholds = srgb_tables()
+    values = np.random.default_rng(0).uniform(0, 1, 20000).astype(np.float32) ** 2
+    found = levels[(values * BINS).astype(int)].astype(int)
+    found += values >= thresholds[found + 1]
+    assert (found != srgb8_from_linear(values)).mean() < 1e-4
+    assert levels[-1] == 255

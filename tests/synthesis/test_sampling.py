@@ -10,7 +10,8 @@ from vig.scene import EXPOSURE_L00, ObjectClass, linear_from_srgb
 from vig.synthesis.build import build, export
 from vig.synthesis.footprint import Footprint
 from vig.synthesis.library import Library
-from vig.synthesis.raster import Item, depth, render
+from vig.synthesis.raster import Item, depth
+from vig.synthesis.rendering import render
 from vig.synthesis.sampling import TOLERANCE, sample
 from vig.synthesis.spec import Placed, SceneSpec
 from vig.synthesis.target import target_vertices
@@ -143,10 +144,8 @@ def test_the_room_leaves_the_object_in_view(
     """A surface behind every pixel, and what the room hides is no more than what was asked for."""
     for spec in specs:
         view = View.of(teapot, spec.azimuth, spec.elevation)
-        room = depth(
-            [Item(library.packed_layout(spec.room.layout), spec.room.rotation(), np.array(spec.room.origin))],
-            view,
-        )
+        packed = library.packed_layout(spec.room.layout)
+        room, _ = depth([Item(packed, spec.room.rotation(), np.array(spec.room.origin))], view)
         assert np.isfinite(room).mean() > 0.999
         alone = view.depth(target_vertices(spec, teapot), teapot.shape_model.faces)
         assert (room < alone)[np.isfinite(alone)].mean() <= spec.target + 2 * TOLERANCE

@@ -36,7 +36,7 @@ class Make:
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
-    """Of the object, path traced: matt as in the model, under a glaze, or glazed over a painted decoration."""
+    """Of the object, path traced: matt as in the model, glazed, or glazed over a painted decoration."""
     photo: bool = False
     """Photograph the pictures: exposure, white balance, blur, noise, JPEG."""
     envmaps: str | None = None
@@ -67,11 +67,11 @@ class Check:
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """The folder of the class pack it was made with, when that is not a packaged class."""
     envmaps: str | None = None
-    """Folder of your own panoramas (.hdr, .exr) that it was made with; `bpy`: the eight in Blender's wheel."""
+    """Folder of your own panoramas (.hdr, .exr) that it was made with; `bpy`: those in Blender's wheel."""
     props: Path | None = None
     """Folder of your own household things (.glb, .gltf, .obj, .ply, .off, .stl) that it was made with."""
     furniture: Path | None = None
-    """Folder of your own furniture, that it was made with."""
+    """Folder of your own furniture that it was made with."""
     json: bool = False
     """Print one JSON object with every problem."""
 

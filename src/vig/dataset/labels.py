@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from scipy.ndimage import binary_erosion
 
 from vig.dataset import bop
@@ -18,6 +17,7 @@ from vig.scene.light import L_COUNT
 from vig.synthesis.picture import CANVAS
 from vig.synthesis.raster.draw import SAMPLES
 from vig.synthesis.spec import SceneSpec
+from vig.synthesis.target import target_vertices
 from vig.synthesis.view import View
 
 CLOSE = 1e-9
@@ -46,8 +46,8 @@ def label_problems(
     yield from _latent_problems(item["row"], spec)
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
     yield from _pose_problems(item, view)
-    vertices = _vertices(object_class, spec)
-    canvas = silhouette(object_class, spec)
+    vertices = target_vertices(spec, object_class)
+    canvas = silhouette(object_class, vertices, spec)
     yield from _visibility_problems(item["gt_info"][0], alone, seen, pictures["depth"], canvas)
     yield from _share_problems(item["row"], item["gt_info"][0], alone, seen)
     inner = binary_erosion(seen)  # a pixel at an edge has the depth of what is nearest in it
@@ -58,18 +58,16 @@ def label_problems(
         yield f"depth: only {inside.mean():.0%} of the visible pixels are within the object's depth"
 
 
-def silhouette(object_class: ObjectClass, spec: SceneSpec) -> np.ndarray:
-    """The object alone on the canvas of 3 x 3 frames, (3H, 3W) bool: at least half of a pixel's samples."""
+def silhouette(object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec) -> np.ndarray:
+    """The object (V, 3) alone on the canvas of 3 x 3 frames: (3H, 3W) bool, half a pixel or more.
+
+    By the differentiable renderer, which shares no code with those that make pictures.
+    """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE * SAMPLES).widened(CANVAS)
-    depth = view.depth(_vertices(object_class, spec), object_class.shape_model.faces)
+    depth = view.depth(vertices, object_class.shape_model.faces)
     size = CANVAS * IMAGE_SIZE
     samples = np.isfinite(depth).reshape(size, SAMPLES, size, SAMPLES)
     return samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
-
-
-def _vertices(object_class: ObjectClass, spec: SceneSpec) -> np.ndarray:
-    coefficients = torch.tensor(spec.shape, dtype=torch.float32)[None]
-    return object_class.shape_model.vertices(coefficients)[0].numpy()
 
 
 def _latent_problems(row: dict[str, Any], spec: SceneSpec) -> Iterator[str]:

@@ -59,7 +59,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process: BaseProcess = context.Process(target=_work, args=(theirs, job, folder), daemon=False)
-        self.process.start()
+        with _without_interrupts():
+            self.process.start()
         theirs.close()
         self.waiting: deque[int] = deque()
         self.made = 0
@@ -174,6 +175,16 @@ def _work(connection: Connection, job: Job, folder: Path) -> None:
         pass
     finally:
         maker.close()
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """A process started inside never hears of Ctrl-C, not even while it starts; here it comes later."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

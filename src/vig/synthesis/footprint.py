@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 _ANGLES = np.arange(16) * (np.pi / 8)
+_OPPOSITE = (np.arange(16) + 8) % 16
 _AXES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 
 
 def hull_directions() -> np.ndarray:
     """Unit vectors (162, 3) spread over the sphere, level ones among them."""
-    rings = []
+    rings: list[np.ndarray] = []
     for elevation, count in zip(
         np.arange(-4, 5) * (np.pi / 8), (1, 8, 16, 24, 32, 24, 16, 8, 1), strict=True
     ):
@@ -34,8 +35,8 @@ def extreme_points(vertices: np.ndarray) -> np.ndarray:
 class Footprint:
     """A bound of a solid: its shadow on the ground, its heights, its depths along one axis.
 
-    outline: (N, 2) points whose convex hull is its shadow. support: (16,) extents of the outline along sixteen
-    directions. heights: lowest and highest z. depths: least and greatest coordinate along the axis.
+    outline: (N, 2) points whose convex hull is its shadow. support: (16,) extents of the outline along
+    sixteen directions. heights: lowest and highest z. depths: least and greatest coordinate along the axis.
     """
 
     outline: np.ndarray
@@ -56,7 +57,7 @@ class Footprint:
 
     def gap(self, other: Footprint) -> float:
         """At least this many metres lie between the two along one of the axes; may be too small."""
-        gap = -float((self.support + np.roll(other.support, 8)).min())
+        gap = -float((self.support + other.support[_OPPOSITE]).min())
         gap = max(gap, self.heights[0] - other.heights[1], other.heights[0] - self.heights[1])
         return max(gap, self.depths[0] - other.depths[1], other.depths[0] - self.depths[1])
 

@@ -43,6 +43,7 @@ TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
 SLOTS = tuple(FINISHES)
+ALL_ZONES = tuple(sorted({zone for zones in ZONES.values() for zone in zones}))
 BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
 """The environment variable that names an interpreter which can import bpy."""
 
@@ -89,8 +90,9 @@ class OwnAssets:
 
     def fingerprints(self) -> dict[str, str]:
         """What tells the assets apart: kind and name to hash."""
-        kinds = {"panorama": self.panoramas, "prop": self.props, "furniture": self.furniture}
-        return {f"{kind}/{each.name}": each.fingerprint for kind, own in kinds.items() for each in own}
+        found = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
+        found |= {f"prop/{own.name}": own.fingerprint for own in self.props}
+        return found | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
 
 
 class Library:
@@ -103,7 +105,7 @@ class Library:
         self.prop = lru_cache(maxsize=128)(self._prop)
         self.packed = lru_cache(maxsize=4096)(self._packed)
         self.extremes = lru_cache(maxsize=4096)(self._extremes)
-        self.area = lru_cache(maxsize=4096)(self._area)
+        self.sizes = lru_cache(maxsize=4096)(self._sizes)
         self.layout = lru_cache(maxsize=128)(self._layout)
         self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
         self.finish = lru_cache(maxsize=128)(self._finish)
@@ -138,10 +140,9 @@ class Library:
         """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
         return extreme_points(np.concatenate([mesh.vertices for mesh, _ in self.prop(family, number).parts]))
 
-    def _area(self, family: str, number: int) -> float:
-        """Square metres of a prop's bounding box from its broad side."""
-        size = np.ptp(self.extremes(family, number), axis=0)
-        return float(size[2] * max(size[0], size[1]))
+    def _sizes(self, family: str, number: int) -> np.ndarray:
+        """Extents (3,) in metres of a prop in its own frame."""
+        return np.ptp(self.extremes(family, number), axis=0)
 
     # Rooms
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig.synthesis.library import ALL_ZONES
 from vig.synthesis.rotations import about_x, about_z, along, vector_of
 from vig.synthesis.spec import Placed, Role
 from vig.synthesis.stage import MARGIN, NEAREST, Stage
@@ -31,7 +32,7 @@ Kind = Callable[[Stage, np.random.Generator, float], Candidate]
 DRAWS = 12
 
 
-def draw_kind(stage: Stage, rng: np.random.Generator) -> Kind:
+def draw_kind(stage: Stage, rng: np.random.Generator, last_resort: bool) -> Kind:
     """A way to hide the object that suits the elevation: what stands hides little from above."""
     high = float(np.clip((stage.actor.elevation - 0.6) / 0.7, 0, 1))
     chances: dict[Kind, float] = {
@@ -40,25 +41,32 @@ def draw_kind(stage: Stage, rng: np.random.Generator) -> Kind:
         reaching: 0.06 + 0.2 * high,
         branch: 0.05 + 0.07 * high,
         hanging: 0.03 * (stage.actor.elevation < 0.7),
+        board: 0.3 * last_resort,
     }
     kinds, weights = list(chances), np.array(list(chances.values()))
     return kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
 
 
-def draw_prop(
-    stage: Stage, rng: np.random.Generator, zone: str, least_area: float = 0.0
-) -> tuple[str, int]:
-    """A random prop that belongs in a zone: its family and number.
-
-    Up to twelve are drawn until one has a silhouette of `least_area` square metres from the side.
-    """
+def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, int]:
+    """A random prop that belongs in a zone: its family and number."""
     families = stage.library.families(zone)
-    for _ in range(DRAWS):
-        family = families[int(rng.integers(len(families)))]
-        number = int(rng.integers(stage.library.members(family)))
-        if not least_area or stage.library.area(family, number) >= least_area:
+    family = families[int(rng.integers(len(families)))]
+    return family, int(rng.integers(stage.library.members(family)))
+
+
+def draw_large(stage: Stage, rng: np.random.Generator, least_area: float, upright: bool) -> tuple[str, int]:
+    """A random prop of at least `least_area` square metres from its broadest side, or the last drawn.
+
+    First from the zone of the object's support, then from any. upright: it is seen from the side.
+    """
+    for draw in range(DRAWS):
+        zone = stage.room.zone if draw < DRAWS // 2 else ALL_ZONES[int(rng.integers(len(ALL_ZONES)))]
+        name = draw_prop(stage, rng, zone)
+        x, y, z = stage.library.sizes(*name)
+        area = z * max(x, y) if upright else x * y * z / min(x, y, z)
+        if area >= least_area:
             break
-    return family, number
+    return name
 
 
 def area_to_hide(stage: Stage, level: float, nearness: float) -> float:
@@ -78,7 +86,7 @@ def placed(
 
 def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """A prop on the same support, between the eye and the object; moves sideways."""
-    name = draw_prop(stage, rng, stage.room.zone, area_to_hide(stage, level, 0.7))
+    name = draw_large(stage, rng, area_to_hide(stage, level, 0.7), True)
     turn = about_z(rng.uniform(0, 2 * np.pi))
     points = stage.library.extremes(*name) @ turn.T
     gap = MARGIN + 0.002 + rng.uniform(0, 0.1) * np.cos(stage.actor.elevation)
@@ -89,9 +97,12 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
 
 
 def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
-    """A tilted prop held by an arm that comes from outside the frame."""
-    name = draw_prop(stage, rng, stage.room.zone, area_to_hide(stage, level, 0.5))
-    turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
+    """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the eye."""
+    name = draw_large(stage, rng, area_to_hide(stage, level, 0.5), False)
+    if rng.uniform() < level:
+        turn = _facing(stage, rng, int(stage.library.sizes(*name).argmin()))
+    else:
+        turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
     points = stage.library.extremes(*name) @ turn.T
     middle = (points.max(0) + points.min(0)) / 2
     depth = points @ stage.actor.view.forward
@@ -118,9 +129,18 @@ def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     return Candidate([placed(twig, _aim(stage, rng, 0.03), rotation)], outward, -0.3, 0.2, False)
 
 
+def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
+    """The end of a shelf board above the object."""
+    turn = rng.uniform(-0.3, np.pi + 0.3)
+    outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
+    rotation = about_z(np.arctan2(outward[1], outward[0]))
+    part = placed(("board", _member(stage, rng)), _aim(stage, rng, 0.06), rotation)
+    return Candidate([part], outward, -0.3, 0.3, False)
+
+
 def hanging(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
     """An upright prop on a cord; moves sideways."""
-    name = draw_prop(stage, rng, stage.room.zone, area_to_hide(stage, level, 0.5))
+    name = draw_large(stage, rng, area_to_hide(stage, level, 0.5), True)
     turn = about_z(rng.uniform(0, 2 * np.pi))
     points = stage.library.extremes(*name) @ turn.T
     depth = points @ stage.actor.view.forward
@@ -141,6 +161,13 @@ def _arm(
 ) -> Placed:
     rotation = along(outward, stage.actor.view.forward) @ about_x(rng.uniform(0, 6.3))
     return placed(("arm", _member(stage, rng)), fingertips, rotation, role)
+
+
+def _facing(stage: Stage, rng: np.random.Generator, axis: int) -> np.ndarray:
+    """A rotation that takes a prop's `axis` nearly to the direction of view, with any roll."""
+    to_x = np.eye(3)[[axis, (axis + 1) % 3, (axis + 2) % 3]]
+    tilt = about_z(rng.normal(0, 0.25)) @ about_x(rng.uniform(0, 2 * np.pi))
+    return along(stage.actor.view.forward, _outward(stage, rng)) @ tilt @ to_x
 
 
 def _aim(stage: Stage, rng: np.random.Generator, half_depth: float) -> np.ndarray:

@@ -20,17 +20,22 @@ HAND_SHARE = 0.02
 """At least this share of the frame shows the arm of who holds something, so that nothing seems to float."""
 
 
-def hide(stage: Stage, target: float, rng: np.random.Generator, rejected: Counter[str]) -> bool:
-    """Add one to three occluders that together with the room hide `target`; False when nothing fits."""
+def hide(
+    stage: Stage, target: float, rng: np.random.Generator, rejected: Counter[str], last_resort: bool
+) -> bool:
+    """Add one to three occluders that together with the room hide `target`; False when nothing fits.
+
+    last_resort: shelf boards out of nowhere are allowed too.
+    """
     if target == 0 or abs(stage.hidden() - target) <= FIT_TOLERANCE:
         return True
     already = stage.hidden()
     count = 1 if target - already < 0.08 else int(rng.choice([1, 2, 3], p=[0.45, 0.35, 0.2]))
     levels = already + (target - already) * np.cumsum(rng.dirichlet(np.full(count, 2.0)))
     for level in levels[:-1]:
-        _count(rejected, _place(stage, draw_kind(stage, rng)(stage, rng, level), level))
+        _count(rejected, _place(stage, draw_kind(stage, rng, last_resort)(stage, rng, level), level))
     for _ in range(KINDS_TRIED):
-        make = draw_kind(stage, rng)
+        make = draw_kind(stage, rng, last_resort)
         for _ in range(TRIALS_PER_KIND):
             reason = _place(stage, make(stage, rng, target), target)
             if not reason:

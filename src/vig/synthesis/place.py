@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from vig.synthesis.furniture import Support
 from vig.synthesis.layouts import Layout
 from vig.synthesis.library import Library
 from vig.synthesis.spec import Room, Surface
@@ -16,14 +17,22 @@ ZONE_WEIGHTS = {
     "dining": 3.0, "drinks": 3.0, "cooking": 3.0, "display": 2.0, "desk": 1.5, "storage": 1.5, "reading": 1.0,
     "bedside": 1.0, "washing": 0.7, "floor": 0.3,
 }  # fmt: skip
-"""How often a teapot stands in each zone, relative to the number of supports there."""
-PLACES_TRIED = 40
+"""How often a teapot stands in each zone of a room, relative to the others."""
+PROPOSALS = {False: 48, True: 200}
+"""Places drawn at a time; more where the room is to hide the object."""
+MOST_LOOKED_AT = 16
+"""Of the places that pass, so many are drawn."""
 EYE_CLEARANCE = 0.06
 """Metres between the eye and walls or furniture."""
 EDGE = 0.01
 """Metres between the object's outline and the edge of what it stands on."""
 WALL_SHARE = 0.9
 """Of supports with a wall or back behind, this share of views comes from the side of the people."""
+COVERED, LOW_COVER = 12.0, 0.7
+"""Supports with less than so many metres above are so much likelier where the room is to hide the object."""
+SLIDES = 8
+NEAR_RAY = 0.05
+"""Metres from a piece of furniture within which the line of sight counts as meeting it."""
 
 
 def find_place(
@@ -40,87 +49,172 @@ def find_place(
     """
     number = int(rng.integers(library.layouts))
     layout = library.layout(number)
-    weights = np.array([ZONE_WEIGHTS[support.zone] for support in layout.supports])
-    for _ in range(PLACES_TRIED):
-        chosen = int(rng.choice(len(weights), p=weights / weights.sum()))
-        support = layout.supports[chosen]
-        reason, room = _stand(actor, support, hidden[0] > 0, rng)
-        if room is None:
-            rejected[f"place {reason}"] += 1
-            continue
-        described = Room(number, chosen, support.zone, *room, finishes)
-        if not _eye_is_free(layout, described, actor):
-            rejected["place eye"] += 1
-            continue
-        stage = Stage.empty(library, actor, described)
+    places = _Places.draw(layout, actor, hidden[0] > 0, rng)
+    for place in places.sifted(layout, actor, hidden[0] > 0, rejected):
+        chosen = int(places.support[place])
+
+        def stage_at(slid: float, place: int = place, chosen: int = chosen) -> Stage:
+            origin, turn = places.pose(place, slid)
+            zone = layout.supports[chosen].zone
+            return Stage.empty(library, actor, Room(number, chosen, zone, origin, turn, finishes))
+
+        stage = _hiding(stage_at, hidden)
         share = stage.hidden()
         if not hidden[0] <= share <= hidden[1]:
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
-        elif (stage.behind < NEAREST).mean() > 0.02:
+        elif (stage.behind < NEAREST).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
             rejected["place near"] += 1
         else:
             return stage
     return None
 
 
-def _stand(
-    actor: Actor, support: Support, anywhere: bool, rng: np.random.Generator
-) -> tuple[str, tuple[tuple[float, float, float], float] | None]:
-    """Draw a direction of view and a spot on a support: the layout's origin and turn in the world, or why not."""
-    if actor.body.heights[1] > support.clearance - EDGE:
-        return "clearance", None
-    open_all_round = not np.isfinite(support.behind)
-    spread = np.pi if anywhere or open_all_round or rng.uniform() > WALL_SHARE else 1.25
-    # The eye is towards -`ahead`; people stand at -y of the support's axes.
-    facing = np.arctan2(actor.ahead[1], actor.ahead[0]) - np.pi / 2 + rng.uniform(-spread, spread)
-    x_axis = np.array([np.cos(facing), np.sin(facing)])
-    y_axis = np.array([-x_axis[1], x_axis[0]])
-    along = np.stack([actor.body.outline @ x_axis, actor.body.outline @ y_axis])
-    low, high = along.min(1), along.max(1)
-    half = np.array(support.half)
-    least, most = -half + EDGE - low, half - EDGE - high  # where the object's origin can be, own axes
-    if (least > most).any():
-        return "too small", None
-    spot = least + (most - least) * _spread(rng, most - least)
-    turn = float(facing - support.turn)
-    c, s = np.cos(support.turn), np.sin(support.turn)
-    local = np.array(support.centre) + [c * spot[0] - s * spot[1], s * spot[0] + c * spot[1], 0.0]
-    c, s = np.cos(turn), np.sin(turn)
-    origin = (float(-(c * local[0] - s * local[1])), float(-(s * local[0] + c * local[1])), float(-local[2]))
-    return "", (origin, turn)
+def _hiding(stage_at: Callable[[float], Stage], hidden: tuple[float, float]) -> Stage:
+    """A stage slid out, 0 to 1, from under what hides more of the object than is wanted, if anything is."""
+    stage = stage_at(0.0)
+    if hidden[0] == 0 or stage.hidden() <= hidden[1]:
+        return stage
+    low, high = 0.0, 1.0
+    for _ in range(SLIDES):
+        slid = (low + high) / 2
+        stage = stage_at(slid)
+        share = stage.hidden()
+        if hidden[0] <= share <= hidden[1]:
+            break
+        low, high = (slid, high) if share > hidden[1] else (low, slid)
+    return stage
 
 
-def _spread(rng: np.random.Generator, room: np.ndarray) -> np.ndarray:
-    """A spot in the unit square: near the side of the people on deep supports, anywhere along it."""
-    reach = rng.uniform(0, min(1.0, 0.5 / max(room[1], 1e-6))) if rng.uniform() < 0.7 else rng.uniform()
-    return np.array([rng.uniform(), reach])
+def _eye_of(stage: Stage) -> np.ndarray:
+    """The eye (1, 3) in the layout."""
+    room = stage.room
+    return (stage.actor.view.eye - np.array(room.origin))[None] @ room.rotation()
 
 
-def _eye_is_free(layout: Layout, room: Room, actor: Actor) -> bool:
-    """Whether the eye is inside the room and outside its furniture."""
-    eye = (actor.view.eye - np.array(room.origin)) @ room.rotation()
-    if not 0.02 < eye[2] < layout.height - EYE_CLEARANCE:
-        return False
-    if not _inside(layout.outline, eye[:2], EYE_CLEARANCE):
-        return False
-    for solid in layout.solids:
-        if solid[4, 0] - EYE_CLEARANCE < eye[2] < solid[4, 1] + EYE_CLEARANCE and _inside(
-            solid[:4], eye[:2], -EYE_CLEARANCE
-        ):
-            return False
-    return True
+@dataclass(frozen=True)
+class _Places:
+    """Proposals, N of them.
+
+    support: (N,) its number. turn: (N,) radians, layout to world. spot: (N, 3) of the object in the layout;
+    slide: (N, 3) from there to the support's edge on the side of the people. fits: (N,) whether the object
+    has room there. eye: (N, 3) in the layout.
+    """
+
+    support: np.ndarray
+    turn: np.ndarray
+    spot: np.ndarray
+    slide: np.ndarray
+    fits: np.ndarray
+    eye: np.ndarray
+
+    @staticmethod
+    def draw(layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> _Places:
+        """Zones by `ZONE_WEIGHTS`, any support in a zone; seen from where people stand."""
+        supports, count = layout.supports, PROPOSALS[hiding]
+        zones = [support.zone for support in supports]
+        weights = np.array([ZONE_WEIGHTS[zone] / zones.count(zone) for zone in zones])
+        if hiding:
+            weights *= [COVERED if support.clearance < LOW_COVER else 1.0 for support in supports]
+        chosen = rng.choice(len(supports), count, p=weights / weights.sum())
+        own_turn = np.array([support.turn for support in supports])[chosen]
+        half = np.array([support.half for support in supports])[chosen]
+        centre = np.array([support.centre for support in supports])[chosen]
+        clearance = np.array([support.clearance for support in supports])[chosen]
+        open_all_round = ~np.isfinite([support.behind for support in supports])[chosen]
+
+        anywhere = open_all_round | (rng.uniform(size=count) > WALL_SHARE) | hiding
+        spread = np.where(anywhere, np.pi, 1.25) * rng.uniform(-1, 1, count)
+        # The eye is towards -`ahead`; people stand at -y of the support's axes.
+        facing = np.arctan2(actor.ahead[1], actor.ahead[0]) - np.pi / 2 + spread
+        c, s = np.cos(facing), np.sin(facing)
+        x, y = actor.body.outline.T
+        along = np.stack([np.outer(c, x) + np.outer(s, y), np.outer(c, y) - np.outer(s, x)], axis=1)
+        least, most = EDGE - half - along.min(2), half - EDGE - along.max(2)  # of the object's origin
+        reach = most - least
+        near = np.where(
+            rng.uniform(size=count) < 0.7, np.minimum(1.0, 0.5 / np.maximum(reach[:, 1], 0.01)), 1.0
+        )
+        share = rng.uniform(size=(count, 2)) * np.stack([np.ones(count), near], axis=1)
+        own = least + reach * share  # near the people on deep supports, anywhere along them
+        fits = (reach >= 0).all(1) & (actor.body.heights[1] <= clearance - EDGE)
+        turn = facing - own_turn
+        spot = centre + _turned(np.column_stack([own, np.zeros(count)]), own_turn)
+        to_edge = np.column_stack([np.zeros(count), least[:, 1] - own[:, 1], np.zeros(count)])
+        eye = spot + _turned(np.broadcast_to(actor.view.eye, (count, 3)), -turn)
+        return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
+
+    def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
+        """Numbers of places where object and eye are free; furniture in the line of sight goes first."""
+        rejected["place too small"] += int((~self.fits).sum())
+        free = self.fits & _eye_is_free(layout, self.eye)
+        rejected["place eye"] += int((self.fits & ~free).sum())
+        order = np.flatnonzero(free)
+        if hiding:
+            middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
+            met = _in_sight(layout, self.eye[order], middle)
+            clearance = np.array([support.clearance for support in layout.supports])[self.support[order]]
+            met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # it looks down past a board
+            order = order[np.argsort(~met, kind="stable")]
+        yield from order[:MOST_LOOKED_AT].tolist()
+
+    def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
+        """The layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
+        spot = self.spot[place] + slid * self.slide[place]
+        x, y, z = (-_turned(spot[None], self.turn[place : place + 1])[0]).tolist()
+        return (x, y, z), float(self.turn[place])
 
 
-def _inside(outline: np.ndarray, point: np.ndarray, margin: float) -> bool:
-    """Whether a point (2,) is in a polygon (N, 2), `margin` from its edges; grown when negative (convex only)."""
-    start, end = outline, np.roll(outline, -1, axis=0)
-    way, offset = end - start, point - start
-    if margin < 0:  # a convex solid: every edge has the point on its left, or is at most -margin away
-        left = way[:, 0] * offset[:, 1] - way[:, 1] * offset[:, 0]
-        return bool((left >= margin * np.linalg.norm(way, axis=1)).all())
-    t = np.clip((offset * way).sum(1) / (way**2).sum(1), 0, 1)
-    if np.linalg.norm(offset - t[:, None] * way, axis=1).min() < margin:
-        return False
-    crosses = (start[:, 1] > point[1]) != (end[:, 1] > point[1])
-    at = start[:, 0] + way[:, 0] * (point[1] - start[:, 1]) / np.where(crosses, way[:, 1], 1.0)
-    return bool((crosses & (at > point[0])).sum() % 2)
+def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Points (N, 3), each turned by its angle (N,) radians about +Z."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = points.T
+    return np.stack([c * x - s * y, s * x + c * y, z], axis=1)
+
+
+def _eye_is_free(layout: Layout, eye: np.ndarray) -> np.ndarray:
+    """Whether eyes (N, 3) are inside the room and outside its furniture, with some space: (N,) bool."""
+    free = (eye[:, 2] > 0.02) & (eye[:, 2] < layout.height - EYE_CLEARANCE)
+    start, end = layout.outline, np.roll(layout.outline, -1, axis=0)
+    way, offset = end - start, eye[:, None, :2] - start
+    t = np.clip((offset * way).sum(2) / (way**2).sum(1), 0, 1)
+    free &= (((offset - t[..., None] * way) ** 2).sum(2) > EYE_CLEARANCE**2).all(1)
+    crosses = (start[:, 1] > eye[:, None, 1]) != (end[:, 1] > eye[:, None, 1])
+    at = start[:, 0] + way[:, 0] * offset[..., 1] / np.where(way[:, 1] == 0, 1.0, way[:, 1])
+    free &= (crosses & (at > eye[:, None, 0])).sum(1) % 2 == 1
+    if len(layout.solids):
+        sides, low, high = _half_spaces(layout, EYE_CLEARANCE)
+        outside = (sides[..., :2] * eye[:, None, None, :2]).sum(3) - sides[..., 2]
+        inside = (outside <= 0).all(2) & (eye[:, 2:] > low) & (eye[:, 2:] < high)
+        free &= ~inside.any(1)
+    return free
+
+
+def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Whether the lines from eyes to objects (N, 3) pass furniture: (N,) bool."""
+    if not len(layout.solids):
+        return np.zeros(len(eye), bool)
+    sides, low, high = _half_spaces(layout, NEAR_RAY)
+    way = middle - eye
+    # Along the line, height over each of the six planes is a + b t, negative inside.
+    a = (sides[..., :2] * eye[:, None, None, :2]).sum(3) - sides[..., 2]
+    b = (sides[..., :2] * way[:, None, None, :2]).sum(3)
+    z, up = eye[:, 2:, None], np.broadcast_to(way[:, 2:, None], (*a.shape[:2], 1))
+    a = np.concatenate([a, low[:, None] - z, z - high[:, None]], axis=2)
+    b = np.concatenate([b, -up, up], axis=2)
+    at = -a / np.where(np.abs(b) < 1e-9, 1e-9, b)
+    enters = np.where(b < 0, at, -np.inf).max(2)
+    leaves = np.where(b > 0, at, np.inf).min(2)
+    return ((enters < leaves) & (leaves > 0.1) & (leaves < 0.95) & (enters < 0.9)).any(1)
+
+
+def _half_spaces(layout: Layout, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Furniture grown by `margin`: (M, 4, 3) outward normal and offset of its sides; lowest, highest z (M,)."""
+    corners = layout.solids[:, :4]
+    way = np.roll(corners, -1, axis=1) - corners
+    normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)
+    offset = (normal * corners).sum(2, keepdims=True) + margin
+    return (
+        np.concatenate([normal, offset], axis=2),
+        layout.solids[:, 4, 0] - margin,
+        layout.solids[:, 4, 1] + margin,
+    )

@@ -23,8 +23,11 @@ NONE_SHARE = 0.05
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS = 60
-SUPPORT_SHARE, SUPPORT_ATTEMPTS = 0.15, 3
-"""In this share of scenes, room and furniture are to hide most of what is hidden, if three rooms allow it."""
+BOARDS_FROM = 8
+"""From this attempt on, shelf boards may reach into the picture."""
+SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
+"""In this share of scenes seen from below an elevation (radians), room and furniture are to hide most of what
+is hidden, if one of four rooms allows it."""
 
 
 def stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
@@ -55,12 +58,12 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
 
     actor = Actor.of(object_class, shape_vertices(shape, design, object_class), azimuth, elevation)
     rejected: Counter[str] = Counter()
-    by_support = rng.uniform() < SUPPORT_SHARE
+    by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
     for attempt in range(ATTEMPTS):
         rng = stream(seed, index, split, 1 + attempt)
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
         stage = find_place(library, actor, finishes, (least, target), rng, rejected)
-        if stage is None or not hide(stage, target, rng, rejected):
+        if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
             rejected["room"] += 1
             continue
         strew(stage, rng, rejected)

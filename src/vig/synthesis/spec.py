@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -77,12 +77,12 @@ class Placed:
 class SceneSpec:
     """One scene: the 24 latents and everything else that is seen.
 
-    shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the held-out
-    design whose deviation from the model the object also has, -1 for none. azimuth, elevation radians; albedo
-    (3,) linear RGB; light (9,) SH of incident radiance, world frame, as the raster tier has it. panorama: asset
-    number; panorama_angle: radians by which it was turned. target: the occlusion asked for, in [0, 0.9];
-    occlusion: what the layout measured at low resolution. rejected: how many candidate placements were
-    thrown away, by reason.
+    shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
+    held-out design whose deviation from the model the object also has, -1 for none. azimuth, elevation
+    radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame, as the raster tier has
+    it. panorama: asset number; panorama_angle: radians by which it was turned. target: the occlusion asked
+    for, in [0, 0.9]; occlusion: what the layout measured at low resolution. rejected: how many candidate
+    placements were thrown away, by reason.
     """
 
     seed: int
@@ -108,7 +108,7 @@ class SceneSpec:
 
     def to_json(self) -> str:
         """One line of JSON that `from_json` reads back to an equal spec."""
-        return json.dumps(asdict(self), separators=(",", ":"))
+        return json.dumps(self, default=vars, separators=(",", ":"))
 
     @staticmethod
     def from_json(text: str) -> SceneSpec:

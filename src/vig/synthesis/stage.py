@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vig.scene import ObjectClass
-from vig.synthesis.footprint import Footprint
+from vig.synthesis.footprint import Footprint, extreme_points
 from vig.synthesis.furniture import Support
 from vig.synthesis.library import Library
 from vig.synthesis.raster import Item, Target, depth
@@ -26,9 +26,9 @@ NEAREST = 0.12
 class Actor:
     """The object as seen from its eye.
 
-    item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those that show it, own:
-    their depths, sums:
-    (76, 76) how many of them lie above and left of each corner. body: its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
+    item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those
+    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner. body:
+    its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
     """
 
     item: Item
@@ -47,15 +47,16 @@ class Actor:
     def of(object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float) -> Actor:
         """The object (V, 3) at the origin, seen from angles in radians."""
         view = View.of(object_class, azimuth, elevation, LAYOUT_SIZE)
-        dark = np.zeros(object_class.shape_model.modes), np.zeros(3), np.zeros(9)
-        item = Item(Target.of(object_class, vertices, *dark).packed, np.eye(3), np.zeros(3))
+        modes = object_class.shape_model.modes
+        dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
+        item = Item(dark.packed, np.eye(3), np.zeros(3))
         alone = depth([item], view)[0]
         return Actor(
             item=item,
             azimuth=azimuth,
             elevation=elevation,
             view=view,
-            body=Footprint.of(vertices.astype(np.float64), view.forward),
+            body=Footprint.of(extreme_points(vertices), view.forward),
             depth=alone,
             pixels=np.flatnonzero(np.isfinite(alone)),
             own=alone[np.isfinite(alone)],
@@ -69,8 +70,8 @@ class Actor:
 class Stage:
     """Where a scene is put together.
 
-    support: what the object stands on, in the layout's frame. behind, blockers: (75, 75) metres, inf = nothing:
-    the room, and the nearest of room and props. solids: bounds of the props so far.
+    support: what the object stands on, in the layout's frame. behind, blockers: (75, 75) metres, inf =
+    nothing: the room, and the nearest of room and props. solids: bounds of the props so far.
     """
 
     library: Library

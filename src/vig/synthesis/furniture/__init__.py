@@ -18,6 +18,8 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Furniture]] = {
         tables.console,
         tables.tea_trolley,
         kitchen.kitchen_counter,
+        kitchen.sink_counter,
+        kitchen.hob_counter,
         kitchen.kitchen_island,
         kitchen.wall_cupboard,
         kitchen.refrigerator,

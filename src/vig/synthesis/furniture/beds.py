@@ -112,14 +112,12 @@ def potted_tree(rng: np.random.Generator) -> Furniture:
         trunk,
         rod([[0, 0, deep - 0.05], [0.02, 0.01, 0.6 * high], [0.0, 0.0, 0.85 * high]], 0.016, 6, (1, 0, 0)),
     )
-    count = int(rng.integers(16, 30))
     long = float(rng.uniform(0.25, 0.42))
+    path = long * np.array([[0.0, 0.0, 0.0], [0.0, 0.45, 0.12], [0.0, 1.0, -0.2]])
+    width = np.array([[0.004, 0.003], [0.16 * long, 0.002], [0.006, 0.002]])
+    blade = tube(path, width, 4)
+    count = int(rng.integers(16, 30))
     for k in range(count):
-        angle, rise = 2.4 * k + rng.uniform(-0.3, 0.3), rng.uniform(-0.1, 1.2)
-        root = np.array([0, 0, high * (0.45 + 0.4 * k / count)])
-        out = np.array([np.cos(angle) * np.cos(rise), np.sin(angle) * np.cos(rise), np.sin(rise)])
-        drop = np.array([0, 0, -0.35 * long])
-        stations = [root, root + 0.45 * long * out, root + long * out + drop]
-        width = np.array([[0.004, 0.003], [0.16 * long, 0.002], [0.006, 0.002]])
-        j.add(leaf, tube(stations, width, 4))
+        root = (0.0, 0.0, high * (0.45 + 0.4 * k / count))
+        j.add(leaf, blade, root, 2.4 * k + float(rng.uniform(-0.3, 0.3)), float(rng.uniform(-0.1, 1.2)))
     return j.done("potted_tree")

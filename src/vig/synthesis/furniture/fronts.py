@@ -103,11 +103,11 @@ def leg(j: Joinery, stuff: Material, x: float, y: float, z: float, thick: float,
     elif kind == "tapered":
         j.add(stuff, slab((half, half), 0.0, [[(0.45 * half, 0.0), (0.0, 0.85 * z), (0.0, z)]], 0), (x, y, 0))
     elif kind == "round":
-        j.add(stuff, slab((half, half), half, [[(0.5 * half, 0.0), (0.0, z)]], 3), (x, y, 0))
+        j.add(stuff, slab((half, half), half, [[(0.5 * half, 0.0), (0.0, z)]], 2), (x, y, 0))
     else:
-        r = np.array([0, 0.45, 0.7, 0.5, 0.55, 0.95, 0.6, 0.6, 1.0, 1.0, 1.0, 0]) * half
-        h = np.array([0, 0, 0.05, 0.1, 0.4, 0.68, 0.72, 0.76, 0.8, 0.8, 1.0, 1.0]) * z
-        j.add(stuff, turned_post(np.stack([r, h], -1), 10), (x, y, 0))
+        r = np.array([0, 0.45, 0.7, 0.5, 0.95, 0.6, 1.0, 1.0, 0]) * half
+        h = np.array([0, 0, 0.05, 0.12, 0.68, 0.74, 0.8, 1.0, 1.0]) * z
+        j.add(stuff, turned_post(np.stack([r, h], -1), 8), (x, y, 0))
 
 
 def legs(j: Joinery, stuff: Material, half: tuple[float, float], z: float, thick: float, kind: str) -> None:

@@ -149,7 +149,7 @@ def rounding(inset: float, low: float, high: float, pieces: int) -> list[tuple[f
     return [(float(inset * (1 - np.cos(a))), float(low + (high - low) * np.sin(a))) for a in t]
 
 
-def cushion(half: ArrayLike, height: float, radius: float, corner: int = 3) -> Mesh:
+def cushion(half: ArrayLike, height: float, radius: float, corner: int = 2) -> Mesh:
     """A soft block with a flat middle, on z = 0; `radius` of its corners and, below it, of its edges."""
     edge = min(radius, 0.5 * height)
     up = rounding(edge, height - edge, height, 2)
@@ -159,7 +159,7 @@ def cushion(half: ArrayLike, height: float, radius: float, corner: int = 3) -> M
 
 def turned_post(profile: ArrayLike, segments: int = 10) -> Mesh:
     """A surface of revolution (see `revolve`) with its texture in metres."""
-    mesh = revolve(profile, segments)
+    mesh = revolve(np.asarray(profile, float), segments)
     points = np.asarray(profile, float)
     size = [np.pi * points[:, 0].max(), np.hypot(*np.diff(points, axis=0).T).sum()]
     assert mesh.uv is not None

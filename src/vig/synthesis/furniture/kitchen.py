@@ -13,14 +13,23 @@ from vig.synthesis.furniture.pierced import Hole, pierced
 from vig.synthesis.furniture.tables import edge
 from vig.synthesis.props.material import Material
 
+STEEL = (0.5, 0.5, 0.51)
+WORKTOP, THICKNESS, WORKTOP_DEPTH = 0.91, 0.038, 0.62
+"""Height, thickness and depth of worktops, metres: the same in all counters, which stand side by side."""
 
-def _sink(j: Joinery, stuff: Material, hole: Hole, z: float) -> None:
+
+def _sink(j: Joinery, hole: Hole, z: float) -> None:
     """A basin whose rim lies on the worktop at z, and a tap behind it."""
+    white = j.rng.uniform() < 0.25
+    basin = (
+        finishes.plain((0.8, 0.8, 0.77), "ceramic", 0.15) if white else finishes.plain(STEEL, "metal", 0.3)
+    )
+    stuff = finishes.fitting(j.rng) if j.rng.uniform() < 0.4 else finishes.plain(STEEL, "metal", 0.25)
     x, y = (hole[0] + hole[2]) / 2, (hole[1] + hole[3]) / 2
     half = np.array([hole[2] - hole[0], hole[3] - hole[1]]) / 2
     deep = float(j.rng.uniform(0.15, 0.2))
     j.add(
-        stuff,
+        basin,
         slab(
             half + 0.015,
             0.03,
@@ -36,11 +45,11 @@ def _sink(j: Joinery, stuff: Material, hole: Hole, z: float) -> None:
     )
     ring = slab((0.035, 0.035), 0.035, [[(0.0, 0.0), (0.0, 0.002)]], 3)
     j.add(finishes.plain((0.12, 0.12, 0.13), "metal", 0.3), ring, (x, y, z - deep))
-    bend = np.linspace(0, np.pi, 7)
+    bend = np.linspace(0, np.pi, 5)
     reach, high = float(j.rng.uniform(0.07, 0.1)), float(j.rng.uniform(0.14, 0.24))
     back = hole[3] + 0.055
     path = [[x, back, z], *([x, back - reach * (1 - np.cos(a)), z + high + reach * np.sin(a)] for a in bend)]
-    j.add(stuff, rod([*path, [x, back - 2 * reach, z + high - 0.03]], 0.011, 8, (1.0, 0.0, 0.0)))
+    j.add(stuff, rod([*path, [x, back - 2 * reach, z + high - 0.03]], 0.011, 6, (1.0, 0.0, 0.0)))
     j.add(
         stuff,
         slab((0.026, 0.026), 0.026, [[(0.0, z), (0.0, z + 0.05)], [(0.0, z + 0.05), (0.008, z + 0.056)]]),
@@ -56,7 +65,7 @@ def _hob(j: Joinery, area: Hole, z: float) -> None:
     half = ((area[2] - area[0]) / 2, (area[3] - area[1]) / 2)
     black = finishes.plain((0.025, 0.025, 0.028), "glass", 0.08)
     gas = rng.uniform() < 0.45
-    steel = finishes.plain((0.5, 0.5, 0.51), "metal", 0.3)
+    steel = finishes.plain(STEEL, "metal", 0.3)
     j.add(
         steel if gas else black,
         slab(half, 0.01, [[(0.0, z), (0.0, z + 0.004)], [(0.0, z + 0.004), (0.002, z + 0.006)]]),
@@ -122,40 +131,47 @@ def _units(j: Joinery, body: Material, metal: Material, x: float, y: float, unde
 
 
 def kitchen_counter(rng: np.random.Generator) -> Furniture:
-    """A run of base units under one worktop, with a sink, with a hob, or with neither."""
+    """A run of base units under one worktop."""
+    return _counter(rng, "kitchen_counter")
+
+
+def sink_counter(rng: np.random.Generator) -> Furniture:
+    """A run of base units with a sink."""
+    return _counter(rng, "sink_counter")
+
+
+def hob_counter(rng: np.random.Generator) -> Furniture:
+    """A run of base units with a hob, most with an oven below it."""
+    return _counter(rng, "hob_counter")
+
+
+def _counter(rng: np.random.Generator, family: str) -> Furniture:
     j = Joinery(rng)
-    count = int(rng.integers(2, 5))
-    x, y = 0.3 * count, float(rng.uniform(0.3, 0.32))
-    z, thick = float(rng.uniform(0.88, 0.94)), float(rng.uniform(0.025, 0.045))
-    top, body, metal = finishes.top(rng), finishes.carcass(rng, 0.45), finishes.fitting(rng)
-    under, lip = z - thick, 0.03
-    kind = str(rng.choice(["sink", "hob", "plain"], p=[0.42, 0.38, 0.2]))
-    middle = -x + 0.6 * float(rng.integers(count)) + 0.3
-    middle = float(np.clip(middle, 0.36 - x, x - 0.36))
-    wide = float(rng.uniform(0.2, 0.27)) if kind == "sink" else 0.285
-    area = (middle - wide, -0.21, middle + wide, 0.19 if kind == "sink" else 0.25)
-    j.add(top, pierced((-x, lip - y), (x, y), under, z, [area] if kind == "sink" else []))
+    count = int(rng.integers(2, 4 if family == "kitchen_counter" else 5))
+    x, y, z = 0.3 * count, WORKTOP_DEPTH / 2, WORKTOP
+    top, body, metal = finishes.top(rng), finishes.wood(rng), finishes.fitting(rng)
+    under, lip = z - THICKNESS, 0.03
+    middle = float(np.clip(-x + 0.6 * float(rng.integers(count)) + 0.3, 0.36 - x, x - 0.36))
+    sink, hob = family == "sink_counter", family == "hob_counter"
+    wide = float(rng.uniform(0.2, 0.27)) if sink else 0.285
+    area = (middle - wide, -0.21, middle + wide, 0.19 if sink else 0.25)
+    j.add(top, pierced((-x, lip - y), (x, y), under, z, [area] if sink else []))
     _nosing(j, top, x, -y - 0.012, lip - y, under, z)
-    upstand = 0.0
-    if rng.uniform() < 0.5:
-        upstand, rise = 0.018, float(rng.uniform(0.05, 0.12))
-        j.board(top, (-x, y - upstand, z), (x, y, z + rise), 0.002)
-    zone = {"sink": "washing", "hob": "cooking", "plain": "cooking"}[kind]
-    back, near_edge = y - upstand - 0.005, 0.015 - y
-    if kind == "plain":
-        j.support(zone, (0.015 - x, near_edge), (x - 0.015, back), z, behind=0.005)
-    else:
-        gap = 0.05
-        for a, b in ((0.015 - x, middle - wide - gap), (middle + wide + gap, x - 0.015)):
-            if b > a:
-                j.support(zone, (a, near_edge), (b, back), z, behind=0.005)
-    if kind == "sink":
-        _sink(j, metal, area, z)
-    elif kind == "hob":
+    back, near = y - 0.005, 0.015 - y
+    zone = "washing" if sink else "cooking"
+    ends = [(0.015 - x, x - 0.015)]
+    if sink or hob:
+        ends = [(0.015 - x, middle - wide - 0.05), (middle + wide + 0.05, x - 0.015)]
+    for a, b in ends:
+        if b > a:
+            j.support(zone, (a, near), (b, back), z, behind=0.005)
+    if sink:
+        _sink(j, area, z)
+    elif hob:
         _hob(j, area, z)
-    oven = int((middle + x) // 0.6) if kind == "hob" and rng.uniform() < 0.8 else -1
+    oven = int((middle + x) // 0.6) if hob and rng.uniform() < 0.8 else -1
     _units(j, body, metal, x, y, under, oven)
-    return j.done("kitchen_counter")
+    return j.done(family)
 
 
 def _nosing(j: Joinery, stuff: Material, x: float, y0: float, y1: float, low: float, high: float) -> None:
@@ -195,7 +211,7 @@ def kitchen_island(rng: np.random.Generator) -> Furniture:
     j = Joinery(rng)
     x, y, z = (float(value) for value in rng.uniform([0.6, 0.38, 0.88], [0.95, 0.5, 0.94]))
     thick = float(rng.uniform(0.025, 0.05))
-    under, body, metal = z - thick, finishes.carcass(rng, 0.45), finishes.fitting(rng)
+    under, body, metal = z - thick, finishes.carcass(rng), finishes.fitting(rng)
     j.add(finishes.top(rng), slab((x, y), float(rng.choice([0.005, 0.03])), edge(rng, under, z)))
     margin = 0.5 * thick + 0.02
     j.support("cooking", (margin - x, margin - y), (x - margin, y - margin), z)
@@ -213,7 +229,7 @@ def wall_cupboard(rng: np.random.Generator) -> Furniture:
     j = Joinery(rng)
     count = int(rng.integers(2, 5))
     x, y, z = 0.3 * count, float(rng.uniform(0.15, 0.17)), float(rng.uniform(0.55, 0.72))
-    body, metal = finishes.carcass(rng, 0.45), finishes.fitting(rng)
+    body, metal = finishes.wood(rng), finishes.fitting(rng)
     low = 0.0
     if rng.uniform() < 0.3:
         low = 0.26

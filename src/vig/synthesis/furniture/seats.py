@@ -81,7 +81,7 @@ def _back(
             j.add(frame, stick(post[0], post[1], thick, 8))
     if kind == "slats" or kind == "rods":
         crown = slab(
-            (x - 0.005, 0.045), 0.02, [[(0.003, 0.0), (0.0, 0.004), (0.0, 0.018), (0.003, 0.022)]], 2
+            (x - 0.005, 0.045), 0.02, [[(0.0, 0.0), (0.0, 0.018)], [(0.0, 0.018), (0.004, 0.022)]], 2
         )
         j.add(filling, crown, (0, foot + lean + 0.005, high - 0.04), tilt=np.pi / 2 + tilt)
         for px in np.linspace(-x + 0.07, x - 0.07, 4 if kind == "slats" else 6).tolist():
@@ -92,9 +92,7 @@ def _back(
                 j.add(frame, slat, (px, foot, z - 0.012), tilt=tilt)
     elif kind == "rungs":
         for share in np.linspace(0.38, 0.93, int(rng.integers(2, 5))).tolist():
-            rung = slab(
-                (x - 0.012, 0.035), 0.012, [[(0.002, 0.0), (0.0, 0.003), (0.0, 0.013), (0.002, 0.016)]], 2
-            )
+            rung = slab((x - 0.012, 0.035), 0.012, [[(0.0, 0.0), (0.0, 0.016)]], 2)
             j.add(filling, rung, (0, foot + share * lean + 0.008, z + share * rise), tilt=np.pi / 2 + tilt)
     else:
         low = float(rng.uniform(0.0, 0.3)) * rise
@@ -184,7 +182,7 @@ def _lounge(rng: np.random.Generator, family: str, places: int) -> Furniture:
     if loose:
         own = finishes.fabric_own(rng)
         for side in (-1, 1):
-            pillow = cushion((0.2, 0.2), 0.11, 0.05, 2)
+            pillow = cushion((0.2, 0.2), 0.11, 0.05, 3)
             j.add(
                 own,
                 pillow,

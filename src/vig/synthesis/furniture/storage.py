@@ -44,7 +44,7 @@ def _books(j: Joinery, covers: Material, low: Corner, high: Corner) -> float:
     end = x + float(rng.uniform(0.35, 1.0)) * (x1 - x)
     tall = min(float(rng.uniform(0.2, 0.3)), z1 - z - 0.02)
     while True:
-        wide, drop, depth = rng.uniform([0.012, 0.7, 0.11], [0.045, 1.0, 0.19]).tolist()
+        wide, drop, depth = rng.uniform([0.016, 0.7, 0.11], [0.05, 1.0, 0.19]).tolist()
         if x + wide > end:
             break
         lows.append((x, max(y1 - 0.005 - depth, y0 + 0.005), z))
@@ -78,7 +78,7 @@ def _shelves(
             j.board(stuff, (x0, y0 + 0.004, level - thick), (x1, y1, level), 0.0015)
         room = (levels[k + 1] - thick if k + 1 < len(levels) else z1) - level
         start = x0
-        if covers is not None and room > 0.2 and j.rng.uniform() < 0.6:
+        if covers is not None and room > 0.2 and j.rng.uniform() < 0.5:
             start = _books(j, covers, (x0, y0, level), (x1, y1, level + room))
         if room > 0.14:
             j.support(

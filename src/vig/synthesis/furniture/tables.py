@@ -35,7 +35,7 @@ def _top(
 ) -> None:
     """A table's top whose upper side is at z, with its support: the largest rectangle of its aspect."""
     round_top = radius > 0.3 * min(half)
-    j.add(stuff, slab(half, radius, edge(j.rng, z - thick, z), 6 if round_top else 3))
+    j.add(stuff, slab(half, radius, edge(j.rng, z - thick, z), 9 if round_top else 3))
     margin = thick * 0.5 + 0.01 + radius * (1 - np.sqrt(0.5))
     x, y = half[0] - margin, half[1] - margin
     j.support(zone, (-x, -y), (x, y), z)

@@ -20,6 +20,8 @@ from vig.synthesis.props.shapes import moved
 Array = np.ndarray
 SHOULDERS = 0.5
 """Width in metres that a person needs to walk."""
+ABOVE_SILL = 0.3
+"""Metres by which furniture before a window may be higher than its sill."""
 _ATTEMPTS = 8
 
 
@@ -133,7 +135,7 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
     parts, sill = openings.window(rng, opening, depth, paint, curtained and fits)
     plan.parts += [(wall.placed(mesh), stuff) for mesh, stuff in parts]
     plan.supports.append(sill.moved((*wall.start, 0.0), wall.angle))
-    plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low - 0.06, opening.high))
+    plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low + ABOVE_SILL, opening.high))
     sill_low = opening.low - openings.SILL
     plan.bodies.append(
         _zone(wall, opening.left - 0.03, opening.right + 0.03, openings.NOSE, sill_low, opening.low)
@@ -144,7 +146,7 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
         for a, b in ((left, opening.left + 0.1), (opening.right - 0.1, right)):
             box = (a, openings.NOSE, b, openings.CURTAIN, 0.02, rod)
             plan.bodies.append(Body.of(box, (*wall.start, 0.0), wall.angle))
-    if rng.uniform() < 0.35:
+    if opening.low < 1.0 and rng.uniform() < 0.4:
         wide = min(opening.right - opening.left, float(rng.uniform(0.6, 1.2)))
         high = min(0.7, opening.low - 0.1)
         a = (opening.left + opening.right - wide) / 2

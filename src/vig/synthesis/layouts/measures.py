@@ -8,7 +8,6 @@ import numpy as np
 
 from vig.synthesis.furniture import Support
 from vig.synthesis.layouts.plan import Body, Plan
-from vig.synthesis.layouts.shell import inside
 
 Array = np.ndarray
 CELL = 0.1
@@ -33,12 +32,12 @@ def measured(plan: Plan, support: Support) -> Support:
     It ends before a narrow thing above its back edge, such as a window sill.
     """
     z = support.centre[2]
-    above = [b for b in plan.bodies if b.low > z + 0.03]
+    above = [b for b in plan.bodies if b.low > z + 0.005]
     hanging = _under(above, support)
     for trim in TRIMS:
         shorter = _trimmed(support, trim)
         clear = _under(above, shorter)
-        if hanging < 0.5 < clear and shorter.half[1] > 0.06:
+        if clear > hanging + 0.2 and shorter.half[1] > 0.06:
             support, hanging = shorter, clear
     behind = support.behind
     if behind == float("inf"):
@@ -65,7 +64,9 @@ def _trimmed(support: Support, depth: float) -> Support:
 def behind_of(plan: Plan, support: Support) -> float:
     """Metres from the rectangle's +y edge to the wall or thing behind it, inf if farther than NEAR."""
     z = support.centre[2]
-    rings = [plan.outline] + [b.corners for b in plan.bodies if b.low < z + 0.2 and b.high > z + 0.08]
+    others = [b for b in plan.bodies if b.low < z + 0.2 and b.high > z + 0.08]
+    own = replace(_rectangle(support), low=z + 0.09, high=z + 0.1)
+    rings = [plan.outline] + [b.corners for b in others if not own.meets(b)]
     a = np.concatenate(rings)
     b = np.concatenate([np.roll(ring, -1, 0) for ring in rings])
     c, s = np.cos(support.turn), np.sin(support.turn)
@@ -88,20 +89,18 @@ def behind_of(plan: Plan, support: Support) -> float:
     return best if best < NEAR else float("inf")
 
 
-def occupied(plan: Plan, bodies: list[Body], margin: float = 0.0) -> tuple[Array, Array]:
+def occupied(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
     """Which cells (R, C) of the floor's bounding box are not free, and its lower corner (2,).
 
-    A cell counts if any of it is nearer than `margin` to a body's bounding rectangle, or outdoors.
+    A cell counts if any of it is in a body's bounding rectangle, or outdoors.
     """
     low, high = plan.outline.min(0), plan.outline.max(0)
     columns, rows = np.floor((high - low) / CELL + 1e-6).astype(int)
-    x, y = low[0] + CELL * (np.arange(columns) + 0.5), low[1] + CELL * (np.arange(rows) + 0.5)
-    centres = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
-    taken = ~inside(plan.outline, centres).reshape(rows, columns)
-    for body in bodies:
+    taken = np.zeros((rows, columns), bool)
+    for body in [*bodies, plan.notch] if plan.notch else bodies:
         x0, y0, x1, y1 = body.bounds
-        a, b = np.floor((np.array([x0, y0]) - margin - low) / CELL + 1e-6).astype(int).clip(0)
-        c, d = np.ceil((np.array([x1, y1]) + margin - low) / CELL - 1e-6).astype(int).clip(0)
+        a, b = np.floor((np.array([x0, y0]) - low) / CELL + 1e-6).astype(int).clip(0)
+        c, d = np.ceil((np.array([x1, y1]) - low) / CELL - 1e-6).astype(int).clip(0)
         taken[b:d, a:c] = True
     return taken, low
 

@@ -94,8 +94,7 @@ def window(
         j.board(paint, (a + bar, -depth, rail - 0.02), (b - bar, y - 0.006, rail + 0.02), 0.003)
     stuff = paint if rng.uniform() < 0.6 else finishes.top(rng)
     nose = float(rng.uniform(0.02, NOSE))
-    j.board(stuff, (a, y - 0.01, low - SILL), (b, 0.0, low))
-    j.board(stuff, (a - 0.03, 0.0, low - SILL), (b + 0.03, nose, low), 0.003)
+    j.board(stuff, (a - 0.004, y - 0.01, low - SILL), (b + 0.004, nose, low), 0.003)  # its ends in the wall
     clear = high - low
     if rng.uniform() < 0.5:
         clear = _blind(j, opening, y, float(rng.uniform(0.08, 0.55)) * clear)

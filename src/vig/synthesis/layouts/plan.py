@@ -160,7 +160,8 @@ class Plan:
         self.supports: list[Support] = []
         self.bodies: list[Body] = []
         self.kept: list[Body] = []
-        self._notch = self._missing_corner()
+        self._aisles: dict[int, list[Body]] = {}
+        self.notch = self._missing_corner()
 
     def _missing_corner(self) -> Body | None:
         """What an L-shaped floor lacks of its bounding box."""
@@ -183,20 +184,30 @@ class Plan:
         x0, y0, x1, y1 = body.bounds
         if x0 < low[0] or y0 < low[1] or x1 > high[0] or y1 > high[1] or body.high > self.height:
             return False
-        return self._notch is None or not body.meets(self._notch)
+        return self.notch is None or not body.meets(self.notch)
 
-    def free(self, bodies: Sequence[Body], aisles: Sequence[Body] = ()) -> bool:
-        """Whether bodies can stand here, with aisles before them that no other body is in."""
+    def free(
+        self, bodies: Sequence[Body], aisles: Sequence[Body] = (), shared: Sequence[Placed] = ()
+    ) -> bool:
+        """Whether bodies can stand here, with aisles before them that no other body is in.
+
+        shared: pieces in whose own aisles the bodies may be.
+        """
+        allowed = {id(aisle) for placed in shared for aisle in self._aisles.get(id(placed), ())}
         return (
             all(self.indoors(body) for body in (*bodies, *aisles))
-            and not any(body.meets(other) for body in bodies for other in (*self.bodies, *self.kept))
+            and not any(body.meets(other) for body in bodies for other in self.bodies)
+            and not any(b.meets(other) for b in bodies for other in self.kept if id(other) not in allowed)
             and not any(aisle.meets(other) for aisle in aisles for other in self.bodies)
         )
 
-    def put(self, placed: Placed, front: float = 0.0, aside: bool = False) -> bool:
+    def put(
+        self, placed: Placed, front: float = 0.0, aside: bool = False, shared: Sequence[Placed] = ()
+    ) -> bool:
         """Stands a piece there if it fits, with an aisle `front` metres deep before it.
 
-        aside: it stands close before something, so its supports are reached from its side.
+        aside: it stands close before something, so its supports are reached from its side. shared: pieces
+        in whose aisles it may stand.
         """
         low, high = placed.piece.low, placed.piece.high
         bodies = [Body.of(box, placed.offset, placed.turn) for box in placed.piece.boxes]
@@ -204,10 +215,11 @@ class Plan:
         if front > 0:
             strip: Box = (float(low[0]), float(low[1]) - front, float(high[0]), float(low[1]), 0.0, HEADROOM)
             aisles = [Body.of(strip, (*placed.offset[:2], 0.0), placed.turn)]
-        if not self.free(bodies, aisles):
+        if not self.free(bodies, aisles, shared):
             return False
         self.bodies += bodies
         self.kept += aisles
+        self._aisles[id(placed)] = aisles
         self.placed.append(placed)
         self.parts += [
             (moved(mesh, placed.offset, placed.turn), stuff) for mesh, stuff in placed.piece.furniture.parts
@@ -226,7 +238,7 @@ class Plan:
             return []
         if not snug:
             return [*self.rng.uniform(first, last, 6).tolist(), (first + last) / 2]
-        spots = [first, last]
+        spots = [first, last, *self.rng.uniform(first, last, 2).tolist()]
         c, s = np.cos(wall.angle), np.sin(wall.angle)
         for body in self.bodies:
             away = body.corners - wall.start
@@ -258,7 +270,7 @@ class Plan:
             for number in self.rng.permutation(choice).tolist():
                 wall = self.walls[number]
                 spots = self._spots(number, half, snug) if at is None else [at]
-                for along in self.rng.permutation(spots).tolist():
+                for along in spots if snug else self.rng.permutation(spots).tolist():
                     x, y = wall.at(along, deep + gap).tolist()
                     spot = Placed(piece, (x, y, lift), wall.angle + np.pi, number, along)
                     if self.put(spot, front):
@@ -278,16 +290,23 @@ class Plan:
         return spot if self.put(spot, front) else None
 
     def before(
-        self, other: Placed, family: str, distance: float, facing: bool = False, aside: float = 0.0
+        self,
+        other: Placed,
+        family: str,
+        distance: float,
+        facing: bool = False,
+        aside: float = 0.0,
+        shared: Sequence[Placed] = (),
     ) -> Placed | None:
-        """Stands a piece in front of another, `distance` away and `aside` to a side; facing: turned to it."""
-        low, _ = other.piece.low, other.piece.high
+        """Stands a piece in front of another, `distance` away and `aside` to a side; facing: turned to it.
+
+        shared: further pieces in whose aisles it may stand.
+        """
         piece = self.draw(family)
-        a, b = piece.low, piece.high
-        deep = float(-a[1] if facing else b[1])
-        x, y = other.point(aside, float(low[1]) - distance - deep)
+        deep = float(-piece.low[1] if facing else piece.high[1])
+        x, y = other.point(aside, float(other.piece.low[1]) - distance - deep)
         spot = Placed(piece, (x, y, 0.0), other.turn + (np.pi if facing else 0.0))
-        return spot if self.put(spot, aside=facing and distance < 0.3) else None
+        return spot if self.put(spot, aside=facing and distance < 0.3, shared=(other, *shared)) else None
 
     def amid(self, family: str, margin: float, tries: int = 24) -> Placed | None:
         """Stands a piece freely in the room with `margin` metres of floor round it."""

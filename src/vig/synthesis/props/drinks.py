@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.synthesis.props.material import Prop, ceramic, material, metal, plain, plastic, prop, steel
+from vig.synthesis.props.material import Prop, bare, ceramic, material, metal, plain, plastic, prop, steel
 from vig.synthesis.props.shapes import box, moved, revolve, smooth, tube, vessel
 from vig.synthesis.props.tableware import handle_of
 from vig.synthesis.textures import near, shade
@@ -26,7 +26,7 @@ def cup_saucer(rng: np.random.Generator) -> Prop:
         (moved(revolve(vessel(wall, 0.003, 0.005), 26), (0, 0, lift)), glaze),
         (
             moved(handle_of(0.9 * radius, 0.3 * height, 0.8 * height, 0.022, 0.003, 0.003), (0, 0, lift)),
-            glaze,
+            bare(glaze),
         ),
         (revolve(vessel(saucer, 0.003, 0.003, 1), 28), glaze),
         (moved(disc, (0, 0, lift)), plain("glass", rng, shade(drink, rng))),
@@ -65,7 +65,7 @@ def sugar_bowl(rng: np.random.Generator) -> Prop:
     parts = [(revolve(vessel(wall, 0.003, 0.005), 26), glaze)]
     grip = handle_of(0.93 * radius, 0.3 * height, 0.75 * height, 0.016, 0.003, 0.002)
     if rng.uniform() < 0.6:
-        parts += [(grip, glaze), (moved(grip, turn=np.pi), glaze)]
+        parts += [(grip, bare(glaze)), (moved(grip, turn=np.pi), bare(glaze))]
     if rng.uniform() < 0.6:
         dome = rng.uniform(0.012, 0.025)
         lid = smooth(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,13 +117,19 @@ def ceramic(rng: np.random.Generator, base: ArrayLike | None = None) -> Material
     return material("ceramic", rng, str(rng.choice(["wallpaper", "stripes", "marble"])), base)
 
 
+def bare(glaze: Material) -> Material:
+    """The ground of a glaze without what is painted on it, for handles and spouts."""
+    ground = glaze.texture[2:4, 2:4].mean(axis=(0, 1))  # of the inside, see `vessel`
+    return replace(glaze, texture=np.tile(ground, (4, 4, 1)))
+
+
 def _dipped(rng: np.random.Generator, base: Array) -> Array:
     """A glaze that ends in a line above the foot, over clay or a second glaze, thin and brown at the rim."""
     image = texture("speckle" if rng.uniform() < 0.5 else "paint", rng, 64, base)
     below = shade([0.46, 0.30, 0.18], rng) if rng.uniform() < 0.5 else partner(base, rng)
     v = 1 - (np.arange(64)[:, None] + 0.5) / 64
     line = rng.uniform(0.18, 0.38) + 0.02 * np.sin(np.arange(64) * 2 * np.pi / 64 * rng.integers(1, 4))
-    image[v < line] = below
+    image += (below - image) * np.clip(64 * (line - v) + 0.5, 0, 1)[..., None]
     rim = np.exp(-(((v[:, 0] - 0.53) / 0.02) ** 2)) * rng.uniform(0, 0.8)
     return (image * (1 - 0.6 * rim[:, None, None])).clip(0.02, 0.95).astype(np.float32)
 
@@ -155,6 +161,6 @@ def metal(rng: np.random.Generator) -> Material:
     return material("metal", rng, "paint", near(base, rng, 0.08), 16)
 
 
-def label(rng: np.random.Generator) -> Material:
+def label(rng: np.random.Generator, size: int = 128) -> Material:
     """A printed label."""
-    return material("paper", rng, "print", size=128)
+    return material("paper", rng, "print", size=size)

@@ -6,7 +6,7 @@ import numpy as np
 
 from vig.scene import Mesh
 from vig.synthesis.props.material import Material, Prop, ceramic, material, prop
-from vig.synthesis.props.shapes import moved, revolve, smooth, tube, vessel
+from vig.synthesis.props.shapes import moved, revolve, scaled, smooth, tube, vessel
 from vig.synthesis.textures import Array, near, noise, shade
 
 
@@ -110,18 +110,20 @@ def _foliage(
     slim = rng.uniform(0.08, 0.17)
     leaves = [material("leaf", rng, "marble" if rng.uniform() < 0.2 else "paint", near(green, rng, 0.25), 32)
               for _ in range(3)]  # fmt: skip
+    s = np.linspace(0, 1, 7)
+    widths = np.stack([np.full(7, 0.008), np.maximum(np.sin(np.pi * s**1.6), 0.03)], -1)
+    shapes = [  # leaves one unit wide and high, which droop more or less
+        tube(
+            smooth([[0, 0, 0], [0.25, 0, 0.5], [0.7, 0, 1], [1.15, 0, 1 - droop]], 7), widths, 4, up=(0, 1, 0)
+        )
+        for droop in rng.uniform(0.0, [0.1, 0.3, 0.5])
+    ]
     parts = []
     for i in range(count):
-        angle = 2.4 * i + rng.normal(0, 0.25)
         out = spread * np.sqrt((i + 1) / count) * rng.uniform(0.7, 1.1)
         rise = height * (1 - 0.5 * (i / count)) * rng.uniform(0.75, 1.0)
-        droop = rng.uniform(0.0, 0.5) * rise * (i / count)
-        path = [[0, 0, 0], [0.25 * out, 0, 0.5 * rise], [0.7 * out, 0, rise], [1.15 * out, 0, rise - droop]]
-        s = np.linspace(0, 1, 7)
-        width = np.maximum(slim * np.hypot(out, rise) * np.sin(np.pi * np.clip(s, 0.0, 1) ** 1.6), 0.0015)
-        widths = np.stack([np.full_like(s, 0.0006), width], -1)
-        mesh = tube(smooth(path, 7), widths, 4, up=(0, 1, 0))
-        parts.append((moved(mesh, (0, 0, base), angle), leaves[i % 3]))
+        leaf = scaled(shapes[3 * i // count], [out, slim * np.hypot(out, rise), rise])
+        parts.append((moved(leaf, (0, 0, base), 2.4 * i + rng.normal(0, 0.25)), leaves[i % 3]))
     return parts
 
 

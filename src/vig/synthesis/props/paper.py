@@ -77,7 +77,7 @@ def magazine(rng: np.random.Generator) -> Prop:
     parts, z = [], 0.0
     for _ in range(rng.integers(1, 5)):
         thick = rng.uniform(0.003, 0.008)
-        cover = label(rng)
+        cover = label(rng, 96)
         mesh = _sheet(rng, width, depth, thick, 0.006 if z == 0 else 0.0)
         parts.append((moved(mesh, (*rng.normal(0, 0.004, 2), z), rng.normal(0, 0.1)), cover))
         z += thick + 0.0005

@@ -4,9 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig.scene import Mesh
 from vig.synthesis.props.material import Material, Prop, ceramic, material, plain, prop
-from vig.synthesis.props.shapes import blob, extrude, moved, revolve, smooth, superellipse, tube, vessel
+from vig.synthesis.props.shapes import (
+    blob,
+    extrude,
+    moved,
+    revolve,
+    scaled,
+    smooth,
+    superellipse,
+    tube,
+    vessel,
+)
 from vig.synthesis.textures import near, shade
+
+
+def _flower(daisies: bool) -> tuple[Mesh, Mesh]:
+    """Petals and heart of a flower about one unit in radius, the stem's end at the origin."""
+    if daisies:
+        t = 2 * np.pi * np.arange(16) / 16
+        star = np.stack([np.cos(t), np.sin(t)], 1) * (1 - 0.3 * (np.arange(16) % 2))[:, None]
+        return extrude(star, 0.09), blob((0.6, 0.6, 0.35), 7, 4)
+    head = smooth([[0, -0.3], [0.4, -0.25], [0.65, 0.35], [0.5, 0.8], [0.25, 0.7], [0, 0.5]], 8)
+    head[[0, -1], 0] = 0.0
+    lobes = 1 + 0.12 * np.cos(5 * 2 * np.pi * np.arange(10) / 10)
+    return revolve(head, 10, lobes), blob((0.3, 0.3, 0.6), 6, 4)
 
 
 def vase_flowers(rng: np.random.Generator) -> Prop:
@@ -36,7 +59,8 @@ def vase_flowers(rng: np.random.Generator) -> Prop:
     tint = tones[rng.integers(6)]
     petals = [plain("leaf", rng, near(tint, rng, 0.25)) for _ in range(2)]
     heart = plain("leaf", rng, near([0.5, 0.34, 0.05], rng))
-    style = rng.integers(2)
+    daisies = bool(rng.integers(2))
+    petal, middle = _flower(daisies)
     tall = rng.uniform(0.06, 0.13)
     for k in range(int(rng.integers(4, 7))):
         turn, lean = 2.4 * k + rng.uniform(0, 0.5), rng.uniform(0.01, 0.06) if k else 0.0
@@ -44,31 +68,9 @@ def vase_flowers(rng: np.random.Generator) -> Prop:
         tip = lean * way + [0, 0, min(height + tall * rng.uniform(0.75, 1.1), 0.285)]
         stem = smooth([0.2 * neck * way + [0, 0, 0.4 * height], 0.5 * neck * way + [0, 0, height], tip], 5)
         parts.append((tube(stem, 0.0016, 4, up=(-np.sin(turn), np.cos(turn), 0.02)), green))
-        if style == 0:  # round heads: roses, tulips, pompons
-            side = rng.uniform(0.02, 0.032)
-            head = smooth([[0, 0], [0.35, 0.05], [0.5, 0.5], [0.42, 0.85], [0.2, 0.75], [0, 0.6]], 8) * side
-            head[[0, -1], 0] = 0.0
-            outline = 1 + 0.12 * np.cos(5 * 2 * np.pi * np.arange(10) / 10)
-            parts.append(
-                (
-                    moved(
-                        revolve(head, 10, outline),
-                        tip - [0, 0, 0.3 * side],
-                        rng.uniform(0, 6),
-                        rng.normal(0, 0.25),
-                    ),
-                    petals[k % 2],
-                )
-            )
-        else:  # daisies: a flat star
-            side = rng.uniform(0.018, 0.026)
-            t = 2 * np.pi * np.arange(16) / 16
-            star = side * np.stack([np.cos(t), np.sin(t)], 1) * (1 - 0.3 * (np.arange(16) % 2))[:, None]
-            tilt = rng.uniform(-0.5, 0.9)
-            parts.append((moved(extrude(star, 0.002), tip, turn - np.pi / 2, tilt), petals[k % 2]))
-            parts.append(
-                (moved(blob((0.6 * side, 0.6 * side, 0.35 * side), 7, 4), tip, turn - np.pi / 2, tilt), heart)
-            )
+        side, tilt = rng.uniform(0.018, 0.028), rng.uniform(-0.5, 0.9 if daisies else 0.1)
+        for mesh, stuff in ((petal, petals[k % 2]), (middle, heart))[: 1 + daisies]:
+            parts.append((moved(scaled(mesh, side), tip, turn - np.pi / 2, tilt), stuff))
         if k % 2:
             leaf = smooth([stem[2], stem[3] + 0.02 * way, stem[3] + 0.04 * way - [0, 0, 0.004]], 5)
             widths = np.stack([np.full(5, 0.0006), [0.001, 0.006, 0.008, 0.005, 0.0008]], 1)
@@ -113,14 +115,11 @@ def succulent(rng: np.random.Generator) -> Prop:
         parts.append((moved(body, (0, 0, 0.85 * height)), skin))
     else:
         leaves = [material("leaf", rng, "paint", near(green, rng, 0.25), 16) for _ in range(2)]
+        path = smooth([[0, 0, 0], [0.6, 0, 0.5], [1, 0, 1]], 5)
+        widths = np.array([[0.09, 0.003], [0.12, 0.008], [0.12, 0.01], [0.09, 0.007], [0.015, 0.0008]])
+        leaf = tube(path, widths, 6, up=(0, 1, 0))  # one unit long and high
         for k in range(17):
-            turn, out = 2.4 * k, (0.35 + 0.75 * (k / 17)) * radius * 1.25
-            rise = 0.03 * (1 - k / 17) + 0.006
-            path = smooth([[0, 0, 0], [0.6 * out, 0, 0.5 * rise], [out, 0, rise]], 5)
-            widths = np.stack(
-                [[0.003, 0.004, 0.004, 0.003, 0.0005], np.array([0.003, 0.008, 0.01, 0.007, 0.0008])], 1
-            )
-            parts.append(
-                (moved(tube(path, widths, 6, up=(0, 1, 0)), (0, 0, 0.88 * height), turn), leaves[k % 2])
-            )
+            out, rise = (0.35 + 0.75 * (k / 17)) * radius * 1.25, 0.03 * (1 - k / 17) + 0.006
+            grown = scaled(leaf, [out, 1, rise])
+            parts.append((moved(grown, (0, 0, 0.88 * height), 2.4 * k), leaves[k % 2]))
     return prop("succulent", *parts)

@@ -16,7 +16,7 @@ def _book(
     rng: np.random.Generator, width: float, depth: float, thickness: float
 ) -> list[tuple[Mesh, Material]]:
     """A closed book lying on z = 0, its spine on the -X side."""
-    cover = label(rng) if rng.uniform() < 0.7 else material("cloth", rng, "cloth")
+    cover = label(rng, 96) if rng.uniform() < 0.7 else material("cloth", rng, "cloth")
     board, lip = 0.003, 0.004
     lines = np.tile(shade([0.78, 0.74, 0.64], rng), (32, 4, 1))
     lines *= rng.uniform(0.8, 1.1, (32, 1, 1)).astype(np.float32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig.scene import Mesh
-from vig.synthesis.props.material import Prop, ceramic, material, metal, prop
+from vig.synthesis.props.material import Prop, bare, ceramic, material, metal, prop
 from vig.synthesis.props.shapes import moved, revolve, smooth, superellipse, tube, vessel
 from vig.synthesis.textures import colour, shade
 
@@ -39,15 +39,11 @@ def plate(rng: np.random.Generator) -> Prop:
 
 def handle_of(radius: float, low: float, high: float, reach: float, thickness: float, dip: float) -> Mesh:
     """A handle on the +X side of a round wall, from `low` to `high`, sticking out by `reach`."""
-    start = radius - 0.6 * thickness
-    path = [
-        [start, 0, high],
-        [radius + 0.65 * reach, 0, high + dip],
-        [radius + reach, 0, 0.55 * high + 0.45 * low],
-        [radius + 0.55 * reach, 0, low - 0.2 * dip],
-        [start, 0, low],
-    ]
-    return tube(smooth(path, 11), np.full((11, 2), [thickness, 1.4 * thickness]), 6, up=(0, 1, 0))
+    t = np.linspace(0, np.pi, 11)
+    out = radius - 0.6 * thickness + (reach + 0.6 * thickness) * np.sin(t) ** 0.75
+    up = (high + low) / 2 + (high - low) / 2 * np.cos(t) + dip * np.sin(t) * np.cos(t / 2)
+    path = np.stack([out, 0 * t, up], 1)
+    return tube(path, np.full((11, 2), [thickness, 1.4 * thickness]), 6, up=(0, 1, 0))
 
 
 def mug(rng: np.random.Generator) -> Prop:
@@ -63,7 +59,7 @@ def mug(rng: np.random.Generator) -> Prop:
     handle = handle_of(
         min(bottom, radius, belly), 0.25 * height, 0.78 * height, reach, rng.uniform(0.003, 0.005), 0.004
     )
-    parts = [(body, glaze), (handle, glaze if rng.uniform() < 0.8 else ceramic(rng))]
+    parts = [(body, glaze), (handle, bare(glaze if rng.uniform() < 0.8 else ceramic(rng)))]
     if rng.uniform() < 0.2:
         saucer = [[0.03, 0.0], [0.045, 0.004], [0.075, 0.015]]
         parts = [(moved(mesh, (0, 0, 0.007)), glaze) for mesh, _ in parts]
@@ -91,7 +87,7 @@ def jug(rng: np.random.Generator) -> Prop:
     handle = handle_of(
         neck, 0.38 * height, 0.86 * height, reach + belly - neck, rng.uniform(0.004, 0.007), 0.01
     )
-    return prop("jug", (Mesh(points, body.faces, body.uv), glaze), (handle, glaze))
+    return prop("jug", (Mesh(points, body.faces, body.uv), glaze), (handle, bare(glaze)))
 
 
 def tumbler(rng: np.random.Generator) -> Prop:

@@ -10,19 +10,17 @@ from numpy.typing import ArrayLike
 
 from vig.scene.light import COSINE_LOBE, Y1
 from vig.synthesis.picture import CANVAS, Picture
+from vig.synthesis.raster.encoding import srgb_tables
 from vig.synthesis.raster.items import HARMONICS, Item, Target, item_table
 from vig.synthesis.raster.native import workspace
 from vig.synthesis.raster.packed import Packed
-from vig.synthesis.raster.records import FRAGMENT, TASK, VISIBLE_PART, address
-from vig.synthesis.raster.shading import srgb_tables
+from vig.synthesis.raster.records import FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
 from vig.synthesis.raster.shadow import cast_shadows
 from vig.synthesis.view import View
 
-SAMPLES = 2
-"""Along a pixel's side."""
 NEAR = 0.02
 """Metres; what is nearer to the eye's plane is cut off."""
-SUN_SHARE = 0.35
+SUN_SHARE = 0.2
 """How much of the light's first degree shows in highlights."""
 _MARGIN = 16
 """Samples that must follow an image's last, as they are drawn eight at a time."""
@@ -81,6 +79,7 @@ def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) ->
     record["albedo"] = target.albedo
     workspace.launch("collect", "task")
     workspace.launch("shade", "task")
+    workspace.launch("encode", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))
     aside = (CANVAS - 1) // 2
@@ -100,7 +99,7 @@ def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) ->
 def silhouette(target: Target, view: View) -> np.ndarray:
     """The object alone (H, W) bool: where it covers at least half of a pixel's samples."""
     table, _ = item_table([], target)
-    rows, columns = view.window(target.vertices)
+    rows, columns = _window(target, view)
     height, width = rows.stop - rows.start, columns.stop - columns.start
     result = np.zeros((view.camera.height, view.camera.width), bool)
     if height > 0 and width > 0:
@@ -118,6 +117,18 @@ def silhouette(target: Target, view: View) -> np.ndarray:
         count = sum(covered[row::SAMPLES, column::SAMPLES] for row in offsets for column in offsets)
         result[rows, columns] = count >= SAMPLES**2 / 2
     return result
+
+
+def _window(target: Target, view: View) -> tuple[slice, slice]:
+    """Rows and columns of the frame that can show the object, all of it in front of the eye."""
+    rotation, translation = view.rotation.astype(np.float32), view.translation.astype(np.float32)
+    x, y, z = rotation @ target.vertices.T + translation[:, None]
+    camera, less = view.camera, np.float32(view.camera.focal) / z
+    ends = []
+    for along, middle, size in ((y * less, camera.cy, camera.height), (x * less, camera.cx, camera.width)):
+        first, last = float(along.min()) + middle, float(along.max()) + middle
+        ends.append(slice(min(max(int(first) - 1, 0), size), min(max(int(last) + 2, 0), size)))
+    return ends[0], ends[1]
 
 
 def _rasterise(
@@ -143,7 +154,7 @@ def _rasterise(
     ):
         record[name] = address(array)
     record["rotation"], record["translation"] = view.rotation, view.translation
-    record["item_count"], record["samples"], record["keep"] = len(table), samples, keep
+    record["item_count"], record["keep"] = len(table), keep
     record["width"], record["height"], record["near"] = width, height, NEAR
     record["focal"] = camera.focal * samples
     record["cx"], record["cy"] = camera.cx * samples, camera.cy * samples

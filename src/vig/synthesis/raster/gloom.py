@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from vig.synthesis.raster.native import workspace
@@ -9,7 +11,7 @@ from vig.synthesis.raster.points import strewn
 from vig.synthesis.raster.records import GRID, SWEEP, address
 from vig.synthesis.raster.sweeping import LANES, MARGIN
 
-CELL = 0.15
+CELL = 0.12
 """Metres; more where a room would need more than MOST_CELLS along a side."""
 MOST_CELLS = 72
 REACH = 0.5
@@ -19,6 +21,7 @@ _RINGS = ((90.0, 1), (60.0, 5), (32.0, 6))
 """Elevations in degrees, and how many directions are spread evenly over each."""
 
 
+@functools.cache
 def directions() -> np.ndarray:
     """Unit vectors (K, 3) spread over the upper half of the sphere."""
     rows = []
@@ -55,8 +58,7 @@ def gloom_of(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """
     low, high = vertices.min(0), vertices.max(0)
     cell = max(CELL, float((high - low).max()) / MOST_CELLS)
-    points = strewn(vertices, faces, cell**2 / 6)
-    # The floor lies in the middle of the second cell from below.
+    points = strewn(vertices, faces, cell**2 / 3)
     origin = low.astype(np.float64) - 1.5 * cell
     x, y, z = (np.ceil((high - origin) / cell).astype(int) + 3).tolist()
     x = -(-x // LANES) * LANES
@@ -64,7 +66,8 @@ def gloom_of(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     record = workspace.record("sweep", SWEEP)
     grid = record["grid"]
     grid["origin"], grid["cell"], grid["rise"], grid["size"] = origin, cell, (cell, 0), size
-    cells = np.floor((points[:, :3] - origin) / cell).astype(np.int64)
+    # Places along x and y are of cells' centres, and cells lie between planes along z.
+    cells = np.floor((points[:, :3] - origin) / cell + [0.5, 0.5, 0.0]).astype(np.int64)
     flat = (cells[:, 2] * y + cells[:, 1]) * x + cells[:, 0]
     occupancy = np.bincount(flat, points[:, 3] / cell**2, minlength=(z - 1) * y * x).astype(np.float32)
     record["reach"] = REACH

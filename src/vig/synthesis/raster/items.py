@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vig.scene import ObjectClass
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20
 from vig.synthesis.raster.native import workspace
-from vig.synthesis.raster.packed import Packed, assembled, bounding_sphere
+from vig.synthesis.raster.packed import Packed, assembled
 from vig.synthesis.raster.pyramid import Pyramid
-from vig.synthesis.raster.records import FINISH, HEADER, ITEM, PART, TARGET, address
+from vig.synthesis.raster.records import FINISH, ITEM, PART, TARGET, address
 
 HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
 """What each polynomial of the basis is multiplied by, see `vig.scene.light.sh_basis`."""
@@ -52,34 +53,27 @@ class Target:
     def of(
         object_class: ObjectClass,
         vertices: np.ndarray,
-        shape: Sequence[float],
-        albedo: Sequence[float],
-        light: Sequence[float],
+        shape: ArrayLike,
+        albedo: ArrayLike,
+        light: ArrayLike,
     ) -> Target:
         """The object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
 
         Its colour at a vertex is albedo * max(0, sum_l L_l (A_l Y_l(n) + transfer_l)): with self-shadow and
         bounces where the class knows them (`ObjectClass.transfer`).
         """
-        model = object_class.shape_model
+        template = _template(object_class)
         vertices = np.ascontiguousarray(vertices, np.float32)
         added = None
         if object_class.transfer is not None:
             table = object_class.transfer
-            weights = np.array([1.0, *shape], np.float32)
+            weights = np.append(1.0, shape).astype(np.float32)
             change = (weights @ table.reshape(len(table), -1)).reshape(-1, table.shape[2])
             added = change @ np.asarray(light, np.float32)
-        template = _template(object_class)
         data = template.data.copy()
-        start = address(data)
-        header = data[: HEADER.itemsize].view(HEADER)
-        part = data[int(header["parts"][0]) :][: PART.itemsize].view(PART)
-        header["sphere"] = part["sphere"] = bounding_sphere(vertices)
         record = workspace.record("target", TARGET)
-        record["vertices"], record["added"] = address(vertices), 0 if added is None else address(added)
-        for name in ("corners", "positions", "attributes", "points"):
-            record[name] = start + header[name]
-        record["vertex_count"], record["face_count"] = len(vertices), len(model.faces)
+        record["asset"], record["vertices"] = address(data), address(vertices)
+        record["added"] = 0 if added is None else address(added)
         record["irradiance"] = np.asarray(light) * COSINE_LOBE * HARMONICS
         workspace.launch("light", "target")
         return Target(replace(template, data=data), vertices, np.asarray(albedo, np.float32))
@@ -87,7 +81,7 @@ class Target:
 
 @functools.lru_cache(maxsize=4)
 def _template(object_class: ObjectClass) -> Packed:
-    """The object's asset, with room for what depends on its shape and light."""
+    """The object's asset, yet without shape and light."""
     count, faces = len(object_class.shape_model.mean), object_class.shape_model.faces
     part = np.zeros(1, PART)
     part["vertices"], part["faces"], part["slot"] = (0, count), (0, len(faces)), -1

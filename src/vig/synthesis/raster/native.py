@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from vig.render.device import initialise, prepared
+from vig.synthesis.raster.encoding import encode_image
 from vig.synthesis.raster.fragments import collect_fragments
 from vig.synthesis.raster.records import address
 from vig.synthesis.raster.shading import shade_samples
@@ -40,6 +41,10 @@ def kernels() -> SimpleNamespace:
         shade_samples(task)
 
     @wp.kernel(module=MODULE)
+    def encode(task: wp.uint64):
+        encode_image(task)
+
+    @wp.kernel(module=MODULE)
     def strew(sweep: wp.uint64):
         strew_points(sweep)
 
@@ -51,7 +56,9 @@ def kernels() -> SimpleNamespace:
     def light(target: wp.uint64):
         light_target(target)
 
-    return SimpleNamespace(draw=draw, collect=collect, shade=shade, strew=strew, sweep=sweep, light=light)
+    return SimpleNamespace(
+        draw=draw, collect=collect, shade=shade, encode=encode, strew=strew, sweep=sweep, light=light
+    )
 
 
 class Workspace(threading.local):

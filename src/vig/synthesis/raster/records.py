@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+SAMPLES = 2
+"""Along a pixel's side, of a picture."""
 MOST_LEVELS = 10
 """Levels of a texture pyramid: up to 512 texels a side."""
 
@@ -77,6 +79,8 @@ VISIBLE_PART = np.dtype(
         ("attributes", "i8"),
         ("item", "i4"),
         ("count", "i4"),  # of fragments
+        ("is_target", "i4"),
+        ("is_support", "i4"),
     ],
     align=True,
 )
@@ -97,7 +101,7 @@ TASK = np.dtype(
         ("translation", "f8", 3),
         ("items", "i8"),
         ("item_count", "i4"),
-        ("samples", "i4"),  # along a pixel's side
+        ("unused", "i4"),
         ("width", "i4"),  # of the image, samples
         ("height", "i4"),
         ("focal", "f4"),
@@ -123,7 +127,7 @@ TASK = np.dtype(
         ("depth", "i8"),  # (pixels,) float32
         ("seen", "i8"),  # (pixels,) uint8: samples of the target
         ("support", "i8"),  # (pixels,) uint8: samples of items that are supports
-        ("encode", "i8"),  # see `shading.srgb_tables`
+        ("encode", "i8"),  # see `encoding.srgb_tables`
         ("thresholds", "i8"),
         ("shadow", "i8"),  # GRID, 0 none
         ("irradiance", "f4", 9),  # of a normal: constant, y, z, x, xy, yz, 3zz - 1, xz, xx - yy
@@ -151,14 +155,9 @@ SWEEP = np.dtype(
 )
 TARGET = np.dtype(
     [
+        ("asset", "i8"),  # to be filled; irradiance is the fourth attribute
         ("vertices", "i8"),  # (V, 3) float32
         ("added", "i8"),  # (V,) float32, irradiance by self-shadow and bounce; 0 none
-        ("corners", "i8"),
-        ("positions", "i8"),  # where results go, see HEADER; irradiance is the fourth attribute
-        ("attributes", "i8"),
-        ("points", "i8"),
-        ("vertex_count", "i4"),
-        ("face_count", "i4"),
         ("irradiance", "f4", 9),
         ("unused", "i4"),
     ],
@@ -196,8 +195,17 @@ STRUCTS = "".join(
 """The records' declarations in C++, to stand at the beginning of a native function."""
 
 
-CONTRACT = "#pragma clang fp contract(fast)\n"
-"""To stand before them: products and sums in one instruction."""
+def native(record: str, body: str, **constants: float) -> str:
+    """A native function's text: declarations of records and constants, `task` of type `record`, the body.
+
+    Products and sums go in one instruction.
+    """
+    lines = "".join(
+        f"constexpr {'int' if isinstance(value, int) else 'float'} {name} = {value!r};\n"
+        for name, value in constants.items()
+    )
+    task = f"{record}* const task = ({record}*)address;\n"
+    return "#pragma clang fp contract(fast)\n" + STRUCTS + lines + task + body
 
 
 def address(array: np.ndarray) -> int:

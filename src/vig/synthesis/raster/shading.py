@@ -6,19 +6,19 @@ side through vector registers.
 
 from __future__ import annotations
 
-import functools
-
-import numpy as np
 import warp as wp
 
-from vig.scene.colour import linear_from_srgb
-from vig.synthesis.raster.records import CONTRACT, STRUCTS
+from vig.synthesis.raster.records import MOST_LEVELS, SAMPLES, native
 
-LEAST = 0.06
+LEAST = 0.1
 """Share of the irradiance that no shadow takes away."""
+MOST = 1.25
+"""The most by which a place is lighter than the object's, which may be in a dim corner."""
+EVEN = 0.6
+"""Far from the object, this share of the irradiance is the mean of all directions; half of it at 1 m."""
 
 _SHADE = """
-const int S = task->samples;
+constexpr int S = SAMPLES;
 const float* const faces = (const float*)task->faces;
 const Item* const items = (const Item*)task->items;
 const VisiblePart* const parts = (const VisiblePart*)task->parts;
@@ -39,31 +39,48 @@ for (int r = 0; r < 3; ++r) {
 }
 const float inverse_focal = 1 / task->focal;
 const Grid* const shadow = (const Grid*)task->shadow;
+const float reach = shadow->origin[0] * shadow->origin[0];  // the grid's half width, squared
 const float* const E = task->irradiance;
 const float* const L = task->radiance;
 
-// Irradiance lost at a place (metres of the grid's frame) by what the grid knows, for a surface's normal.
-auto lost = [&](const Grid& grid, float x, float y, float z, float nx, float ny, float nz) {
-    const float a = grid.rise[0], b = grid.rise[1], inverse = 1 / grid.cell;
-    float at_x = (x - grid.origin[0]) * inverse, at_y = (y - grid.origin[1]) * inverse;
-    const float above = z - grid.origin[2] > 0 ? z - grid.origin[2] : 0;
-    float at_z = 2 * above / (a + sqrtf(a * a + 4 * b * above));  // a s + b s^2 = above
-    const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2];
-    at_x = wp::min(wp::max(at_x, 0.0f), X - 1.001f);
-    at_y = wp::min(wp::max(at_y, 0.0f), Y - 1.001f);
-    at_z = wp::min(at_z, Z - 1.001f);
-    const int ix = at_x, iy = at_y, iz = at_z;
-    const float fx = at_x - ix, fy = at_y - iy, fz = at_z - iz;
-    const Shorts* const low = (const Shorts*)grid.values + (size_t)(iz * Y + iy) * X + ix;
-    const Shorts* const high = low + (size_t)X * Y;
-    auto along = [&](const Shorts* here) {
-        const Floats first = __builtin_convertvector(here[0], Floats);
-        return first + fx * (__builtin_convertvector(here[1], Floats) - first);
-    };
-    const Floats below = along(low) + fy * (along(low + X) - along(low));
-    const Floats above_it = along(high) + fy * (along(high + X) - along(high));
-    const Floats value = below + fz * (above_it - below);
-    return grid.scale * (value[0] + value[1] * nx + value[2] * ny + value[3] * nz);
+// Irradiance lost at 16 places (metres of the grid's frame) by what the grid knows, for surfaces' normals.
+auto lost = [&](const Grid& grid, const float* x, const float* y, const float* z, const float* nx,
+                const float* ny, const float* nz, float* result) {
+    const float a = grid.rise[0], b = 4 * grid.rise[1], inverse = 1 / grid.cell, scale = grid.scale;
+    const float from_x = grid.origin[0], from_y = grid.origin[1], from_z = grid.origin[2];
+    const int X = grid.size[0], Y = grid.size[1], plane = X * Y;
+    const float last_x = X - 1.001f, last_y = Y - 1.001f, last_z = grid.size[2] - 1.001f;
+    const Shorts* const values = (const Shorts*)grid.values;
+    int cell[LANES];
+    float fx[LANES], fy[LANES], fz[LANES];
+    for (int lane = 0; lane < LANES; ++lane) {
+        float at_x = (x[lane] - from_x) * inverse, at_y = (y[lane] - from_y) * inverse;
+        const float above = z[lane] - from_z > 0 ? z[lane] - from_z : 0;
+        float at_z = 2 * above / (a + __builtin_sqrtf(a * a + b * above));  // rise0 s + rise1 s^2 = above
+        at_x = at_x > 0 ? at_x : 0;
+        at_y = at_y > 0 ? at_y : 0;
+        at_x = at_x < last_x ? at_x : last_x;
+        at_y = at_y < last_y ? at_y : last_y;
+        at_z = at_z < last_z ? at_z : last_z;
+        const int ix = at_x, iy = at_y, iz = at_z;
+        fx[lane] = at_x - ix;
+        fy[lane] = at_y - iy;
+        fz[lane] = at_z - iz;
+        cell[lane] = iz * plane + iy * X + ix;
+    }
+    for (int lane = 0; lane < LANES; ++lane) {
+        const Shorts* const low = values + cell[lane];
+        const Shorts* const high = low + plane;
+        auto along = [&](const Shorts* here) {
+            const Floats first = __builtin_convertvector(here[0], Floats);
+            return first + fx[lane] * (__builtin_convertvector(here[1], Floats) - first);
+        };
+        const Floats low_0 = along(low), low_1 = along(low + X);
+        const Floats high_0 = along(high), high_1 = along(high + X);
+        const Floats below = low_0 + fy[lane] * (low_1 - low_0), over = high_0 + fy[lane] * (high_1 - high_0);
+        const Floats value = below + fz[lane] * (over - below);
+        result[lane] = scale * (value[0] + value[1] * nx[lane] + value[2] * ny[lane] + value[3] * nz[lane]);
+    }
 };
 
 int start = 0;
@@ -100,9 +117,24 @@ for (int slot = 0; slot < task->part_count; ++slot) {
         at += 1 << (log_width + log_height - 2 * level);
     }
     Grid gloom = {};
+    float reference = 1;
     if (header.gloom) {
         gloom = *(const Grid*)(asset + header.gloom);
         gloom.values = (wp::int64)(asset + header.gloom + sizeof(Grid));
+        // The light is what arrives at the object, whatever the room takes of it there: that is the measure.
+        float x[LANES], y[LANES], z[LANES], mx[LANES], my[LANES], mz[LANES], less[LANES];
+        for (int lane = 0; lane < LANES; ++lane) {
+            const float up = 1.25f * gloom.cell - item.translation[2];
+            const float from_x = -item.translation[0], from_y = -item.translation[1];
+            x[lane] = R[0][0] * from_x + R[1][0] * from_y + R[2][0] * up;
+            y[lane] = R[0][1] * from_x + R[1][1] * from_y + R[2][1] * up;
+            z[lane] = R[0][2] * from_x + R[1][2] * from_y + R[2][2] * up;
+            mx[lane] = R[2][0];
+            my[lane] = R[2][1];
+            mz[lane] = R[2][2];
+        }
+        lost(gloom, x, y, z, mx, my, mz, less);
+        reference = less[0] < 0 ? 1 : 1 / wp::max(1 - less[0], 0.3f);
     }
     // A highlight's exponent 2^sharpness, of a Blinn-Phong lobe as wide as the roughness says.
     int sharpness = 3;
@@ -237,7 +269,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 wy[lane] = eye[1] + z[lane] * dy;
                 wz[lane] = eye[2] + z[lane] * dz;
                 const float ax = at[0][lane], ay = at[1][lane], az = at[2][lane];
-                const float unit = 1 / sqrtf(ax * ax + ay * ay + az * az + 1e-12f);
+                const float unit = 1 / __builtin_sqrtf(ax * ax + ay * ay + az * az + 1e-12f);
                 const float x = unit * (R[0][0] * ax + R[0][1] * ay + R[0][2] * az);
                 const float y = unit * (R[1][0] * ax + R[1][1] * ay + R[1][2] * az);
                 const float z = unit * (R[2][0] * ax + R[2][1] * ay + R[2][2] * az);
@@ -247,44 +279,55 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 const float e = E[0] + E[1] * y + E[2] * z + E[3] * x + E[4] * x * y + E[5] * y * z
                     + E[6] * (3 * z * z - 1) + E[7] * x * z + E[8] * (x * x - y * y);
                 full[lane] = e > 0 ? e : 0;
-                const float length = 1 / sqrtf(dx * dx + dy * dy + dz * dz);
+                const float length = 1 / __builtin_sqrtf(dx * dx + dy * dy + dz * dz);
                 const float away = (x * dx + y * dy + z * dz) * length;
                 facing[lane] = away < 0 ? -away : 0;
                 rx[lane] = dx * length - 2 * away * x;
                 ry[lane] = dy * length - 2 * away * y;
                 rz[lane] = dz * length - 2 * away * z;
             }
-            for (int lane = 0; lane < LANES; ++lane)
+            for (int lane = 0; lane < LANES; ++lane) {
+                // Further away the light is not the object's any more, but more even.
+                const float far = wx[lane] * wx[lane] + wy[lane] * wy[lane] + wz[lane] * wz[lane];
+                const float even = EVEN * far / (far + 1);
+                full[lane] += even * (E[0] - full[lane]);
                 left[lane] = 1;
+            }
+            float x[LANES], y[LANES], z[LANES], less[LANES];
             if (header.gloom) {
-                float shift[3];
+                // In the asset's frame, and far enough before the surface not to see the surface's own cells.
+                float shift[3], mx[LANES], my[LANES], mz[LANES];
                 for (int r = 0; r < 3; ++r)
                     shift[r] = item.translation[r];
-                for (int lane = 0; lane < count; ++lane) {
-                    const float ahead = 0.5f * gloom.cell;
-                    const float x = wx[lane] + ahead * nx[lane] - shift[0];
-                    const float y = wy[lane] + ahead * ny[lane] - shift[1];
-                    const float z = wz[lane] + ahead * nz[lane] - shift[2];
-                    left[lane] -= lost(
-                        gloom,
-                        R[0][0] * x + R[1][0] * y + R[2][0] * z,
-                        R[0][1] * x + R[1][1] * y + R[2][1] * z,
-                        R[0][2] * x + R[1][2] * y + R[2][2] * z,
-                        R[0][0] * nx[lane] + R[1][0] * ny[lane] + R[2][0] * nz[lane],
-                        R[0][1] * nx[lane] + R[1][1] * ny[lane] + R[2][1] * nz[lane],
-                        R[0][2] * nx[lane] + R[1][2] * ny[lane] + R[2][2] * nz[lane]);
+                const float ahead = 1.25f * gloom.cell;
+                for (int lane = 0; lane < LANES; ++lane) {
+                    const float from_x = wx[lane] - shift[0], from_y = wy[lane] - shift[1];
+                    const float from_z = wz[lane] - shift[2];
+                    mx[lane] = R[0][0] * nx[lane] + R[1][0] * ny[lane] + R[2][0] * nz[lane];
+                    my[lane] = R[0][1] * nx[lane] + R[1][1] * ny[lane] + R[2][1] * nz[lane];
+                    mz[lane] = R[0][2] * nx[lane] + R[1][2] * ny[lane] + R[2][2] * nz[lane];
+                    x[lane] = R[0][0] * from_x + R[1][0] * from_y + R[2][0] * from_z + ahead * mx[lane];
+                    y[lane] = R[0][1] * from_x + R[1][1] * from_y + R[2][1] * from_z + ahead * my[lane];
+                    z[lane] = R[0][2] * from_x + R[1][2] * from_y + R[2][2] * from_z + ahead * mz[lane];
                 }
+                lost(gloom, x, y, z, mx, my, mz, less);
+                for (int lane = 0; lane < LANES; ++lane)
+                    left[lane] = reference * (1 - (less[lane] > 0 ? less[lane] : 0));
             }
-            if (shadow) {
-                // What casts shadows leaves its own cells to see out.
-                const float ahead = item.is_support ? 0 : 1.2f * shadow->cell;
-                for (int lane = 0; lane < count; ++lane) {
-                    const float x = wx[lane] + ahead * nx[lane], y = wy[lane] + ahead * ny[lane];
-                    const float z = wz[lane] + ahead * nz[lane];
-                    if (wz[lane] > -0.02f && full[lane] > 0) {
-                        const float less = lost(*shadow, x, y, z, nx[lane], ny[lane], nz[lane]);
-                        left[lane] *= 1 - (less > 0 ? less : 0) / full[lane];
-                    }
+            // What casts shadows leaves its own cells to see out.
+            const float ahead = item.is_support ? 0 : 1.2f * shadow->cell;
+            int within = 0;
+            for (int lane = 0; lane < LANES; ++lane) {
+                x[lane] = wx[lane] + ahead * nx[lane];
+                y[lane] = wy[lane] + ahead * ny[lane];
+                z[lane] = wz[lane] + ahead * nz[lane];
+                within |= (wz[lane] > -0.02f) & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
+            }
+            if (within) {
+                lost(*shadow, x, y, z, nx, ny, nz, less);
+                for (int lane = 0; lane < LANES; ++lane) {
+                    const float taken = wz[lane] > -0.02f && less[lane] > 0 ? less[lane] : 0;
+                    left[lane] *= 1 - taken / (full[lane] + 1e-6f);
                 }
             }
             float lobe[LANES];
@@ -298,7 +341,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                     lobe[lane] *= lobe[lane];
             const float bright = part.emission, metal = part.metal, plain = 1 - metal, mirror = part.mirror;
             for (int lane = 0; lane < LANES; ++lane) {
-                const float open = left[lane] > LEAST ? left[lane] < 1 ? left[lane] : 1 : LEAST;
+                const float open = left[lane] > LEAST ? left[lane] < MOST ? left[lane] : MOST : LEAST;
                 const float x = rx[lane], y = ry[lane], z = rz[lane];
                 float l = L[0] + L[1] * y + L[2] * z + L[3] * x + L[4] * x * y + L[5] * y * z
                     + L[6] * (3 * z * z - 1) + L[7] * x * z + L[8] * (x * x - y * y);
@@ -323,40 +366,16 @@ for (int slot = 0; slot < task->part_count; ++slot) {
 }
 """
 
-_ENCODE = """
-const unsigned char* const encode = (const unsigned char*)task->encode;
-const float* const thresholds = (const float*)task->thresholds;
-unsigned char* const image = (unsigned char*)task->image;
-const int values = 3 * (task->width / S) * (task->height / S);
-for (int n = 0; n < values; ++n) {
-    const float value = linear[n] < 1 ? linear[n] : 1;
-    const int level = encode[(int)(value * BINS)];
-    image[n] = level + (value >= thresholds[level + 1]);
-}
-"""
-
-BINS = 4096
-"""Bins of linear light, each narrower than a level of 8-bit sRGB."""
-
-
-@functools.cache
-def srgb_tables() -> tuple[np.ndarray, np.ndarray]:
-    """The 8-bit sRGB level of each bin's lower edge (BINS + 1,), and where each level begins (257,)."""
-    thresholds = np.full(257, np.inf, np.float32)
-    thresholds[:256] = linear_from_srgb((np.arange(256) - 0.5) / 255)
-    thresholds[0] = 0
-    edges = np.arange(BINS + 1, dtype=np.float32) / BINS
-    return (np.searchsorted(thresholds, edges, side="right") - 1).astype(np.uint8), thresholds
-
-
-_SNIPPET = (
-    CONTRACT
-    + STRUCTS
-    + "Task* const task = (Task*)address;\n"
-    + _SHADE.replace("MOST_LEVELS", "10").replace("LEAST", f"{LEAST}f")
-    + _ENCODE.replace("BINS", str(BINS))
+_SHADED = native(
+    "Task",
+    _SHADE,
+    SAMPLES=SAMPLES,
+    MOST_LEVELS=MOST_LEVELS,
+    LEAST=LEAST,
+    MOST=MOST,
+    EVEN=EVEN,
 )
 
 
-@wp.func_native(snippet=_SNIPPET)
+@wp.func_native(snippet=_SHADED)
 def shade_samples(address: wp.uint64): ...

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import torch
 
@@ -16,7 +18,9 @@ SIZE = (80, 80, 21)
 """Cells along x and y, centred at the object, and planes from z = 0 up."""
 RISE = (0.010, 0.0006)
 """Plane s is RISE[0] s + RISE[1] s^2 above the ground: 1 cm apart at first, 3 cm at the top, 0.44 m up."""
-OPACITY = 1.3
+OPACITY = 1.0
+BOUNCE = 0.25
+"""Share of what is in the way of the light that comes back from it, or from what lies around."""
 
 
 def cast_shadows(table: np.ndarray, light: np.ndarray) -> np.ndarray:
@@ -31,28 +35,29 @@ def cast_shadows(table: np.ndarray, light: np.ndarray) -> np.ndarray:
     grid["origin"], grid["cell"] = (-CELL * (x - 1) / 2, -CELL * (y - 1) / 2, 0), CELL
     grid["rise"], grid["size"], grid["values"] = RISE, SIZE, address(values)
     workspace.launch("strew", "sweep")
-    towards = directions()
-    weights = sky_weights(towards, light)
-    run_sweep(record, weights, towards, SIZE)
+    run_sweep(record, sky_weights(light), directions(), SIZE)
     result = np.zeros(1, GRID)
     result[0] = grid[0]
     return result
 
 
-def sky_weights(towards: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """Irradiance (K, 4) that is lost with the light from each direction (K, 3): v0 and v, see `sweeping`.
+def sky_weights(light: np.ndarray) -> np.ndarray:
+    """Irradiance (K, 4) lost with the light from each of `directions`: v0 and v, see `sweeping`.
 
     A direction stands for as much of the upper half of the sphere as every other. All together they make up
     what a surface that faces up gets.
     """
-    radiance = np.maximum(_basis(towards) @ light, 0.0)
-    # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.
-    weights = np.hstack([np.full((len(towards), 1), 0.5), towards]) * (radiance / len(towards))[:, None]
-    whole = max(float(_basis(np.array([[0.0, 0.0, 1.0]]))[0] @ (light * COSINE_LOBE)), 0.0)
+    basis, weights = _basis()
+    weights = weights * np.maximum(basis[:-1] @ light, 0.0)[:, None]
+    whole = max(float(basis[-1] @ (light * COSINE_LOBE)), 0.0)
     reached = float((weights[:, 0] + weights[:, 3]).sum())
-    return weights * (whole / max(reached, 1e-9))
+    return weights * ((1 - BOUNCE) * whole / max(reached, 1e-9))
 
 
-def _basis(directions: np.ndarray) -> np.ndarray:
-    """Real orthonormal SH (N, 9) of unit directions (N, 3), as `vig.scene.light.sh_basis`."""
-    return sh_basis(torch.from_numpy(directions)).numpy()
+@functools.cache
+def _basis() -> tuple[np.ndarray, np.ndarray]:
+    """SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of a radiance of 1 from each."""
+    towards = directions()
+    basis = sh_basis(torch.from_numpy(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))).numpy()
+    # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.
+    return basis, np.hstack([np.full((len(towards), 1), 0.5), towards]) / len(towards)

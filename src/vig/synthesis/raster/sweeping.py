@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from vig.synthesis.raster.records import CONTRACT, STRUCTS
+from vig.synthesis.raster.records import native
 
 MARGIN = 8
 """Cells round a plane that are never in shadow; no shadow moves further from plane to plane."""
@@ -20,14 +20,15 @@ LANES = 16
 """Cells that are swept side by side: the grid's width is a multiple of it."""
 
 _STREW = """
+const Grid& grid = task->grid;
 const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2] - 1;
-float* const occupancy = (float*)sweep->occupancy;
+float* const occupancy = (float*)task->occupancy;
 for (int n = 0; n < X * Y * Z; ++n)
     occupancy[n] = 0;
-const float inverse = 1 / grid.cell, area = sweep->opacity * inverse * inverse;
+const float inverse = 1 / grid.cell, area = task->opacity * inverse * inverse;
 const float a = grid.rise[0], b = grid.rise[1];
-for (int number = 0; number < sweep->item_count; ++number) {
-    const Item& item = ((const Item*)sweep->items)[number];
+for (int number = 0; number < task->item_count; ++number) {
+    const Item& item = ((const Item*)task->items)[number];
     if (item.is_support)
         continue;
     const char* const asset = (const char*)item.asset;
@@ -50,7 +51,9 @@ for (int number = 0; number < sweep->item_count; ++number) {
         if (!(x >= 1 && x < X - 2 && y >= 1 && y < Y - 2 && z < Z && height > -0.02f))
             continue;
         const int ix = x, iy = y, iz = z;
-        const float fx = x - ix, fy = y - iy, weight = p[3] * area;
+        // What lies flat on the ground casts no shadow beside it.
+        const float weight = p[3] * area * (above < 0.5f * a ? above / (0.5f * a) : 1);
+        const float fx = x - ix, fy = y - iy;
         float* const here = occupancy + (size_t)(iz * Y + iy) * X + ix;
         here[0] += weight * (1 - fx) * (1 - fy);
         here[1] += weight * fx * (1 - fy);
@@ -61,14 +64,15 @@ for (int number = 0; number < sweep->item_count; ++number) {
 """
 
 _SWEEP = """
-const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2] - 1, K = sweep->direction_count;
+const Grid& grid = task->grid;
+const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2] - 1, K = task->direction_count;
 const int wide = X + 2 * MARGIN, high = Y + 2 * MARGIN;
 const size_t plane_size = (size_t)wide * high;
-float* const occupancy = (float*)sweep->occupancy;
-float* const planes = (float*)sweep->planes;
-float* const gathered = (float*)sweep->gathered;
-const float* const directions = (const float*)sweep->directions;
-const float* const weights = (const float*)sweep->weights;
+float* const occupancy = (float*)task->occupancy;
+float* const planes = (float*)task->planes;
+float* const gathered = (float*)task->gathered;
+const float* const directions = (const float*)task->directions;
+const float* const weights = (const float*)task->weights;
 short* const values = (short*)grid.values;
 typedef float Floats __attribute__((ext_vector_type(LANES), aligned(4)));
 long long move[MOST_DIRECTIONS];
@@ -89,7 +93,7 @@ for (size_t n = 0; n < 2 * K * plane_size; ++n)
 for (int s = top; s >= 0; --s) {
     float* const opaque = occupancy + (size_t)s * X * Y;
     const float step = grid.rise[0] + grid.rise[1] * (2 * s + 1);
-    const float kept = sweep->reach > 0 ? expf(-step / sweep->reach) : 1;
+    const float kept = task->reach > 0 ? expf(-step / task->reach) : 1;
     for (int n = 0; n < X * Y; ++n)
         opaque[n] = opaque[n] < 1 ? opaque[n] : 1;
     for (int k = 0; k < K; ++k) {
@@ -142,16 +146,10 @@ for (int s = top; s >= 0; --s) {
 }
 """
 
-_BEGIN = CONTRACT + STRUCTS + "Sweep* const sweep = (Sweep*)address;\nconst Grid& grid = sweep->grid;\n"
 
-
-@wp.func_native(snippet=_BEGIN + _STREW)
+@wp.func_native(snippet=native("Sweep", _STREW))
 def strew_points(address: wp.uint64): ...
 
 
-for _name in ("MARGIN", "MOST_DIRECTIONS", "LANES"):
-    _SWEEP = _SWEEP.replace(_name, str(globals()[_name]))
-
-
-@wp.func_native(snippet=_BEGIN + _SWEEP)
+@wp.func_native(snippet=native("Sweep", _SWEEP, MARGIN=MARGIN, LANES=LANES, MOST_DIRECTIONS=MOST_DIRECTIONS))
 def sweep_shadows(address: wp.uint64): ...

@@ -4,27 +4,41 @@ from __future__ import annotations
 
 import warp as wp
 
-from vig.synthesis.raster.records import STRUCTS
+from vig.synthesis.raster.records import native
 
 _LIGHT = """
 // Area-weighted vertex normals, and with them irradiance and the areas that vertices stand for.
-const float* const vertices = (const float*)target->vertices;
-const float* const added = (const float*)target->added;
-const int* const corners = (const int*)target->corners;
-float* const positions = (float*)target->positions;
-float* const attributes = (float*)target->attributes;
-float* const points = (float*)target->points;
-const float* const E = target->irradiance;
-const int V = target->vertex_count;
+const float* const vertices = (const float*)task->vertices;
+const float* const added = (const float*)task->added;
+char* const asset = (char*)task->asset;
+Header& header = *(Header*)asset;
+const int* const corners = (const int*)(asset + header.corners);
+float* const positions = (float*)(asset + header.positions);
+float* const attributes = (float*)(asset + header.attributes);
+float* const points = (float*)(asset + header.points);
+const float* const E = task->irradiance;
+const int V = header.vertex_count;
+float low[3], high[3];
+for (int r = 0; r < 3; ++r)
+    low[r] = high[r] = vertices[r];
 for (int v = 0; v < V; ++v) {
     for (int r = 0; r < 3; ++r) {
-        positions[r * V + v] = vertices[3 * v + r];
-        points[4 * v + r] = vertices[3 * v + r];
+        const float place = vertices[3 * v + r];
+        positions[r * V + v] = points[4 * v + r] = place;
+        low[r] = place < low[r] ? place : low[r];
+        high[r] = place > high[r] ? place : high[r];
         attributes[5 * v + r] = 0;
     }
     points[4 * v + 3] = 0;
 }
-for (int face = 0; face < target->face_count; ++face) {
+float radius = 0;
+Part& part = *(Part*)(asset + header.parts);
+for (int r = 0; r < 3; ++r) {
+    header.sphere[r] = part.sphere[r] = 0.5f * (low[r] + high[r]);
+    radius += 0.25f * (high[r] - low[r]) * (high[r] - low[r]);
+}
+header.sphere[3] = part.sphere[3] = 1.0001f * sqrtf(radius);
+for (int face = 0; face < header.face_count; ++face) {
     const int* const corner = corners + 3 * face;
     const float* const a = vertices + 3 * corner[0];
     const float* const b = vertices + 3 * corner[1];
@@ -53,5 +67,5 @@ for (int v = 0; v < V; ++v) {
 """
 
 
-@wp.func_native(snippet=STRUCTS + "const Target* const target = (const Target*)address;\n" + _LIGHT)
+@wp.func_native(snippet=native("Target", _LIGHT))
 def light_target(address: wp.uint64): ...

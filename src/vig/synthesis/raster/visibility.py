@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from vig.synthesis.raster.records import CONTRACT, STRUCTS
+from vig.synthesis.raster.records import native
 
 SLACK = 4.8e-7
 """A sample that lies beyond an edge by rounding only is covered, so that no gap opens between neighbours."""
@@ -125,8 +125,9 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
         }
         const int slot = part_count;
         part_count += 2;
-        parts[slot] = {(wp::int64)&part, (wp::int64)attributes, item_number, 0};
-        parts[slot + 1] = {(wp::int64)&part, (wp::int64)clipped, item_number, 0};
+        for (int side = 0; side < 2; ++side)
+            parts[slot + side] = {(wp::int64)&part, (wp::int64)(side ? clipped : attributes), item_number, 0,
+                                  item.is_target, item.is_support};
 
         auto clip = [&](const int* corner) {
             float in[3][8], out[4][8];
@@ -273,7 +274,5 @@ task->clipped_count = clipped_count;
 """
 
 
-@wp.func_native(
-    snippet=CONTRACT + STRUCTS + "Task* const task = (Task*)address;\n" + _DRAW.replace("SLACK", f"{SLACK}f"),
-)
+@wp.func_native(snippet=native("Task", _DRAW, SLACK=SLACK))
 def draw_faces(address: wp.uint64): ...
