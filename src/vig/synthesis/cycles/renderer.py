@@ -76,8 +76,8 @@ class CyclesRenderer:
         if finish not in FINISHES:
             raise UserError(f"finish must be one of {', '.join(FINISHES)}; got '{finish}'")
         self._library, self._object_class = library, object_class
-        self._command = [find_python(python), str(WORKER)]
-        self._settings = {"samples": samples, "threads": threads}
+        self._command = [find_python(python), str(WORKER), str(threads)]
+        self._samples = samples
         self._recycle, self._finish = recycle, finish
         self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples
         self._worker: Worker | None = None
@@ -92,7 +92,7 @@ class CyclesRenderer:
             UserError: Blender did not answer, twice.
         """
         header, arrays = compose(self._library, spec, self._object_class, self._finish)
-        header |= self._settings
+        header["samples"] = self._samples
         header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
         name = f"sample {spec.index} of seed {spec.seed}"
         answer, traced = self._ask(header, arrays, name)

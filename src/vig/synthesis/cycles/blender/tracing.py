@@ -24,7 +24,7 @@ def version() -> str:
 
 
 def trace(
-    header: dict[str, Any], arrays: dict[str, np.ndarray], folder: Path
+    header: dict[str, Any], arrays: dict[str, np.ndarray], threads: int, folder: Path
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Render a scene's `image` (H, W, 3) and `probe` (h, 2h, 4), linear; the header tells the seconds.
 
@@ -36,7 +36,7 @@ def trace(
     began = (time.perf_counter(), os.times())
     clear()
     scene = bpy.context.scene
-    settle(scene, header)
+    settle(scene, header, threads)
     surround(scene, arrays["panorama"])
     turn = np.eye(4)
     c, s = math.cos(header["angle"]), math.sin(header["angle"])
@@ -68,10 +68,10 @@ def clear() -> None:
         bpy.data.batch_remove(list(getattr(bpy.data, kind)))
 
 
-def settle(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
+def settle(scene: bpy.types.Scene, header: dict[str, Any], threads: int) -> None:
     """Settings of the path tracer (docs/cycles.md tells what each costs)."""
     scene.render.engine = "CYCLES"
-    scene.render.threads_mode, scene.render.threads = "FIXED", header["threads"]
+    scene.render.threads_mode, scene.render.threads = "FIXED", threads
     scene.render.resolution_percentage = 100
     scene.render.use_compositing = scene.render.use_sequencer = False
     scene.render.use_file_extension = False

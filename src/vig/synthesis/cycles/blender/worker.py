@@ -1,4 +1,4 @@
-"""The process that Blender runs in: `python worker.py FOLDER`, scenes on standard input, pictures on output.
+"""The process that Blender runs in: `python worker.py THREADS FOLDER`, scenes on its input, pictures on output.
 
 Both are streams of `wire` messages; the first that goes out tells Blender's version. FOLDER holds temporary
 files and is removed at the end. The process ends when its input does or its parent has gone, also in the
@@ -8,6 +8,7 @@ whatever Blender is doing).
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import select
@@ -16,6 +17,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -27,15 +29,16 @@ PATIENCE = 2.0
 
 def main() -> None:
     """Serve scenes until the input ends."""
-    parent, folder = os.getppid(), Path(sys.argv[1])
+    parent, threads, folder = os.getppid(), int(sys.argv[1]), Path(sys.argv[2])
     requests, replies = own_streams()
     threading.Thread(target=watch, args=(requests, parent, folder), daemon=True).start()
-    import tracing  # from here on Blender writes to what it takes for standard output
+    with few_processors(threads):
+        import tracing  # from here on Blender writes to what it takes for standard output
 
     try:
         wire.send(replies, {"blender": tracing.version()}, {})
         while True:
-            serve(requests, replies, folder)
+            serve(requests, replies, threads, folder)
     except (EOFError, BrokenPipeError):
         leave(folder)
 
@@ -47,6 +50,26 @@ def own_streams() -> tuple[io.FileIO, BinaryIO]:
     os.dup2(nowhere, 0)
     os.dup2(2, 1)
     return requests, replies
+
+
+@contextlib.contextmanager
+def few_processors(count: int) -> Iterator[None]:
+    """Let this process see `count` processors only, where the system can.
+
+    When it is loaded, Blender makes its pools of threads as large as what it sees. Larger ones than a worker
+    is to use spin in the way of the workers beside it: half as much processor time again.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(allowed)[:count])
+    try:
+        yield
+    finally:
+        for thread in os.listdir("/proc/self/task"):
+            with contextlib.suppress(ProcessLookupError):
+                os.sched_setaffinity(int(thread), allowed)
 
 
 def watch(requests: io.FileIO, parent: int, folder: Path) -> None:
@@ -64,14 +87,14 @@ def leave(folder: Path) -> None:
     os._exit(0)
 
 
-def serve(requests: io.FileIO, replies: BinaryIO, folder: Path) -> None:
+def serve(requests: io.FileIO, replies: BinaryIO, threads: int, folder: Path) -> None:
     """Answer one scene: its arrays, or the error that it ended in."""
     import tracing
 
     header, arrays = wire.receive(requests)
     signal.alarm(header["timeout"])
     try:
-        answer, results = tracing.trace(header, arrays, folder)
+        answer, results = tracing.trace(header, arrays, threads, folder)
     except Exception:
         answer, results = {"error": traceback.format_exc(limit=-1)}, {}
     signal.alarm(0)
