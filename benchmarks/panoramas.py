@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from scipy.spatial import Delaunay
-from vig.synthesis.assets import PANORAMAS, asset_rng
 
 from benchmarks.report import report, write
 from vig.errors import UserError
 from vig.images import write_png
 from vig.scene import grey, project_panorama, srgb8_from_linear
+from vig.synthesis.library import PANORAMAS, asset_rng
 from vig.synthesis.own import read_envmaps
 from vig.synthesis.panoramas import panorama
 from vig.synthesis.spec import SPLITS

@@ -21,6 +21,7 @@ from vig.inference.settings import Stage
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
 from vig.recognition.training import save_weights
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass
+from vig.synthesis.target import target_vertices
 
 COUNT = 4
 QUICK = ExplainSettings(stages=(Stage(2, 2),))
@@ -84,7 +85,8 @@ def test_the_baseline_stands_at_azimuth_zero_and_the_mean_shape(
     np.testing.assert_allclose(
         results["baseline"].errors["azimuth_deg"], np.abs((degrees + 180) % 360 - 180), atol=1e-3
     )
-    offset = np.einsum("bk,kvc->bvc", dataset.latents[:, :10], teapot.shape_model.basis)
+    truth = np.stack([target_vertices(spec, teapot) for spec in dataset.specs()])
+    offset = truth - teapot.shape_model.mean
     np.testing.assert_allclose(
         results["baseline"].errors["shape_mm"], 1000 * np.linalg.norm(offset, axis=-1).mean(1), rtol=1e-3
     )
@@ -99,12 +101,15 @@ def test_images_are_not_mixed_up_by_threads(
     assert alone.verdicts == results["robust"].verdicts
 
 
-def test_silhouettes_of_the_truth_are_the_datasets_masks(dataset: Dataset, teapot: ObjectClass) -> None:
+def test_silhouettes_of_the_truth_are_nearly_the_datasets_masks(
+    dataset: Dataset, teapot: ObjectClass
+) -> None:
+    """Nearly: the objects of the test split are held-out designs, which no latents quite reach."""
     truth = Latents.from_vector(torch.from_numpy(dataset.latents))
     masks = silhouettes(truth, teapot)
     assert masks.dtype == bool and masks.shape == (COUNT, 150, 150)
     union = (masks | dataset.amodal).sum((1, 2))
-    assert ((masks & dataset.amodal).sum((1, 2)) / union > 0.97).all()
+    assert ((masks & dataset.amodal).sum((1, 2)) / union > 0.93).all()
 
 
 def test_the_csv_has_a_row_for_each_image_and_method(results, dataset: Dataset, tmp_path: Path) -> None:

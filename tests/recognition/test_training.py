@@ -32,7 +32,7 @@ def tiny_dataset(folder: Path, count: int = COUNT) -> Dataset:
     images = rng.integers(0, 80, (count, 150, 150, 3), np.uint8)
     images[visible] += 150
     zeros = np.zeros(count, np.float32)
-    dataset = Dataset(folder, latents, (), zeros, zeros, ("none",) * count, zeros > 0)
+    dataset = Dataset(folder, latents, (), zeros, zeros, ("none",) * count, zeros > 0, np.full(count, -1))
     dataset.__dict__.update(images=images, amodal=amodal, visible=visible)  # instead of files
     return dataset
 

@@ -25,6 +25,7 @@ from vig.synthesis.props import FAMILIES
 from vig.synthesis.props.material import Material
 from vig.synthesis.raster import Item, Packed, Pyramid, Target, depth, draw
 from vig.synthesis.raster.shading import EVEN, MOST
+from vig.synthesis.target import NO_DESIGN, shape_vertices
 from vig.synthesis.view import View
 
 HERE = np.eye(3), np.zeros(3)
@@ -73,7 +74,11 @@ def box(low: list[float], high: list[float], material: Material, inward: bool = 
 
 
 def target(teapot: ObjectClass, light: np.ndarray = LIGHT) -> Target:
-    return Target.of(teapot, [0.5] * teapot.shape_model.modes, [0.6, 0.4, 0.3], light)
+    return target_of(teapot, np.full(teapot.shape_model.modes, 0.5), np.array([0.6, 0.4, 0.3]), light)
+
+
+def target_of(known: ObjectClass, shape: np.ndarray, albedo: np.ndarray, light: np.ndarray) -> Target:
+    return Target.of(known, shape_vertices(shape, NO_DESIGN, known), shape, albedo, light)
 
 
 def linear(picture: Picture) -> np.ndarray:
@@ -86,7 +91,7 @@ def test_the_object_alone_looks_as_the_model_shades_it(teapot: ObjectClass, self
     known = teapot if self_shadow else replace(teapot, transfer=None)
     shape, albedo = np.linspace(-1, 1, known.shape_model.modes), np.array([0.6, 0.4, 0.3])
     azimuth, elevation = 0.7, 0.5
-    picture = draw([], Target.of(known, shape, albedo, LIGHT), View.of(known, azimuth, elevation), LIGHT)
+    picture = draw([], target_of(known, shape, albedo, LIGHT), View.of(known, azimuth, elevation), LIGHT)
 
     geometry = Geometry(known.shape_model, torch.float64, transfer=known.transfer)
     camera = Camera.standard(target_height=known.target_height)

@@ -144,7 +144,7 @@ class _Places:
         return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
 
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
-        """Numbers of places where object and eye are free and, if hiding, furniture is in the line of sight."""
+        """Numbers of places with object and eye free and, if hiding, furniture in the line of sight."""
         rejected["place too small"] += int((~self.fits).sum())
         free = self.fits & _eye_is_free(layout, self.eye)
         rejected["place eye"] += int((self.fits & ~free).sum())
