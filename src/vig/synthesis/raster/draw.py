@@ -14,7 +14,7 @@ from vig.synthesis.raster.encoding import srgb_tables
 from vig.synthesis.raster.items import HARMONICS, Item, Target, item_table
 from vig.synthesis.raster.native import workspace
 from vig.synthesis.raster.packed import Packed
-from vig.synthesis.raster.records import FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
+from vig.synthesis.raster.records import DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
 from vig.synthesis.raster.shadow import cast_shadows
 from vig.synthesis.view import View
 
@@ -135,28 +135,32 @@ def _rasterise(
     table: np.ndarray, assets: Sequence[Packed], view: View, samples: int, keep: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """One over depth and owner, or face to be shaded, of each sample; views of the thread's buffers."""
-    record = workspace.record("task", TASK)
     camera = view.camera
     width, height = camera.width * samples, camera.height * samples
     parts = sum(packed.counts[0] for packed in assets)
     vertices = max((packed.counts[1] for packed in assets), default=0)
     faces = sum(packed.counts[2] for packed in assets)
-    q = workspace.buffer("q", width * height + _MARGIN, np.float32)
-    ids = workspace.buffer("ids", width * height + _MARGIN, np.int32)
-    for name, array in (
-        ("q", q),
-        ("ids", ids),
-        ("screen", workspace.buffer("screen", 3 * vertices, np.float32)),
-        ("parts", workspace.buffer("parts", 2 * parts, VISIBLE_PART)),
-        ("faces", workspace.buffer("faces", 16 * 2 * faces if keep else 0, np.float32)),
-        ("clipped", workspace.buffer("clipped", 5 * 4 * faces, np.float32)),
-        ("items", table),
-    ):
-        record[name] = address(array)
-    record["rotation"], record["translation"] = view.rotation, view.translation
-    record["item_count"], record["keep"] = len(table), keep
-    record["width"], record["height"], record["near"] = width, height, NEAR
-    record["focal"] = camera.focal * samples
-    record["cx"], record["cy"] = camera.cx * samples, camera.cy * samples
+    size = width * height
+    q = workspace.buffer("q", size + _MARGIN, np.float32)
+    ids = workspace.buffer("ids", size + _MARGIN, np.int32)
+    workspace.fields("task", TASK, DRAWN)[0] = (
+        view.rotation,
+        view.translation,
+        address(table),
+        len(table),
+        width,
+        height,
+        camera.focal * samples,
+        camera.cx * samples,
+        camera.cy * samples,
+        NEAR,
+        keep,
+        workspace.place("q", size + _MARGIN, np.float32),
+        workspace.place("ids", size + _MARGIN, np.int32),
+        workspace.place("screen", 3 * vertices, np.float32),
+        workspace.place("parts", 2 * parts, VISIBLE_PART),
+        workspace.place("faces", 16 * 2 * faces if keep else 0, np.float32),
+        workspace.place("clipped", 5 * 4 * faces, np.float32),
+    )
     workspace.launch("draw", "task")
-    return q[: width * height], ids[: width * height]
+    return q[:size], ids[:size]

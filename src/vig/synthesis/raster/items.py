@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -95,31 +96,24 @@ def _template(object_class: ObjectClass) -> Packed:
     return Packed(assembled(part, (0, 0, 0, 0), blocks), (1, count, len(faces)), ())
 
 
+_ROW = struct.Struct("=12d2q4i")
+"""An ITEM, field by field."""
+assert _ROW.size == ITEM.itemsize
+_AT_ORIGIN = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
 def item_table(items: Sequence[Item], target: Target | None) -> tuple[np.ndarray, list[np.ndarray]]:
     """The ITEM records (N,) of a target, if any, and items; and what must be kept alive beside them."""
-    count = len(items) + (target is not None)
-    table = np.zeros(count, ITEM)
     kept: list[np.ndarray] = []
-    assets = [item.packed for item in items]
-    rotations, translations = [item.rotation for item in items], [item.translation for item in items]
-    if target is not None:
-        assets.insert(0, target.packed)
-        rotations.insert(0, np.eye(3))
-        translations.insert(0, np.zeros(3))
-    if not assets:
-        return table, kept
-    table["rotation"], table["translation"] = rotations, translations
-    table["asset"] = [address(packed.data) for packed in assets]
-    placed = table[count - len(items) :]
-    placed["owner"] = [item.owner for item in items]
-    placed["is_support"] = [item.is_support for item in items]
-    if target is not None:
-        table[0]["is_target"] = 1
-    for row, item in zip(placed, items, strict=True):
+    rows = [] if target is None else [_ROW.pack(*_AT_ORIGIN, target.packed.address, 0, 0, 1, 0, 0)]
+    for item in items:
+        finishes = 0
         if item.finishes and item.packed.slots:
             kept.append(_finishes(item))
-            row["finishes"] = address(kept[-1])
-    return table, kept
+            finishes = address(kept[-1])
+        pose = (*item.rotation.ravel().tolist(), *item.translation.tolist())
+        rows.append(_ROW.pack(*pose, item.packed.address, finishes, item.owner, 0, item.is_support, 0))
+    return np.frombuffer(b"".join(rows), ITEM), kept
 
 
 def _finishes(item: Item) -> np.ndarray:

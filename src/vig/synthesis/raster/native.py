@@ -66,7 +66,9 @@ class Workspace(threading.local):
 
     def __init__(self) -> None:
         self._records: dict[str, np.ndarray] = {}
+        self._fields: dict[tuple[str, tuple[str, ...]], np.ndarray] = {}
         self._buffers: dict[str, np.ndarray] = {}
+        self._addresses: dict[str, int] = {}
         self._launches: dict[tuple[str, str], Callable[[], object]] = {}
 
     def record(self, name: str, dtype: np.dtype) -> np.ndarray:
@@ -75,12 +77,25 @@ class Workspace(threading.local):
             self._records[name] = np.zeros(1, dtype)
         return self._records[name]
 
+    def fields(self, name: str, dtype: np.dtype, names: tuple[str, ...]) -> np.ndarray:
+        """A view (1,) of some fields of a record, to be set at once."""
+        key = name, names
+        if key not in self._fields:
+            self._fields[key] = self.record(name, dtype)[list(names)]
+        return self._fields[key]
+
     def buffer(self, name: str, count: int, dtype: Any) -> np.ndarray:
         """An array of `count` or more elements, holding anything."""
         held = self._buffers.get(name)
         if held is None or len(held) < count:
             held = self._buffers[name] = np.empty(count * 5 // 4 + 64, dtype)
+            self._addresses[name] = address(held)
         return held
+
+    def place(self, name: str, count: int, dtype: Any) -> int:
+        """The address of `buffer(name, count, dtype)`."""
+        self.buffer(name, count, dtype)
+        return self._addresses[name]
 
     def launch(self, kernel: str, record: str) -> None:
         """Run a kernel on a record."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from vig.synthesis.props.material import Material
 from vig.synthesis.raster.gloom import gloom_of
 from vig.synthesis.raster.points import strewn
 from vig.synthesis.raster.pyramid import Pyramid
-from vig.synthesis.raster.records import HEADER, PART
+from vig.synthesis.raster.records import HEADER, PART, address
 
 ROOM_SIZE = 1.2
 """Metres; assets with a larger radius know how dim their corners are, smaller ones cast shadows."""
@@ -35,6 +36,11 @@ class Packed:
     data: np.ndarray
     counts: tuple[int, int, int]
     slots: tuple[str, ...]
+
+    @cached_property
+    def address(self) -> int:
+        """Where `data` lies in memory."""
+        return address(self.data)
 
     @staticmethod
     def of(parts: Sequence[tuple[Mesh, Material]]) -> Packed:

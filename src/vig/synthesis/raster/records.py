@@ -137,6 +137,11 @@ TASK = np.dtype(
     ],
     align=True,
 )
+DRAWN = (
+    "rotation", "translation", "items", "item_count", "width", "height", "focal", "cx", "cy", "near", "keep",
+    "q", "ids", "screen", "parts", "faces", "clipped",
+)  # fmt: skip
+"""The fields of a TASK that drawing reads."""
 SWEEP = np.dtype(
     [
         ("occupancy", "i8"),  # (z, y, x) float32, areas in units of a cell's base
