@@ -12,7 +12,7 @@ from vig.synthesis.footprint import Footprint
 from vig.synthesis.library import Library
 from vig.synthesis.raster import Item, depth
 from vig.synthesis.rendering import render
-from vig.synthesis.sampling import TOLERANCE, sample
+from vig.synthesis.sampling import TOLERANCE, sample, target_occlusion
 from vig.synthesis.spec import Placed, SceneSpec
 from vig.synthesis.target import target_vertices
 from vig.synthesis.view import View
@@ -184,3 +184,10 @@ def test_build_starts_with_the_object_and_export_holds_the_same(
     with np.load(tmp_path / "scene.npz") as arrays:
         np.testing.assert_array_equal(arrays["0_vertices"], instances[0].mesh.vertices)
         assert arrays["panorama"].ndim == 3
+
+
+def test_the_share_to_be_hidden_is_flat_in_any_run_of_samples() -> None:
+    for seed, first, count in ((0, 0, 100), (7, 350, 100), (3, 0, 1000)):
+        targets = [target_occlusion(seed, index, "train") for index in range(first, first + count)]
+        tenths, _ = np.histogram(targets, 10, (0, 0.9))
+        assert tenths.sum() == count and np.abs(tenths - count / 10).max() <= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -17,11 +18,12 @@ from vig.synthesis.stage import LAYOUT_SIZE, Actor
 from vig.synthesis.target import draw_shape, shape_vertices
 
 MAX_OCCLUSION = 0.9
-NONE_SHARE = 0.05
-"""Share of scenes with nothing in front of the object, on top of the flat distribution."""
+GOLDEN = (math.sqrt(5) - 1) / 2
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS = 60
+TARGET_STREAM = 2**20 + 1
+"""Number of the random stream of a seed's first target."""
 BOARDS_FROM = 8
 """From this attempt on, shelf boards may reach into the picture."""
 SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
@@ -37,11 +39,10 @@ def stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Gener
 def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -> SceneSpec:
     """The scene number `index` of a seed.
 
-    Latents and the target occlusion are drawn first and never redrawn, so their distributions are exactly
-    the documented ones: shape as `target.draw_shape` says, azimuth uniform, elevation uniform in
-    [0.05, pi/2], albedo uniform in [0.2, 0.8], occlusion zero for a share of 0.05 and else uniform in
-    [0, 0.9]. Only rooms, spots and placements are thrown away, until the hidden share of the object is within
-    0.015 of the target.
+    Latents and the target occlusion are drawn first and never redrawn, so their distributions are exactly the
+    documented ones: shape as `target.draw_shape` says, azimuth uniform, elevation uniform in [0.05, pi/2],
+    albedo uniform in [0.2, 0.8], occlusion flat over [0, 0.9]. Only rooms, spots and placements are thrown
+    away, until the hidden share of the object is within 0.015 of the target.
 
     Raises:
         RuntimeError: no placement reached the target in 60 rooms.
@@ -52,7 +53,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
     azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(LOWEST_ELEVATION, np.pi / 2)
     albedo = rng.uniform(0.2, 0.8, 3)
     panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
-    target = 0.0 if rng.uniform() < NONE_SHARE else rng.uniform(0, MAX_OCCLUSION)
+    target = target_occlusion(seed, index, split)
     finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
     actor = Actor.of(object_class, shape_vertices(shape, design, object_class), azimuth, elevation)
@@ -91,6 +92,15 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
             rejected=dict(sorted(rejected.items())),
         )
     raise RuntimeError(f"sample {index} of seed {seed}: no scene hides {target:.3f}; {dict(rejected)}")
+
+
+def target_occlusion(seed: int, index: int, split: Split) -> float:
+    """The share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random start.
+
+    Any run of samples is spread evenly over the range: of N, each tenth has N / 10, give or take one or two.
+    """
+    start = stream(seed, 0, split, TARGET_STREAM).uniform()
+    return MAX_OCCLUSION * ((start + index * GOLDEN) % 1.0)
 
 
 def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> float:
