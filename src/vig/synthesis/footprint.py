@@ -28,9 +28,9 @@ def _hull_directions() -> np.ndarray:
 
 
 def extreme_points(vertices: np.ndarray) -> np.ndarray:
-    """The points of (V, 3) farthest in any of 130 directions, (N, 3) float64: a lean convex hull."""
+    """The points of (V, 3) farthest in each of 130 directions, (130, 3) float64: a lean convex hull."""
     farthest = (_hull_directions() @ vertices.astype(np.float32).T).argmax(axis=1)
-    return vertices[np.unique(farthest)].astype(np.float64)
+    return vertices[farthest].astype(np.float64)
 
 
 @dataclass(frozen=True)

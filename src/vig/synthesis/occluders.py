@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 
 import numpy as np
 
 from vig.synthesis.library import ALL_ZONES
-from vig.synthesis.rotations import about_x, about_z, along, vector_of
+from vig.synthesis.rotations import about_x, about_z, along, turned_about_z, vector_of
 from vig.synthesis.spec import Placed, Role
 from vig.synthesis.stage import MARGIN, NEAREST, Stage
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Props that move together along a line: at offset `least` they hide most, at `most` nothing.
+    """Props that move together along a line: at offset `least` they hide most, at `most` little or nothing.
 
-    motion: (3,) metres per unit of offset, across the line of sight. stands: on the object's own support;
+    motion: (3,) metres per unit of offset, across the line of sight. Between `least` and `most` they are
+    above the support, on it if they stand, and the hand that holds them is in the frame. stands: on the object's own support;
     otherwise in mid-air, held.
     """
 
@@ -28,13 +29,23 @@ class Candidate:
     stands: bool
 
 
-Kind = Callable[[Stage, np.random.Generator, float], Candidate]
-"""Draws a candidate that may hide a share of the object, given last."""
+Kind = Callable[[Stage, np.random.Generator, float], Candidate | None]
+"""Draws a candidate that may hide a share of the object, given last; None when no draw looks hopeful."""
 DRAWS = 12
+PROPS, TURNS = 3, 5
+"""So many props, each turned in so many ways, are considered at a time to stand before the object."""
+GRASPS = 6
+"""How often something held is drawn until it has room before the object and the hand is in the frame."""
+HAND_INSIDE = 6
+"""The tips of fingers that hold something are so many pixels of the layout's frame inside it, or more."""
 
 
-def draw_kind(stage: Stage, rng: np.random.Generator, level: float, last_resort: bool) -> Kind:
+def draw_kind(
+    stage: Stage, rng: np.random.Generator, level: float, last_resort: bool, hopeless: Container[Kind] = ()
+) -> Kind | None:
     """A way to hide the object that suits the elevation and the share that is to be hidden.
+
+    None when all that suit are `hopeless`.
 
     What stands hides little from above; an arm or a twig never hides nearly everything.
     """
@@ -44,10 +55,13 @@ def draw_kind(stage: Stage, rng: np.random.Generator, level: float, last_resort:
         standing: 0.85 - 0.8 * high,
         in_hand: 0.08 + 0.42 * high,
         reaching: (0.06 + 0.2 * high) * (missing < 0.65),
-        branch: (0.05 + 0.07 * high) * (missing < 0.45),
+        branch: (0.02 + 0.02 * high) * (missing < 0.45),
         board: 0.3 * last_resort,
     }
-    kinds, weights = list(chances), np.array(list(chances.values()))
+    kinds = [kind for kind, chance in chances.items() if chance > 0 and kind not in hopeless]
+    if not kinds:
+        return None
+    weights = np.array([chances[kind] for kind in kinds])
     return kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
 
 
@@ -63,10 +77,13 @@ def draw_large(stage: Stage, rng: np.random.Generator, least_area: float, uprigh
 
     First from the zone of the object's support, then from any. upright: it is seen from the side.
     """
-    for draw in range(DRAWS):
-        zone = stage.room.zone if draw < DRAWS // 2 else ALL_ZONES[int(rng.integers(len(ALL_ZONES)))]
-        name = draw_prop(stage, rng, zone)
-        x, y, z = stage.library.sizes(*name)
+    library = stage.library
+    for draw, (zone_at, family_at, member_at) in enumerate(rng.random((DRAWS, 3)).tolist()):
+        zone = stage.room.zone if draw < DRAWS // 2 else ALL_ZONES[int(zone_at * len(ALL_ZONES))]
+        families = library.families(zone)
+        family = families[int(family_at * len(families))]
+        name = family, int(member_at * library.members(family))
+        x, y, z = library.sizes(*name)
         area = z * max(x, y) if upright else x * y * z / min(x, y, z)
         if area >= least_area:
             break
@@ -88,58 +105,125 @@ def placed(
     return Placed(name[0], name[1], (x, y, z), vector_of(rotation), role)
 
 
-def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
+def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """A prop on the same support, between the eye and the object; moves sideways."""
-    name = draw_large(stage, rng, area_to_hide(stage, level, 0.7), True)
-    turn = about_z(rng.uniform(0, 2 * np.pi))
-    points = stage.library.extremes(*name) @ turn.T
-    gap = MARGIN + 0.002 + rng.uniform(0, 0.1) * np.cos(stage.actor.elevation)
-    ahead = stage.actor.ahead
-    distance = (stage.actor.body.outline @ -ahead[:2]).max() + (points @ ahead).max() + gap
-    part = placed(name, -distance * ahead, turn)
-    return Candidate([part], rng.choice([-1.0, 1.0]) * stage.actor.aside, 0.0, 0.5, True)
+    ahead, least_area = stage.actor.ahead, area_to_hide(stage, level, 0.7)
+    names = [draw_large(stage, rng, least_area, True) for _ in range(PROPS)]
+    count = PROPS * TURNS
+    angles = rng.uniform(0, 2 * np.pi, count)
+    gaps = MARGIN + 0.002 + rng.uniform(0, 0.1, count) * np.cos(stage.actor.elevation)
+    motions = rng.choice([-1.0, 1.0], count)[:, None] * stage.actor.aside
+    clouds = np.tile(np.stack([stage.library.extremes(*name) for name in names]), (TURNS, 1, 1))
+    clouds = turned_about_z(clouds, angles)
+    distances = (stage.actor.body.outline @ -ahead[:2]).max() + (clouds @ ahead).max(1) + gaps
+    clouds -= distances[:, None, None] * ahead
+    least, most = stage.carried(stage.support, clouds, motions)
+    least, most = np.maximum(least, 0.0), np.minimum(most, 0.5)
+    view = stage.actor.view
+    hopeful = (least < most) & ((clouds @ view.forward).min(1) >= view.forward @ view.eye + NEAREST)
+    numbers = np.flatnonzero(hopeful)
+    at_least = clouds[numbers] + (least[numbers, None] * motions[numbers])[:, None]
+    numbers = numbers[stage.hidden_at_most(at_least) >= level]
+    if not len(numbers):
+        return None
+    chosen = int(numbers[0])
+    part = placed(names[chosen % PROPS], -distances[chosen] * ahead, about_z(float(angles[chosen])))
+    return Candidate([part], motions[chosen], float(least[chosen]), float(most[chosen]), True)
 
 
-def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
+def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the eye."""
     name = draw_large(stage, rng, area_to_hide(stage, level, 0.75), False)
-    if rng.uniform() < 0.3 + 0.7 * level:
-        turn = _facing(stage, rng, int(stage.library.sizes(*name).argmin()))
-    else:
-        turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
-    points = stage.library.extremes(*name) @ turn.T
-    middle = (points.max(0) + points.min(0)) / 2
-    depth = points @ stage.actor.view.forward
-    outward = _outward(stage, rng)
-    aim = _aim(stage, rng, (depth.max() - depth.min()) / 2)
-    grip = 0.75 * ((points - middle) @ outward).max()
-    arm = _arm(stage, rng, aim + grip * outward, outward, "holder")
-    return Candidate([placed(name, aim - middle, turn), arm], outward, 0.0, 0.4, False)
+    hull = stage.library.extremes(*name)
+    for _ in range(GRASPS):
+        if rng.uniform() < 0.3 + 0.7 * level:
+            turn = _facing(stage, rng, int(stage.library.sizes(*name).argmin()))
+        else:
+            turn = about_z(rng.uniform(0, 6.3)) @ about_x(rng.uniform(0, 1.2)) @ about_z(rng.uniform(0, 6.3))
+        points = hull @ turn.T
+        middle = (points.max(0) + points.min(0)) / 2
+        points -= middle
+        outward = _outward(stage, rng)
+        arm, hand = _arm(stage, rng, outward)
+        aim = _aim(stage, rng, np.concatenate([points, hand]))
+        if aim is None:
+            continue
+        fingertips = aim + 0.75 * (points @ outward).max() * outward
+        lowest = min(aim[2] + points[:, 2].min(), fingertips[2] + hand[:, 2].min())
+        most = min(0.4, _until_hand_is_out(stage, fingertips, outward))
+        parts = [placed(name, aim - middle, turn), placed(arm[0], fingertips, arm[1], "holder")]
+        if candidate := _held(parts, lowest, outward, 0.0, most):
+            return candidate
+    return None
 
 
-def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
-    """A bare hand and its arm before the object."""
-    outward = _outward(stage, rng)
-    return Candidate(
-        [_arm(stage, rng, _aim(stage, rng, 0.04), outward, "occluder")], outward, -0.2, 0.3, False
+def _held(
+    parts: list[Placed], lowest: float, motion: np.ndarray, least: float, most: float
+) -> Candidate | None:
+    """A candidate in mid-air whose lowest point at offset 0 is `lowest`; None where it is below the support."""
+    to_support, rise = lowest - MARGIN, float(motion[2])
+    if rise < 0:
+        most = min(most, -to_support / rise)
+    elif rise > 0:
+        least = max(least, -to_support / rise)
+    return (
+        Candidate(parts, motion, least, most, False) if least < most and (rise or to_support >= 0) else None
     )
 
 
-def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
+def _until_hand_is_out(stage: Stage, fingertips: np.ndarray, outward: np.ndarray) -> float:
+    """How far a point (3,) can move along a direction (3,) in the image plane and be well in the frame."""
+    view = stage.actor.view
+    place = (view.rotation @ fingertips + view.translation).tolist()
+    ends = []
+    for along, way, middle, size in zip(
+        place[:2],
+        (view.rotation[:2] @ outward).tolist(),
+        (view.camera.cx, view.camera.cy),
+        (view.camera.width, view.camera.height),
+        strict=True,
+    ):
+        pixel, speed = view.camera.focal * along / place[2] + middle, view.camera.focal * way / place[2]
+        if not HAND_INSIDE <= pixel <= size - HAND_INSIDE:
+            return -1.0
+        room = size - HAND_INSIDE - pixel if speed > 0 else pixel - HAND_INSIDE
+        ends.append(room / max(abs(speed), 1e-9))
+    return min(ends)
+
+
+def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
+    """A bare hand and its arm before the object."""
+    outward = _outward(stage, rng)
+    arm, hand = _arm(stage, rng, outward)
+    aim = _aim(stage, rng, hand)
+    if aim is None:
+        return None
+    return _held([placed(arm[0], aim, arm[1])], float(aim[2] + hand[:, 2].min()), outward, -0.2, 0.3)
+
+
+def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """A leafy twig that reaches into the frame."""
     outward = _outward(stage, rng)
     twig = ("twig", _member(stage, rng))
     rotation = along(outward, stage.actor.view.forward) @ about_x(rng.normal(0, 0.3))
-    return Candidate([placed(twig, _aim(stage, rng, 0.03), rotation)], outward, -0.3, 0.2, False)
+    points = stage.library.extremes(*twig) @ rotation.T
+    aim = _aim(stage, rng, points)
+    if aim is None:
+        return None
+    return _held([placed(twig, aim, rotation)], float(aim[2] + points[:, 2].min()), outward, -0.3, 0.2)
 
 
-def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate:
+def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """The end of a shelf board above the object."""
     turn = rng.uniform(-0.3, np.pi + 0.3)
     outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
     rotation = about_z(np.arctan2(outward[1], outward[0]))
-    part = placed(("board", _member(stage, rng)), _aim(stage, rng, 0.06), rotation)
-    return Candidate([part], outward, -0.3, 0.3, False)
+    end = ("board", _member(stage, rng))
+    points = stage.library.extremes(*end) @ rotation.T
+    aim = _aim(stage, rng, points)
+    if aim is None:
+        return None
+    return _held([placed(end, aim, rotation)], float(aim[2] + points[:, 2].min()), outward, -0.3, 0.3)
 
 
 def _member(stage: Stage, rng: np.random.Generator) -> int:
@@ -147,10 +231,12 @@ def _member(stage: Stage, rng: np.random.Generator) -> int:
 
 
 def _arm(
-    stage: Stage, rng: np.random.Generator, fingertips: np.ndarray, outward: np.ndarray, role: Role
-) -> Placed:
+    stage: Stage, rng: np.random.Generator, outward: np.ndarray
+) -> tuple[tuple[tuple[str, int], np.ndarray], np.ndarray]:
+    """An arm's name and rotation (3, 3), and its farthest points (N, 3) from the fingertips."""
+    name = ("arm", _member(stage, rng))
     rotation = along(outward, stage.actor.view.forward) @ about_x(rng.uniform(0, 6.3))
-    return placed(("arm", _member(stage, rng)), fingertips, rotation, role)
+    return (name, rotation), stage.library.extremes(*name) @ rotation.T
 
 
 def _facing(stage: Stage, rng: np.random.Generator, axis: int) -> np.ndarray:
@@ -160,16 +246,21 @@ def _facing(stage: Stage, rng: np.random.Generator, axis: int) -> np.ndarray:
     return along(stage.actor.view.forward, _outward(stage, rng)) @ tilt @ to_x
 
 
-def _aim(stage: Stage, rng: np.random.Generator, half_depth: float) -> np.ndarray:
-    """A point (3,) on the ray to the object's middle, nearer than the object by more than `half_depth`."""
-    view, seen = stage.actor.view, np.isfinite(stage.actor.depth)
-    free = stage.actor.body.depths[0] - view.forward @ view.eye - half_depth - 2 * MARGIN
-    nearest = NEAREST + half_depth
-    depth = rng.uniform(min(nearest, free), max(free, nearest))
-    rows, columns = np.nonzero(seen)
-    x = (columns.mean() + 0.5 + rng.normal(0, 2) - view.camera.cx) / view.camera.focal
-    y = (rows.mean() + 0.5 + rng.normal(0, 2) - view.camera.cy) / view.camera.focal
-    return view.eye + view.rotation.T @ (depth * np.array([x, y, 1.0]))
+def _aim(stage: Stage, rng: np.random.Generator, points: np.ndarray) -> np.ndarray | None:
+    """A point (3,) on a ray to the object's middle, so that points (N, 3) from there are before the object.
+
+    None when there is no room for them between eye and object.
+    """
+    view, (row, column) = stage.actor.view, stage.actor.middle
+    extent = points @ view.forward
+    nearest = NEAREST - float(extent.min())
+    farthest = stage.actor.body.depths[0] - float(view.forward @ view.eye) - float(extent.max()) - 2 * MARGIN
+    if nearest > farthest:
+        return None
+    depth, aside, below = rng.uniform(nearest, farthest), rng.normal(0, 2), rng.normal(0, 2)
+    x = (column + aside - view.camera.cx) / view.camera.focal
+    y = (row + below - view.camera.cy) / view.camera.focal
+    return view.eye + depth * (np.array([x, y, 1.0]) @ view.rotation)
 
 
 def _outward(stage: Stage, rng: np.random.Generator) -> np.ndarray:

@@ -7,15 +7,13 @@ from collections import Counter
 import numpy as np
 
 from vig.synthesis.footprint import Footprint
-from vig.synthesis.occluders import Candidate, draw_kind
+from vig.synthesis.occluders import Candidate, Kind, draw_kind
 from vig.synthesis.spec import Placed
 from vig.synthesis.stage import MARGIN, NEAREST, Stage
 
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8
 """How often the last occluder is drawn before the room is given up."""
-PROBED = (0.0, 0.12)
-"""A candidate that cannot be at either of these offsets from the least is not tried further."""
 STEPS = 12
 """How often an offset is tried."""
 HAND_SHARE = 0.02
@@ -35,14 +33,22 @@ def hide(
     count = 1 if target - already < 0.08 else int(rng.choice([1, 2, 3], p=[0.45, 0.35, 0.2]))
     levels = already + (target - already) * np.cumsum(rng.dirichlet(np.full(count, 2.0)))
     for level in levels[:-1]:
-        _count(rejected, _place(stage, draw_kind(stage, rng, level, last_resort)(stage, rng, level), level))
+        make = draw_kind(stage, rng, level, last_resort)
+        _count(rejected, _place(stage, make and make(stage, rng, level), level))
+    hopeless: set[Kind] = set()
     for _ in range(KINDS_TRIED):
-        make = draw_kind(stage, rng, target, last_resort)
+        make = draw_kind(stage, rng, target, last_resort, hopeless)
+        if make is None:
+            break
         for _ in range(TRIALS_PER_KIND):
-            reason = _place(stage, make(stage, rng, target), target)
+            candidate = make(stage, rng, target)
+            reason = _place(stage, candidate, target)
             if not reason:
                 return True
             _count(rejected, reason)
+            if candidate is None:
+                hopeless.add(make)
+                break
     return False
 
 
@@ -51,18 +57,15 @@ def _count(rejected: Counter[str], reason: str) -> None:
         rejected[f"occluder {reason}"] += 1
 
 
-def _place(stage: Stage, candidate: Candidate, level: float) -> str:
+def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
     """Bisect a candidate's offset until `level` is hidden and keep it, or say why not in a word."""
+    if candidate is None:
+        return "no room"
     clouds = [stage.points(part) for part in candidate.parts]
     points, forward = np.concatenate(clouds), stage.actor.view.forward
     if (points @ forward).min() < forward @ stage.actor.view.eye + NEAREST:
         return "eye"  # wherever it is moved: motions are across the line of sight
-    if _hand_is_out(stage, candidate):
-        return "no hand"
-    nowhere = [_misplaced(stage, candidate, clouds, candidate.least + more) for more in PROBED]
-    if all(nowhere):
-        return nowhere[0]
-    if stage.hidden_at_most(points + candidate.least * candidate.motion) < level - FIT_TOLERANCE:
+    if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
         return "too small"
     found = _offset(stage, candidate, level)
     if isinstance(found, str):
@@ -73,8 +76,6 @@ def _place(stage: Stage, candidate: Candidate, level: float) -> str:
     for footprint in footprints:
         if reason := stage.check(footprint):
             return reason
-    if reason := _misplaced(stage, candidate, clouds, offset):
-        return reason
     if not candidate.stands and (stage.behind < seen + 2 * MARGIN)[np.isfinite(seen)].any():
         return "in furniture"
     if (np.minimum(stage.blockers, seen) < stage.behind).mean() > 0.3 + 0.5 * level:
@@ -85,26 +86,6 @@ def _place(stage: Stage, candidate: Candidate, level: float) -> str:
         return "no hand"
     stage.add(parts, footprints, seen)
     return ""
-
-
-def _misplaced(stage: Stage, candidate: Candidate, clouds: list[np.ndarray], offset: float) -> str:
-    """Why a candidate cannot be at an offset, as far as the support goes; an empty string if it can."""
-    shift = offset * candidate.motion
-    if candidate.stands:
-        carried = all(stage.carries(stage.support, cloud + shift) for cloud in clouds)
-        return "" if carried else "off support"
-    lowest = min(stage.on_support(stage.support, cloud + shift)[:, 2].min() for cloud in clouds)
-    return "below support" if lowest < MARGIN else ""
-
-
-def _hand_is_out(stage: Stage, candidate: Candidate) -> bool:
-    """Whether the fingertips of an arm that holds something are out of the frame at the least offset."""
-    holders = [part for part in candidate.parts if part.role == "holder" and part.family == "arm"]
-    if not holders:
-        return False
-    tips = np.array([holders[0].position]) + candidate.least * candidate.motion
-    rows, columns = stage.actor.view.window(tips)
-    return rows.start == rows.stop or columns.start == columns.stop
 
 
 def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np.ndarray] | str:
@@ -123,7 +104,11 @@ def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np
         return low, seen
     if above < 0:
         return "too small"
-    below = stage.hidden() - level
+    below, seen = excess(high)
+    if abs(below) <= FIT_TOLERANCE:
+        return high, seen
+    if below > 0:
+        return "not out of the way"
     for step in range(STEPS):
         share = 0.5 if step % 2 else float(np.clip(above / (above - below), 0.05, 0.95))
         offset = low + share * (high - low)

@@ -13,6 +13,14 @@ def about_z(angle: float) -> np.ndarray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+def turned_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Clouds of points (N, P, 3), each turned by its angle (N,) radians about +Z."""
+    c, s = np.cos(angles), np.sin(angles)
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    transposed = np.stack([c, s, zero, -s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
+    return points @ transposed
+
+
 def about_x(angle: float) -> np.ndarray:
     """By `angle` radians about +X."""
     c, s = math.cos(angle), math.sin(angle)

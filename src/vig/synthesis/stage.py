@@ -11,6 +11,7 @@ from vig.synthesis.footprint import Footprint, extreme_points
 from vig.synthesis.furniture import Support
 from vig.synthesis.library import Library
 from vig.synthesis.raster import Item, Target, depth
+from vig.synthesis.rotations import about_z
 from vig.synthesis.spec import Placed, Room
 from vig.synthesis.view import View
 
@@ -27,8 +28,8 @@ class Actor:
     """The object as seen from its eye.
 
     item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those
-    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner. body:
-    its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
+    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner. middle:
+    mean row and column, pixels. body: its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
     """
 
     item: Item
@@ -39,6 +40,7 @@ class Actor:
     pixels: np.ndarray
     own: np.ndarray
     sums: np.ndarray
+    middle: tuple[float, float]
     ahead: np.ndarray
     aside: np.ndarray
 
@@ -50,6 +52,7 @@ class Actor:
         dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
         item = Item(dark.packed, np.eye(3), np.zeros(3))
         alone = depth([item], view)[0]
+        rows, columns = np.nonzero(np.isfinite(alone))
         return Actor(
             item=item,
             elevation=elevation,
@@ -59,6 +62,7 @@ class Actor:
             pixels=np.flatnonzero(np.isfinite(alone)),
             own=alone[np.isfinite(alone)],
             sums=np.pad(np.isfinite(alone), ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1),
+            middle=(float(rows.mean()) + 0.5, float(columns.mean()) + 0.5),
             ahead=np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]),
             aside=np.array([np.cos(azimuth), np.sin(azimuth), 0.0]),
         )
@@ -80,6 +84,7 @@ class Stage:
     blockers: np.ndarray
     props: list[Placed] = field(default_factory=list)
     solids: list[Footprint] = field(default_factory=list)
+    _poses: dict[Support, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> Stage:
@@ -97,13 +102,12 @@ class Stage:
             hidden |= extra.ravel()[pixels] < own
         return np.count_nonzero(hidden) / len(pixels)
 
-    def hidden_at_most(self, points: np.ndarray) -> float:
-        """A bound of `hidden` with world points (N, 3) before the object, from their window in the frame."""
-        rows, columns = self.actor.view.window(points)
+    def hidden_at_most(self, clouds: np.ndarray) -> np.ndarray:
+        """A bound (N,) of `hidden` with each of clouds (N, P, 3) before the object, from their windows."""
+        top, bottom, left, right = self.actor.view.windows(clouds)
         sums = self.actor.sums
-        inside = sums[rows.stop, columns.stop] - sums[rows.start, columns.stop]
-        inside -= sums[rows.stop, columns.start] - sums[rows.start, columns.start]
-        return self.hidden() + float(inside) / len(self.actor.pixels)
+        inside = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        return self.hidden() + inside / len(self.actor.pixels)
 
     def seen_at(self, placed: list[Placed], shift: np.ndarray | None = None) -> np.ndarray:
         """Depth (75, 75) of props alone, all of them moved by `shift` (3,)."""
@@ -125,23 +129,47 @@ class Stage:
         clear = all(footprint.clear_of(solid, MARGIN) for solid in [self.actor.body, *self.solids])
         return "" if clear else "collision"
 
-    def carries(self, support: Support, points: np.ndarray) -> bool:
-        """Whether world points (N, 3) lie within the edges of a support, and below what is above it."""
-        x, y, z = self.on_support(support, points).T
-        inside = np.abs(x).max() <= support.half[0] - MARGIN and np.abs(y).max() <= support.half[1] - MARGIN
-        return bool(inside and z.max() <= support.clearance - MARGIN)
+    def carries(self, support: Support, points: np.ndarray) -> np.ndarray:
+        """Whether world points (..., N, 3) lie within the edges of a support, and below what is above it."""
+        own = self.on_support(support, points)
+        low, high = own.min(axis=-2), own.max(axis=-2)
+        half = np.array(support.half) - MARGIN
+        inside = (low[..., :2] >= -half).all(-1) & (high[..., :2] <= half).all(-1)
+        return inside & (high[..., 2] <= support.clearance - MARGIN)
+
+    def carried(
+        self, support: Support, clouds: np.ndarray, motions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The least and greatest offset (N,) along level motions (N, 3) at which `carries` clouds (N, P, 3).
+
+        The least is above the greatest where there is none.
+        """
+        own = self.on_support(support, clouds)
+        low, high = own.min(axis=1), own.max(axis=1)
+        way, half = (motions @ self._pose(support)[0])[:, :2], np.array(support.half) - MARGIN
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        first, last = (-half - low[:, :2]) / way, (half - high[:, :2]) / way
+        least, most = np.where(way > 0, first, last).max(1), np.where(way > 0, last, first).min(1)
+        too_wide = ((high - low)[:, :2] > 2 * half).any(1) | (high[:, 2] > support.clearance - MARGIN)
+        return np.where(too_wide, np.inf, least), most
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:
-        """World points (N, 3) along a support's own axes from its centre."""
-        local = (points - np.array(self.room.origin)) @ self.room.rotation()
-        c, s = np.cos(support.turn), np.sin(support.turn)
-        return (local - np.array(support.centre)) @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        """World points (..., 3) along a support's own axes from its centre."""
+        rotation, origin = self._pose(support)
+        return points @ rotation - origin @ rotation
 
     def from_support(self, support: Support, points: np.ndarray) -> np.ndarray:
         """The inverse of `on_support`."""
-        c, s = np.cos(support.turn), np.sin(support.turn)
-        local = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + np.array(support.centre)
-        return self.room.to_world(local)
+        rotation, origin = self._pose(support)
+        return points @ rotation.T + origin
+
+    def _pose(self, support: Support) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation (3, 3) and translation (3,), world from a support's own frame."""
+        if support not in self._poses:
+            rotation = self.room.rotation()
+            origin = rotation @ np.array(support.centre) + np.array(self.room.origin)
+            self._poses[support] = rotation @ about_z(support.turn), origin
+        return self._poses[support]
 
     def add(self, placed: list[Placed], footprints: list[Footprint], seen: np.ndarray | None) -> None:
         """Keep props, given with their footprints and their common depth image, if they hide anything."""

@@ -39,12 +39,17 @@ def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
 
 def shape_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
     """Vertices (V, 3) float32 at coefficients (K,), with a design's deviation from the model unless -1."""
+    return _vertices(tuple(np.asarray(coefficients).tolist()), design, object_class)
+
+
+@lru_cache(maxsize=8)
+def _vertices(coefficients: tuple[float, ...], design: int, object_class: ObjectClass) -> np.ndarray:
     model = object_class.shape_model
-    vertices = model.vertices(torch.tensor(coefficients, dtype=torch.float32)[None])[0].numpy()
-    if design == NO_DESIGN:
-        return vertices
-    vertices = vertices + _projected(object_class, design)[1]
-    vertices[:, 2] -= vertices[:, 2].min()
+    vertices = model.vertices(torch.tensor([coefficients], dtype=torch.float32))[0].numpy()
+    if design != NO_DESIGN:
+        vertices = vertices + _projected(object_class, design)[1]
+        vertices[:, 2] -= vertices[:, 2].min()
+    vertices.setflags(write=False)
     return vertices
 
 

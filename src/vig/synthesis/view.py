@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -23,10 +24,7 @@ class View:
     def of(object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE) -> View:
         """The standard camera of a class for a square image of `size` pixels, at angles in radians."""
         camera = Camera.standard(size, object_class.target_height)
-        rotation, translation = camera.pose(
-            torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
-        )
-        return View(camera, rotation[0].numpy(), translation[0].numpy())
+        return View(camera, *_pose(object_class.target_height, azimuth, elevation))
 
     def widened(self, factor: int) -> View:
         """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
@@ -39,7 +37,7 @@ class View:
         """The same view in an image `factor` times as wide and high."""
         return View(self.camera.scaled(factor), self.rotation, self.translation)
 
-    @property
+    @cached_property
     def eye(self) -> np.ndarray:
         """The eye in the world (3,), metres."""
         return -self.rotation.T @ self.translation
@@ -55,14 +53,31 @@ class View:
 
     def window(self, vertices: np.ndarray) -> tuple[slice, slice]:
         """Rows and columns of the frame that can show world points (V, 3), all in front of the eye."""
-        x, y, z = self.rotation @ vertices.T + self.translation[:, None]
-        camera, scale = self.camera, self.camera.focal / z
-        column, row = scale * x + camera.cx, scale * y + camera.cy
+        top, bottom, left, right = (int(edge[0]) for edge in self.windows(vertices[None]))
+        return slice(top, bottom), slice(left, right)
 
-        def within(low: float, high: float, size: int) -> slice:
-            return slice(min(max(int(low), 0), size), min(max(int(high + 1), 0), size))
-
+    def windows(self, clouds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """First and end row, first and end column, (N,) each, of the frame that can show clouds (N, P, 3)."""
+        points = clouds @ self.rotation.T + self.translation
+        camera = self.camera
+        scale = camera.focal / points[..., 2]
+        row, column = scale * points[..., 1] + camera.cy, scale * points[..., 0] + camera.cx
         return (
-            within(row.min(), row.max(), camera.height),
-            within(column.min(), column.max(), camera.width),
+            row.min(1).clip(0, camera.height).astype(int),
+            (row.max(1) + 1).clip(0, camera.height).astype(int),
+            column.min(1).clip(0, camera.width).astype(int),
+            (column.max(1) + 1).clip(0, camera.width).astype(int),
         )
+
+
+@lru_cache(maxsize=64)
+def _pose(target_height: float, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) of the standard camera, read-only."""
+    camera = Camera.standard(target_height=target_height)
+    rotation, translation = camera.pose(
+        torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
+    )
+    result = rotation[0].numpy(), translation[0].numpy()
+    for array in result:
+        array.setflags(write=False)
+    return result

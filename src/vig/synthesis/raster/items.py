@@ -66,7 +66,7 @@ class Target:
         template = _template(object_class)
         vertices = np.ascontiguousarray(vertices, np.float32)
         added = None
-        if object_class.transfer is not None:
+        if object_class.transfer is not None and np.any(light):
             table = object_class.transfer
             weights = np.append(1.0, shape).astype(np.float32)
             change = (weights @ table.reshape(len(table), -1)).reshape(-1, table.shape[2])
