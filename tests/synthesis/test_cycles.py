@@ -107,7 +107,8 @@ worker = Worker([sys.executable, "-c", {FAKE!r}])
 print(worker.ask({{}}, {{"x": np.zeros(1)}}, 20)[0]["pid"], flush=True)
 time.sleep(60)
 """
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as parent:
+    inside = {**os.environ, "TMPDIR": str(tmp_path)}  # the fake worker does not clean up
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=inside) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
         os.kill(parent.pid, signal.SIGKILL)

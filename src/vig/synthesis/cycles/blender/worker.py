@@ -1,4 +1,4 @@
-"""Blender runs in this process: `python worker.py THREADS FOLDER`, scenes on its input, pictures on output.
+"""Blender's process: `python worker.py THREADS FOLDER`, scenes on standard input, pictures on its output.
 
 Both are streams of `wire` messages; the first that goes out tells Blender's version. FOLDER holds temporary
 files and is removed at the end. The process ends when its input does or its parent has gone, also in the
