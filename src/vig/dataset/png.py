@@ -28,7 +28,7 @@ def png(image: np.ndarray, noisy: bool = False) -> bytes:
     strategy = zlib.Z_HUFFMAN_ONLY if noisy else zlib.Z_DEFAULT_STRATEGY
     deflate = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, zlib.DEF_MEM_LEVEL, strategy)
     header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, _COLOUR[image.ndim], 0, 0, 0)
-    data = deflate.compress(filtered) + deflate.flush()
+    data = deflate.compress(filtered.tobytes()) + deflate.flush()
     return _SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
 
 
