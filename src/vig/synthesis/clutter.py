@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 
-from vig.synthesis.footprint import Footprint
+from vig.synthesis.footprint import Footprints
 from vig.synthesis.furniture import Support
 from vig.synthesis.occluders import draw_prop, placed
-from vig.synthesis.rotations import about_z
+from vig.synthesis.rotations import about_z, turned_about_z
 from vig.synthesis.spec import Placed
-from vig.synthesis.stage import MARGIN, Stage
+from vig.synthesis.stage import MARGIN, NEAREST, Stage
 
 MOST_COVER = 0.3
 """The window of a single piece of clutter covers no more of the frame than this."""
@@ -25,19 +26,28 @@ def strew(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> Non
     """Stand clutter on the object's own support round the object, and on others in view."""
     wanted = int(rng.integers(2, 9))
     near, far = visible_ground(stage)
-    for _ in range(2 * wanted):
-        if wanted == 0:
-            break
-        ahead = rng.uniform(near, far)
-        aside = rng.uniform(-1, 1) * (0.45 * (ahead - near) + 0.25)
-        spot = ahead * stage.actor.ahead + aside * stage.actor.aside
-        wanted -= _try(stage, rng, stage.support, spot, rejected)
+    ahead = rng.uniform(near, far, 2 * wanted)
+    aside = rng.uniform(-1, 1, 2 * wanted) * (0.45 * (ahead - near) + 0.25)
+    spots = np.outer(ahead, stage.actor.ahead) + np.outer(aside, stage.actor.aside)
+    own = [stage.on_support(stage.support, spots)]
+    supports = 2 * wanted * [stage.support]
     for support in _in_background(stage, rng):
-        half = np.array(support.half)
-        for _ in range(rng.integers(1, 6)):
-            x, y = rng.uniform(-half, half)
-            spot = stage.from_support(support, np.array([x, y, 0.0]))
-            _try(stage, rng, support, spot, rejected)
+        count = int(rng.integers(1, 6))
+        x, y = rng.uniform(-1, 1, (2, count))
+        own.append(np.column_stack([x * support.half[0], y * support.half[1], 0 * x]))
+        supports += count * [support]
+    proposals = _Proposals.draw(stage, rng, supports, np.concatenate(own))
+    for reason, count in proposals.unfit.items():
+        rejected[f"clutter {reason}"] += count
+    placed_here: list[int] = []
+    for number in proposals.fit:
+        if number < 2 * wanted and sum(each < 2 * wanted for each in placed_here) == wanted:
+            continue
+        reason = proposals.obstacle(stage, number, placed_here)
+        if reason:
+            rejected[f"clutter {reason}"] += 1
+        else:
+            placed_here.append(number)
 
 
 def visible_ground(stage: Stage) -> tuple[float, float]:
@@ -62,48 +72,83 @@ def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
     return [supports[number] for number in chosen if supports[number].zone != "floor"]
 
 
-def _try(
-    stage: Stage, rng: np.random.Generator, support: Support, spot: np.ndarray, rejected: Counter[str]
-) -> bool:
-    """Stand a prop on a support, as near to a spot (3,) as its edges allow, or count why it cannot be.
+@dataclass(frozen=True)
+class _Proposals:
+    """Props that may stand about, N of them.
 
-    Half of the props are square to the support's edges.
+    parts: as plain data. footprints: their bounds. touch: (N, N) bool, whether two touch or nearly so.
+    crosses: (N,) whether the window of one that is before the object's back shows a pixel of it. fit: numbers
+    of those that fit on their supports, are seen, and touch nothing that is there; unfit: counts of the rest.
     """
-    name = draw_prop(stage, rng, support.zone)
-    square = support.turn + stage.room.turn + rng.choice([0.0, np.pi, np.pi / 2]) + rng.normal(0, 0.08)
-    turn = about_z(square if rng.uniform() < 0.5 else rng.uniform(0, 2 * np.pi))
-    own = stage.on_support(support, spot[None])[0]
-    reach = np.abs(stage.on_support(support, stage.library.extremes(*name) @ turn.T + spot)[:, :2] - own[:2])
-    free = np.array(support.half) - reach.max(axis=0) - 2 * MARGIN
-    if (free < 0).any():
-        rejected["clutter too large"] += 1
-        return False
-    own[:2] = np.clip(own[:2], -free, free)
-    own[2] = 0.0
-    part = placed(name, stage.from_support(support, own), turn, "clutter")
-    reason = _obstacle(stage, support, part)
-    if reason:
-        rejected[f"clutter {reason}"] += 1
-    return not reason
 
+    parts: list[Placed]
+    footprints: Footprints
+    touch: np.ndarray
+    crosses: np.ndarray
+    fit: list[int]
+    unfit: Counter[str]
 
-def _obstacle(stage: Stage, support: Support, part: Placed) -> str:
-    view = stage.actor.view
-    points = stage.points(part)
-    if not stage.carries(support, points):
-        return "off support"
-    footprint = Footprint.of(points, view.forward)
-    if reason := stage.check(footprint):
-        return reason
-    rows, columns = view.window(points)
-    cover = (rows.stop - rows.start) * (columns.stop - columns.start) / stage.actor.depth.size
-    if cover == 0 or cover > MOST_COVER:
-        return "unseen" if cover == 0 else "too large"
-    seen = None
-    near = footprint.depths[0] < stage.actor.body.depths[1]
-    if near and np.isfinite(stage.actor.depth[rows, columns]).any():
-        seen = stage.seen_at([part])
-        if stage.hidden(seen) > stage.hidden():
-            return "hides the object"
-    stage.add([part], [footprint], seen)
-    return ""
+    @staticmethod
+    def draw(stage: Stage, rng: np.random.Generator, supports: list[Support], own: np.ndarray) -> _Proposals:
+        """Random props as near to spots (N, 3) on supports (N), in their frames, as the edges allow.
+
+        Half of them are square to the support's edges.
+        """
+        count, view = len(supports), stage.actor.view
+        names = [draw_prop(stage, rng, support.zone) for support in supports]
+        square = np.array([support.turn for support in supports]) + stage.room.turn
+        square += rng.choice([0.0, np.pi, np.pi / 2], count) + rng.normal(0, 0.08, count)
+        angles = np.where(rng.uniform(size=count) < 0.5, square, rng.uniform(0, 2 * np.pi, count))
+        clouds = turned_about_z(np.stack([stage.library.extremes(*name) for name in names]), angles)
+        poses = [stage.pose(support) for support in supports]
+        rotations, origins = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
+        reach = np.abs(clouds @ rotations[..., :2]).max(1)
+        free = np.array([support.half for support in supports]) - reach - 2 * MARGIN
+        clearance = np.array([support.clearance for support in supports])
+        fits = (free >= 0).all(1) & (clouds[..., 2].max(1) <= clearance - MARGIN)
+        spots = np.zeros((count, 3))
+        spots[:, :2] = np.clip(own[:, :2], -free, free)
+        positions = (rotations @ spots[..., None])[..., 0] + origins
+        clouds += positions[:, None]
+
+        footprints = Footprints.of(clouds, view.forward)
+        before = footprints.depths[:, 0] >= view.forward @ view.eye + NEAREST
+        top, bottom, left, right = view.windows(clouds)
+        cover = (bottom - top) * (right - left) / stage.actor.depth.size
+        sums = stage.actor.sums
+        shown = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        free_of_others = (footprints.gaps([stage.actor.body, *stage.solids]) >= MARGIN).all(1)
+        unfit: Counter[str] = Counter()
+        fit = np.ones(count, bool)
+        for reason, passes in (
+            ("too large", fits),
+            ("eye", before),
+            ("unseen", cover > 0),
+            ("too large", cover <= MOST_COVER),
+            ("collision", free_of_others),
+        ):
+            unfit[reason] += int((fit & ~passes).sum())
+            fit &= passes
+        return _Proposals(
+            parts=[
+                placed(name, position, about_z(angle), "clutter")
+                for name, position, angle in zip(names, positions, angles.tolist(), strict=True)
+            ],
+            footprints=footprints,
+            touch=footprints.gaps([footprints[number] for number in range(count)]) < MARGIN,
+            crosses=(footprints.depths[:, 0] < stage.actor.body.depths[1]) & (shown > 0),
+            fit=np.flatnonzero(fit).tolist(),
+            unfit=unfit,
+        )
+
+    def obstacle(self, stage: Stage, number: int, others: list[int]) -> str:
+        """Stand one of the props there beside others, or say what is in the way."""
+        if self.touch[number, others].any():
+            return "collision"
+        seen = None
+        if self.crosses[number]:
+            seen = stage.seen_at([self.parts[number]])
+            if stage.hidden(seen) > stage.hidden():
+                return "hides the object"
+        stage.add([self.parts[number]], [self.footprints[number]], seen)
+        return ""

@@ -66,3 +66,41 @@ class Footprint:
     def clear_of(self, other: Footprint, margin: float) -> bool:
         """Whether `margin` metres lie between the two; may say no too often."""
         return self.gap(other) >= margin
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Those of N solids: outlines (N, P, 2), support (N, 16), heights (N, 2), depths (N, 2)."""
+
+    outlines: np.ndarray
+    support: np.ndarray
+    heights: np.ndarray
+    depths: np.ndarray
+
+    @staticmethod
+    def of(clouds: np.ndarray, axis: np.ndarray) -> Footprints:
+        """The footprints of clouds of world points (N, P, 3); see `Footprint.of`."""
+        depth, height = clouds @ axis, clouds[..., 2]
+        return Footprints(
+            clouds[..., :2],
+            (clouds[..., :2] @ _AXES.T).max(1),
+            np.stack([height.min(1), height.max(1)], axis=1),
+            np.stack([depth.min(1), depth.max(1)], axis=1),
+        )
+
+    def __getitem__(self, number: int) -> Footprint:
+        low, high = self.heights[number].tolist()
+        near, far = self.depths[number].tolist()
+        return Footprint(self.outlines[number], self.support[number], (low, high), (near, far))
+
+    def gaps(self, others: list[Footprint]) -> np.ndarray:
+        """`Footprint.gap` between each of these and each of M others: (N, M)."""
+        support = np.array([other.support[_OPPOSITE] for other in others])
+        gaps = -(self.support[:, None] + support).min(2)
+        for own, theirs in (
+            (self.heights, np.array([other.heights for other in others])),
+            (self.depths, np.array([other.depths for other in others])),
+        ):
+            gaps = np.maximum(gaps, own[:, None, 0] - theirs[:, 1])
+            gaps = np.maximum(gaps, theirs[:, 0] - own[:, None, 1])
+        return gaps

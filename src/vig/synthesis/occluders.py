@@ -18,8 +18,8 @@ class Candidate:
     """Props that move together along a line: at offset `least` they hide most, at `most` little or nothing.
 
     motion: (3,) metres per unit of offset, across the line of sight. Between `least` and `most` they are
-    above the support, on it if they stand, and the hand that holds them is in the frame. stands: on the object's own support;
-    otherwise in mid-air, held.
+    above the support, on it if they stand, and the hand that holds them is in the frame. stands: on the
+    object's own support; otherwise in mid-air, held.
     """
 
     parts: list[Placed]
@@ -36,6 +36,8 @@ PROPS, TURNS = 3, 5
 """So many props, each turned in so many ways, are considered at a time to stand before the object."""
 GRASPS = 6
 """How often something held is drawn until it has room before the object and the hand is in the frame."""
+MORE_THAN_HIDES = 0.004
+"""Square metres by which what is held may be larger than what it is to hide: it stays near the object."""
 HAND_INSIDE = 6
 """The tips of fingers that hold something are so many pixels of the layout's frame inside it, or more."""
 
@@ -72,8 +74,10 @@ def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, i
     return family, int(rng.integers(stage.library.members(family)))
 
 
-def draw_large(stage: Stage, rng: np.random.Generator, least_area: float, upright: bool) -> tuple[str, int]:
-    """A random prop of at least `least_area` square metres from its broadest side, or the last drawn.
+def draw_large(
+    stage: Stage, rng: np.random.Generator, areas: tuple[float, float], upright: bool
+) -> tuple[str, int]:
+    """A random prop whose broadest side is within `areas`, square metres, or the last drawn.
 
     First from the zone of the object's support, then from any. upright: it is seen from the side.
     """
@@ -85,7 +89,7 @@ def draw_large(stage: Stage, rng: np.random.Generator, least_area: float, uprigh
         name = family, int(member_at * library.members(family))
         x, y, z = library.sizes(*name)
         area = z * max(x, y) if upright else x * y * z / min(x, y, z)
-        if area >= least_area:
+        if areas[0] <= area <= areas[1]:
             break
     return name
 
@@ -108,7 +112,7 @@ def placed(
 def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """A prop on the same support, between the eye and the object; moves sideways."""
     ahead, least_area = stage.actor.ahead, area_to_hide(stage, level, 0.7)
-    names = [draw_large(stage, rng, least_area, True) for _ in range(PROPS)]
+    names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
     count = PROPS * TURNS
     angles = rng.uniform(0, 2 * np.pi, count)
     gaps = MARGIN + 0.002 + rng.uniform(0, 0.1, count) * np.cos(stage.actor.elevation)
@@ -133,7 +137,8 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
 
 def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the eye."""
-    name = draw_large(stage, rng, area_to_hide(stage, level, 0.75), False)
+    least_area = area_to_hide(stage, level, 0.75)
+    name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES), False)
     hull = stage.library.extremes(*name)
     for _ in range(GRASPS):
         if rng.uniform() < 0.3 + 0.7 * level:
@@ -160,7 +165,7 @@ def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate |
 def _held(
     parts: list[Placed], lowest: float, motion: np.ndarray, least: float, most: float
 ) -> Candidate | None:
-    """A candidate in mid-air whose lowest point at offset 0 is `lowest`; None where it is below the support."""
+    """A candidate in mid-air, `lowest` at offset 0; None where all of its way is below the support."""
     to_support, rise = lowest - MARGIN, float(motion[2])
     if rise < 0:
         most = min(most, -to_support / rise)
@@ -176,14 +181,15 @@ def _until_hand_is_out(stage: Stage, fingertips: np.ndarray, outward: np.ndarray
     view = stage.actor.view
     place = (view.rotation @ fingertips + view.translation).tolist()
     ends = []
-    for along, way, middle, size in zip(
+    for coordinate, way, middle, size in zip(
         place[:2],
         (view.rotation[:2] @ outward).tolist(),
         (view.camera.cx, view.camera.cy),
         (view.camera.width, view.camera.height),
         strict=True,
     ):
-        pixel, speed = view.camera.focal * along / place[2] + middle, view.camera.focal * way / place[2]
+        scale = view.camera.focal / place[2]
+        pixel, speed = scale * coordinate + middle, scale * way
         if not HAND_INSIDE <= pixel <= size - HAND_INSIDE:
             return -1.0
         room = size - HAND_INSIDE - pixel if speed > 0 else pixel - HAND_INSIDE
@@ -214,10 +220,14 @@ def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | 
 
 
 def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
-    """The end of a shelf board above the object."""
-    turn = rng.uniform(-0.3, np.pi + 0.3)
-    outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
-    rotation = about_z(np.arctan2(outward[1], outward[0]))
+    """The end of a board: level above the object, as of a shelf, or its broad side to the eye."""
+    if rng.uniform() < 0.5:
+        turn = rng.uniform(-0.3, np.pi + 0.3)
+        outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
+        rotation = about_z(np.arctan2(outward[1], outward[0]))
+    else:
+        outward = _outward(stage, rng)
+        rotation = along(outward, stage.actor.view.forward) @ about_x(rng.normal(0, 0.2))
     end = ("board", _member(stage, rng))
     points = stage.library.extremes(*end) @ rotation.T
     aim = _aim(stage, rng, points)

@@ -99,16 +99,16 @@ def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np
         return stage.hidden(seen) - level, seen
 
     low, high = candidate.least, candidate.most
-    above, seen = excess(low)
-    if abs(above) <= FIT_TOLERANCE:
-        return low, seen
-    if above < 0:
-        return "too small"
     below, seen = excess(high)
     if abs(below) <= FIT_TOLERANCE:
         return high, seen
     if below > 0:
         return "not out of the way"
+    above, seen = excess(low)
+    if abs(above) <= FIT_TOLERANCE:
+        return low, seen
+    if above < 0:
+        return "too small"
     for step in range(STEPS):
         share = 0.5 if step % 2 else float(np.clip(above / (above - below), 0.05, 0.95))
         offset = low + share * (high - low)

@@ -127,8 +127,8 @@ class _Places:
         # The eye is towards -`ahead`; people stand at -y of the support's axes.
         facing = np.arctan2(actor.ahead[1], actor.ahead[0]) - np.pi / 2 + spread
         c, s = np.cos(facing), np.sin(facing)
-        x, y = actor.body.outline.T
-        along = np.stack([np.outer(c, x) + np.outer(s, y), np.outer(c, y) - np.outer(s, x)], axis=1)
+        to_own = np.stack([c, s, -s, c], axis=1).reshape(count, 2, 2)
+        along = to_own @ actor.body.outline.T
         least, most = EDGE - half - along.min(2), half - EDGE - along.max(2)  # of the object's origin
         reach = most - least
         near = np.where(
@@ -146,9 +146,9 @@ class _Places:
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
         """Numbers of places with object and eye free and, if hiding, furniture in the line of sight."""
         rejected["place too small"] += int((~self.fits).sum())
-        free = self.fits & _eye_is_free(layout, self.eye)
-        rejected["place eye"] += int((self.fits & ~free).sum())
-        order = np.flatnonzero(free)
+        fits = np.flatnonzero(self.fits)
+        order = fits[_eye_is_free(layout, self.eye[fits])]
+        rejected["place eye"] += len(fits) - len(order)
         if hiding:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
             met = _in_sight(layout, self.eye[order], middle)
@@ -183,7 +183,7 @@ def _eye_is_free(layout: Layout, eye: np.ndarray) -> np.ndarray:
     free &= (crosses & (at > eye[:, None, 0])).sum(1) % 2 == 1
     if len(layout.solids):
         sides, low, high = _half_spaces(layout, EYE_CLEARANCE)
-        outside = (sides[..., :2] * eye[:, None, None, :2]).sum(3) - sides[..., 2]
+        outside = _along(sides, eye) - sides[..., 2]
         inside = (outside <= 0).all(2) & (eye[:, 2:] > low) & (eye[:, 2:] < high)
         free &= ~inside.any(1)
     return free
@@ -196,8 +196,7 @@ def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray
     sides, low, high = _half_spaces(layout, NEAR_RAY)
     way = middle - eye
     # Along the line, height over each of the six planes is a + b t, negative inside.
-    a = (sides[..., :2] * eye[:, None, None, :2]).sum(3) - sides[..., 2]
-    b = (sides[..., :2] * way[:, None, None, :2]).sum(3)
+    a, b = _along(sides, eye) - sides[..., 2], _along(sides, way)
     z, up = eye[:, 2:, None], np.broadcast_to(way[:, 2:, None], (*a.shape[:2], 1))
     a = np.concatenate([a, low[:, None] - z, z - high[:, None]], axis=2)
     b = np.concatenate([b, -up, up], axis=2)
@@ -205,6 +204,11 @@ def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray
     enters = np.where(b < 0, at, -np.inf).max(2)
     leaves = np.where(b > 0, at, np.inf).min(2)
     return ((enters < leaves) & (leaves > 0.1) & (leaves < 0.95) & (enters < 0.9)).any(1)
+
+
+def _along(sides: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (N, 3) along the outward normals of sides (M, 4, 3): (N, M, 4)."""
+    return (vectors[:, :2] @ sides[..., :2].reshape(-1, 2).T).reshape(len(vectors), *sides.shape[:2])
 
 
 def _half_spaces(layout: Layout, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

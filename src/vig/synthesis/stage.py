@@ -28,8 +28,9 @@ class Actor:
     """The object as seen from its eye.
 
     item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those
-    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner. middle:
-    mean row and column, pixels. body: its bound. ahead, aside: unit vectors (3,) in the ground plane, away from the eye and to its right.
+    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner,
+    middle: their mean row and column, pixels. body: its bound. ahead, aside: unit vectors (3,) in the ground
+    plane, away from the eye and to its right.
     """
 
     item: Item
@@ -129,24 +130,17 @@ class Stage:
         clear = all(footprint.clear_of(solid, MARGIN) for solid in [self.actor.body, *self.solids])
         return "" if clear else "collision"
 
-    def carries(self, support: Support, points: np.ndarray) -> np.ndarray:
-        """Whether world points (..., N, 3) lie within the edges of a support, and below what is above it."""
-        own = self.on_support(support, points)
-        low, high = own.min(axis=-2), own.max(axis=-2)
-        half = np.array(support.half) - MARGIN
-        inside = (low[..., :2] >= -half).all(-1) & (high[..., :2] <= half).all(-1)
-        return inside & (high[..., 2] <= support.clearance - MARGIN)
-
     def carried(
         self, support: Support, clouds: np.ndarray, motions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The least and greatest offset (N,) along level motions (N, 3) at which `carries` clouds (N, P, 3).
+        """The least and greatest offset (N,) along level motions (N, 3) of clouds (N, P, 3) on a support.
 
-        The least is above the greatest where there is none.
+        They are then within its edges and below what is above it; the least is above the greatest where
+        they never are.
         """
         own = self.on_support(support, clouds)
         low, high = own.min(axis=1), own.max(axis=1)
-        way, half = (motions @ self._pose(support)[0])[:, :2], np.array(support.half) - MARGIN
+        way, half = (motions @ self.pose(support)[0])[:, :2], np.array(support.half) - MARGIN
         way = np.where(np.abs(way) < 1e-9, 1e-9, way)
         first, last = (-half - low[:, :2]) / way, (half - high[:, :2]) / way
         least, most = np.where(way > 0, first, last).max(1), np.where(way > 0, last, first).min(1)
@@ -155,15 +149,10 @@ class Stage:
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:
         """World points (..., 3) along a support's own axes from its centre."""
-        rotation, origin = self._pose(support)
+        rotation, origin = self.pose(support)
         return points @ rotation - origin @ rotation
 
-    def from_support(self, support: Support, points: np.ndarray) -> np.ndarray:
-        """The inverse of `on_support`."""
-        rotation, origin = self._pose(support)
-        return points @ rotation.T + origin
-
-    def _pose(self, support: Support) -> tuple[np.ndarray, np.ndarray]:
+    def pose(self, support: Support) -> tuple[np.ndarray, np.ndarray]:
         """Rotation (3, 3) and translation (3,), world from a support's own frame."""
         if support not in self._poses:
             rotation = self.room.rotation()
