@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.synthesis.footprint import Footprint
+from vig.synthesis.footprint import Footprint, Footprints
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -19,3 +19,11 @@ def test_footprints_are_apart_by_the_gap_between_boxes() -> None:
         assert first.clear_of(other, gap - 0.01) and other.clear_of(first, gap - 0.01)
         assert not first.clear_of(other, gap + 0.01)
     assert not first.clear_of(Footprint.of(box((0.9, 0.9, 0.9), (2, 2, 2)), UP), 0.0)
+
+
+def test_gaps_of_many_are_those_of_each_pair() -> None:
+    rng, axis = np.random.default_rng(0), np.array([0.6, 0.0, 0.8])
+    clouds = rng.uniform(-0.1, 0.1, (5, 20, 3)) + rng.uniform(-0.3, 0.3, (5, 1, 3))
+    many, single = Footprints.of(clouds, axis), [Footprint.of(cloud, axis) for cloud in clouds]
+    np.testing.assert_allclose(many.gaps(single), [[one.gap(other) for other in single] for one in single])
+    assert many[3].gap(single[0]) == single[3].gap(single[0])

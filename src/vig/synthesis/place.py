@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from vig.synthesis.furniture import Support
 from vig.synthesis.layouts import Layout
 from vig.synthesis.library import Library
 from vig.synthesis.spec import Room, Surface
@@ -30,7 +32,7 @@ WALL_SHARE = 0.9
 """Of supports with a wall or back behind, this share of views comes from the side of the people."""
 COVERED, LOW_COVER = 12.0, 0.7
 """Supports with less than so many metres above are so much likelier where the room is to hide the object."""
-SLIDES = 8
+SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
 
@@ -111,16 +113,14 @@ class _Places:
     def draw(layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> _Places:
         """Zones by `ZONE_WEIGHTS`, any support in a zone; seen from where people stand."""
         supports, count = layout.supports, PROPOSALS[hiding]
-        zones = [support.zone for support in supports]
-        weights = np.array([ZONE_WEIGHTS[zone] / zones.count(zone) for zone in zones])
+        table = _support_table(supports)
+        weights = table["weight"]
         if hiding:
-            weights *= [COVERED if support.clearance < LOW_COVER else 1.0 for support in supports]
+            weights = weights * np.where(table["clearance"] < LOW_COVER, COVERED, 1.0)
         chosen = rng.choice(len(supports), count, p=weights / weights.sum())
-        own_turn = np.array([support.turn for support in supports])[chosen]
-        half = np.array([support.half for support in supports])[chosen]
-        centre = np.array([support.centre for support in supports])[chosen]
-        clearance = np.array([support.clearance for support in supports])[chosen]
-        open_all_round = ~np.isfinite([support.behind for support in supports])[chosen]
+        rows = table[chosen]
+        own_turn, half, centre, clearance = rows["turn"], rows["half"], rows["centre"], rows["clearance"]
+        open_all_round = ~np.isfinite(rows["behind"])
 
         anywhere = open_all_round | (rng.uniform(size=count) > WALL_SHARE) | hiding
         spread = np.where(anywhere, np.pi, 1.25) * rng.uniform(-1, 1, count)
@@ -152,7 +152,7 @@ class _Places:
         if hiding:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
             met = _in_sight(layout, self.eye[order], middle)
-            clearance = np.array([support.clearance for support in layout.supports])[self.support[order]]
+            clearance = _support_table(layout.supports)["clearance"][self.support[order]]
             met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # it looks down past a board
             order = order[met]
         yield from order[:MOST_LOOKED_AT].tolist()
@@ -162,6 +162,21 @@ class _Places:
         spot = self.spot[place] + slid * self.slide[place]
         x, y, z = (-_turned(spot[None], self.turn[place : place + 1])[0]).tolist()
         return (x, y, z), float(self.turn[place])
+
+
+@lru_cache(maxsize=256)
+def _support_table(supports: tuple[Support, ...]) -> np.ndarray:
+    """Supports as records (N,), with the weight of each, see `ZONE_WEIGHTS`."""
+    zones = [support.zone for support in supports]
+    return np.array(
+        [
+            (ZONE_WEIGHTS[each.zone] / zones.count(each.zone), each.turn, each.clearance, each.behind,
+             each.half, each.centre)
+            for each in supports
+        ],
+        [("weight", "f8"), ("turn", "f8"), ("clearance", "f8"), ("behind", "f8"),
+         ("half", "f8", 2), ("centre", "f8", 3)],
+    )  # fmt: skip
 
 
 def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
