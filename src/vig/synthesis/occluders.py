@@ -36,7 +36,7 @@ PROPS, TURNS = 3, 5
 """So many props, each turned in so many ways, are considered at a time to stand before the object."""
 GRASPS = 6
 """How often something held is drawn until it has room before the object and the hand is in the frame."""
-MORE_THAN_HIDES = 0.004
+MORE_THAN_HIDES = 0.008
 """Square metres by which what is held may be larger than what it is to hide: it stays near the object."""
 HAND_INSIDE = 6
 """The tips of fingers that hold something are so many pixels of the layout's frame inside it, or more."""
