@@ -104,7 +104,7 @@ def test_the_object_stands_on_its_support(
 def test_props_do_not_touch_the_object_each_other_or_the_eye(
     library: Library, teapot: ObjectClass, specs: list[SceneSpec]
 ) -> None:
-    """A prop and the arm or cord that holds it are meant to touch."""
+    """A prop and the arm that holds it are meant to touch."""
     for spec in specs:
         view = View.of(teapot, spec.azimuth, spec.elevation)
         solids = [Footprint.of(target_vertices(spec, teapot), view.forward)]

@@ -1,6 +1,6 @@
-"""Things that carry or reach into a picture: an arm, a twig, the end of a shelf board, a cord.
+"""Things that carry or reach into a picture: an arm, a twig, the end of a shelf board.
 
-All start at their own origin. Arm, twig and board go along +X, the cord along +Z, out of the frame.
+All start at their own origin and go along +X, out of the frame.
 """
 
 from __future__ import annotations
@@ -97,14 +97,7 @@ def board(rng: np.random.Generator) -> Prop:
     return Prop("board", ((plank, material("wood", rng, pattern, None, 128)),))
 
 
-def cord(rng: np.random.Generator) -> Prop:
-    """A cord that goes straight up."""
-    path = np.stack([np.zeros(6), np.zeros(6), np.linspace(0, 0.6, 6)], 1)
-    rope = tube(path, rng.uniform(0.0012, 0.003), 6, (1.0, 0.0, 0.0))
-    return Prop("cord", ((rope, material("cloth", rng, "paint", None, 16)),))
-
-
 HOLDERS: dict[str, Callable[[np.random.Generator], Prop]] = {
-    make.__name__: make for make in (arm, twig, board, cord)
+    make.__name__: make for make in (arm, twig, board)
 }
 """Every fixture by name, made like the members of `vig.synthesis.props.FAMILIES`."""

@@ -57,7 +57,7 @@ class Room:
 class Placed:
     """One prop in the world.
 
-    family: a prop family, or a holder (`arm`, `board`, `cord`). asset: which member of the family. position:
+    family: a prop family, or a fixture (`arm`, `twig`, `board`). asset: which member of the family. position:
     metres, of the prop's own origin. rotation: rotation vector (axis times radians), prop to world.
     role: `occluder` hides the object, `holder` carries one, `clutter` hides nothing.
     """
