@@ -116,3 +116,15 @@ def test_a_shard_of_nothing_is_refused(made: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="shard must be at least 1"):
         export_webdataset(made, tmp_path / "out", shard=0)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("export", [export_coco, export_webdataset])
+def test_an_export_goes_into_a_folder_of_its_own(made: Path, tmp_path: Path, export) -> None:
+    """Two exports never mix, and a dataset is not exported into itself."""
+    with pytest.raises(UserError, match="is the dataset itself"):
+        export(made, made)
+    export(made, tmp_path / "out")
+    before = sorted((tmp_path / "out").rglob("*"))
+    with pytest.raises(UserError, match="already holds"):
+        export(made, tmp_path / "out")
+    assert sorted((tmp_path / "out").rglob("*")) == before

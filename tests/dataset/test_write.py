@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from vig.dataset import make_dataset
-from vig.dataset.format import sidecar_path
+from vig.dataset.format import read_info, sidecar_path
 from vig.dataset.job import Maker
 from vig.errors import UserError
 from vig.scene import ObjectClass
@@ -97,3 +97,12 @@ def test_a_dataset_of_other_settings_is_refused(
     with pytest.raises(UserError, match=f"already holds a train split with {word}"):
         make_dataset(copy, *settings, object_class=teapot, progress=False)
     assert contents(copy) == contents(made)
+
+
+def test_a_run_that_made_nothing_claims_nothing(tmp_path: Path, monkeypatch) -> None:
+    """As when Blender is missing: the folder may then be used for the other tier."""
+    monkeypatch.setenv("VIG_BLENDER_PYTHON", str(tmp_path / "nowhere"))
+    with pytest.raises(UserError, match="nowhere"):
+        make_dataset(tmp_path / "d", 1, 0, tier="cycles", workers=1, progress=False)
+    make_dataset(tmp_path / "d", 1, 0, workers=1, progress=False)
+    assert read_info(tmp_path / "d")["splits"]["train"]["tier"] == "raster"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vig.dataset.bop import OBJECT_ID
-from vig.dataset.format import image_paths, read_info, write_bytes
+from vig.dataset.format import image_paths, read_info, refuse_used, write_bytes
 from vig.dataset.read import Dataset, read_dataset
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE
@@ -25,12 +25,14 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
     bbox and area of the whole object within the frame, visible_mask, invisible_mask, occlude_rate) and has
     KINS's names beside (a_segm, a_bbox, a_area, i_segm, i_bbox, i_area). Masks are uncompressed run lengths.
 
-    Returns `out`. Raises UserError when there is no such dataset or a file cannot be read or written.
+    Returns `out`. Raises UserError when there is no such dataset, `out` is the dataset or holds an export of
+    that split, or a file cannot be read or written.
     """
     root, out = Path(root), Path(out)
     dataset = read_dataset(root, split)
     split = dataset.folder.name
     settings = read_info(root)["splits"][split]
+    refuse_used(root, out, [out / "images" / split, out / "annotations" / f"instances_{split}.json"])
     visible: list[dict[str, Any]] = []
     amodal: list[dict[str, Any]] = []
     for start in range(0, len(dataset), READ_AT_ONCE):

@@ -119,13 +119,13 @@ def hidden_by(spec: SceneSpec) -> list[str]:
 
 
 def assets_used(spec: SceneSpec) -> list[str]:
-    """The names of all assets of a scene, as `catalogue/number`, sorted; they belong to `spec.split`."""
+    """The names of all assets of a scene, as `split/catalogue/number`, sorted."""
     names = {f"panorama/{spec.panorama}"}
     names |= {f"prop/{prop.family}/{prop.asset}" for prop in spec.props}
     names |= {f"surface/{each.kind}/{each.asset}" for _, each in spec.room.finishes}
     if spec.design != NO_DESIGN:
         names |= {f"design/{spec.design}"}
-    return sorted(names | {f"layout/{spec.room.layout}"})
+    return sorted(f"{spec.split}/{name}" for name in names | {f"layout/{spec.room.layout}"})
 
 
 COLUMNS = (
@@ -189,6 +189,14 @@ def complete_split(root: Path, split: str | None) -> str:
     if split not in complete:
         raise UserError(f"the {split} split of '{root}' is not complete; run the command that made it again.")
     return split
+
+
+def refuse_used(root: Path, out: Path, there: list[Path]) -> None:
+    """Refuse to export a dataset into itself, or into a folder where any of `there` exists."""
+    used = next((path for path in there if path.exists()), None)
+    if out.resolve() == root.resolve() or used is not None:
+        reason = "is the dataset itself" if used is None else f"already holds '{used.relative_to(out)}'"
+        raise UserError(f"expected a new folder for the export; '{out}' {reason}. Choose another.")
 
 
 def write_json(path: Path, data: Any) -> bytes:

@@ -8,7 +8,7 @@ import tarfile
 from pathlib import Path
 from typing import Any
 
-from vig.dataset.format import SCENE, image_paths, read_info
+from vig.dataset.format import SCENE, image_paths, read_info, refuse_used
 from vig.dataset.read import read_dataset, read_table
 from vig.errors import UserError
 from vig.files import atomic_write
@@ -26,13 +26,15 @@ def export_webdataset(
     The JSON holds the sample's row of latents.parquet (key `row`) and its BOP entries (`camera`, `gt`,
     `gt_info`). The same dataset gives the same bytes. Returns `out`.
 
-    Raises UserError when shard is below 1, there is no such dataset or a file cannot be read or written.
+    Raises UserError when shard is below 1, there is no such dataset, `out` is the dataset or holds shards of
+    that split, or a file cannot be read or written.
     """
     if shard < 1:
         raise UserError(f"shard must be at least 1 sample; got {shard}")
     root, out = Path(root), Path(out)
     dataset = read_dataset(root, split)
     split = dataset.folder.name
+    refuse_used(root, out, sorted(out.glob(f"{split}-*.tar")))
     labels = _labels(root, split)
     for number, start in enumerate(range(0, len(dataset), shard)):
         indices = range(start, min(start + shard, len(dataset)))

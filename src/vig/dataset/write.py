@@ -122,6 +122,9 @@ def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
         info = read_info(root)
     elif root.exists() and not root.is_dir():
         raise UserError(f"expected a folder for the dataset; '{root}' is a file. Choose another name.")
+    begun = any((root / split / PARTIAL).glob("*.json"))
+    if not begun and not info["splits"].get(split, {}).get("complete", True):
+        del info["splits"][split]  # a run that made nothing, for want of Blender for example
     for other, held in info["splits"].items():
         compared = settings if other == split else {"class_fingerprint": settings["class_fingerprint"]}
         for key, value in compared.items():

@@ -64,6 +64,8 @@ def find_place(
         share = stage.hidden()
         if not hidden[0] <= share <= hidden[1]:
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
+        elif np.isinf(stage.behind).any():
+            rejected["place open"] += 1  # beside a window, say: there is nothing to be seen
         elif (stage.behind < NEAREST).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
             rejected["place near"] += 1
         else:

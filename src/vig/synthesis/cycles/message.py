@@ -38,12 +38,13 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
     `N_uv` (F, 3, 2), further `texture_*` (h, w, 3) and `panorama` (H, W, 3).
     """
     rng = np.random.default_rng(np.random.SeedSequence([spec.seed, spec.index, 0xC1C1E5]))
+    finish_rng = np.random.default_rng(np.random.SeedSequence([spec.seed, spec.index, 0xC0A7]))
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
     scene = _Scene()
     for instance in instances:
         if instance.is_target:
-            _add_target(scene, instance, object_class, finish, rng)
+            _add_target(scene, instance, object_class, finish, finish_rng)
         else:
             scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
     scene.arrays["panorama"] = library.surroundings(spec.panorama).astype(np.float32)

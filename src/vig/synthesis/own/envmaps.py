@@ -86,7 +86,10 @@ def bpy_panoramas(python: str | Path | None = None) -> Path:
     folders = sorted(Path(found).glob("*/datafiles/studiolights/world")) if found else []
     if not folders:
         where = "this Python" if python is None else str(python)
-        raise UserError(f"{where} has no bpy with panoramas. Install bpy, or name the Python that has it.")
+        raise UserError(
+            f"{where} has no bpy with panoramas. Install bpy (docs/cycles.md) and set VIG_BLENDER_PYTHON to"
+            " the Python that has it."
+        )
     return folders[-1]
 
 
