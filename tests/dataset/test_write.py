@@ -8,6 +8,7 @@ import pytest
 from vig.dataset import make_dataset
 from vig.dataset.format import read_info, sidecar_path
 from vig.dataset.job import Maker
+from vig.dataset.write import alone
 from vig.errors import UserError
 from vig.scene import ObjectClass
 
@@ -106,3 +107,12 @@ def test_a_run_that_made_nothing_claims_nothing(tmp_path: Path, monkeypatch) -> 
         make_dataset(tmp_path / "d", 1, 0, tier="cycles", workers=1, progress=False)
     make_dataset(tmp_path / "d", 1, 0, workers=1, progress=False)
     assert read_info(tmp_path / "d")["splits"]["train"]["tier"] == "raster"
+
+
+def test_two_runs_do_not_make_the_same_split(tmp_path: Path) -> None:
+    """The second is told at once, and changes nothing; the lock is gone when the first has ended."""
+    with alone(tmp_path, "train"):
+        with pytest.raises(UserError, match="another run"):
+            make_dataset(tmp_path, 1, 0, workers=1, progress=False)
+        assert [path.name for path in tmp_path.iterdir()] == [".train.lock"]
+    assert not list(tmp_path.iterdir())

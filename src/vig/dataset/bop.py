@@ -94,6 +94,9 @@ def camera() -> dict[str, Any]:
     }
 
 
+TARGETS = "test_targets_bop19.json"
+
+
 def localisation_targets(gt_info: list[dict[str, Any]]) -> list[dict[str, int]]:
     """`test_targets_bop19.json`: the images on which methods are judged, from each image's gt_info."""
     return [

@@ -16,7 +16,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
+from vig.dataset.bop import TARGETS, localisation_targets
 from vig.dataset.format import (
+    INFO,
     MANIFEST,
     SCENE,
     TABLE,
@@ -95,6 +97,7 @@ def check_dataset(
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         problems.append(f"the tables cannot be read or do not have {settings['count']} samples: {error}")
         return Findings(split, tuple(problems), 0, len(hashes), 0)
+    problems += _setting_problems(root, split, settings, merged)
     with one_thread(), ThreadPoolExecutor(THREADS) as pool:
         checked = pool.map(lambda item: list(_sample_problems(folder, hashes, object_class, item)), merged)
         problems += [problem for found in checked for problem in found]
@@ -116,6 +119,24 @@ def check_dataset(
         job = replace(job, photo=settings["photo"])
         problems += _render_problems(job, folder, [merged[index] for index in again])
     return Findings(split, tuple(problems), len(merged), len(hashes), len(again))
+
+
+def _setting_problems(
+    root: Path, split: str, settings: dict[str, Any], merged: list[dict[str, Any]]
+) -> Iterator[str]:
+    """Where info.json and BOP's targets are not what the samples say."""
+    if any(item["row"]["seed"] != settings["seed"] for item in merged):
+        yield f"{INFO}: its seed is not that of every sample"
+    if any((item["row"]["photo"] is not None) != settings["photo"] for item in merged):
+        yield f"{INFO}: whether pictures were photographed is not what every sample says"
+    if split == "test":
+        expected = localisation_targets([item["gt_info"][0] for item in merged])
+        try:
+            same = json.loads((root / TARGETS).read_text()) == expected
+        except (OSError, ValueError):
+            same = False
+        if not same:
+            yield f"{TARGETS}: missing or not the samples of which enough is visible"
 
 
 def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import socket
 from collections import Counter, deque
 from pathlib import Path
@@ -32,12 +33,9 @@ def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advanc
             died again and again.
         RuntimeError: making a sample raised anything else.
     """
-    try:
-        import ray
-    except ImportError as error:
-        raise UserError(
-            "--ray needs Ray, which is not installed; install it with `pip install 'vig[cluster]'`."
-        ) from error
+    require_ray()
+    import ray
+
     ours = not ray.is_initialized()
     if ours:
         _check_answers(address)
@@ -50,6 +48,14 @@ def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advanc
     finally:
         if ours:
             ray.shutdown()
+
+
+def require_ray() -> None:
+    """Raises UserError when Ray is not installed."""
+    if importlib.util.find_spec("ray") is None:
+        raise UserError(
+            "--ray needs Ray, which is not installed; install it with `pip install 'vig[cluster]'`."
+        )
 
 
 def _check_answers(address: str) -> None:

@@ -8,15 +8,21 @@ import os
 import re
 import shutil
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # Windows: two runs at once are not told apart there
+    fcntl = None  # type: ignore[assignment]
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vig.dataset import bop
-from vig.dataset.cluster import make_on_ray
+from vig.dataset.cluster import make_on_ray, require_ray
 from vig.dataset.format import (
     FORMAT_VERSION,
     INFO,
@@ -39,7 +45,6 @@ from vig.synthesis.library import OwnAssets
 from vig.synthesis.spec import SPLITS, WORLD_VERSION
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{12}(\.\w+)?")
-TARGETS = "test_targets_bop19.json"
 
 
 def make_dataset(
@@ -97,34 +102,71 @@ def make_dataset(
         "own_assets": job.own.fingerprints(),
         "world_version": WORLD_VERSION,
     }
+    _require(tier, ray)
     folder = root / split
-    if _claim(root, split, settings):
-        shutil.rmtree(folder / PARTIAL, ignore_errors=True)
-        return root
-    _sweep(folder)
-    missing = [index for index in range(count) if not sidecar_path(folder, index).is_file()]
-    with Meter(count, count - len(missing), progress) as meter:
-        processes = min(workers or os.cpu_count() or 1, len(missing))
-        if ray is not None:
-            make_on_ray(job, folder, missing, ray, meter.advance)
-        elif processes <= 1:
-            make_here(job, folder, missing, meter.advance)
-        else:
-            make_in_processes(job, folder, missing, processes, meter.advance)
-    _merge(root, split, settings, object_class)
+    with alone(root, split):
+        if _claim(root, split, settings):
+            shutil.rmtree(folder / PARTIAL, ignore_errors=True)
+            return root
+        _sweep(folder)
+        missing = [index for index in range(count) if not sidecar_path(folder, index).is_file()]
+        with Meter(count, count - len(missing), progress) as meter:
+            processes = min(workers or os.cpu_count() or 1, len(missing))
+            if ray is not None:
+                make_on_ray(job, folder, missing, ray, meter.advance)
+            elif processes <= 1:
+                make_here(job, folder, missing, meter.advance)
+            else:
+                make_in_processes(job, folder, missing, processes, meter.advance)
+        _merge(root, split, settings, object_class)
     return root
+
+
+def _require(tier: str, ray: str | None) -> None:
+    """Refuse what cannot run here before anything is written. Raises UserError."""
+    if ray is not None:
+        require_ray()
+    elif tier == "cycles":
+        from vig.synthesis.cycles.renderer import find_python  # only when asked for
+
+        find_python()
+
+
+@contextmanager
+def alone(root: Path, split: str) -> Iterator[None]:
+    """Hold a split's lock, so that two runs do not make it at once; the lock dies with the process.
+
+    Raises UserError when another run holds it, or the folder cannot be made.
+    """
+    if fcntl is None or (root.exists() and not root.is_dir()):
+        yield
+        return
+    path = root / f".{split}.lock"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        lock = open(path, "w")
+    except OSError as error:
+        raise UserError(f"cannot write '{path}': {error.strerror or error}") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise UserError(
+                f"another run is making the {split} split of '{root}'; wait for it, or choose another folder."
+            ) from error
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
 
 
 def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
     """Write the split's settings into info.json, or check that they are the same; True if it is complete."""
     info: dict[str, Any] = {"vig_dataset": FORMAT_VERSION, "splits": {}}
-    if root.is_dir() and any(not _TEMPORARY.fullmatch(path.name) for path in root.iterdir()):
+    if root.is_dir() and any(not path.name.startswith(".") for path in root.iterdir()):
         info = read_info(root)
     elif root.exists() and not root.is_dir():
         raise UserError(f"expected a folder for the dataset; '{root}' is a file. Choose another name.")
-    begun = any((root / split / PARTIAL).glob("*.json"))
-    if not begun and not info["splits"].get(split, {}).get("complete", True):
-        del info["splits"][split]  # a run that made nothing, for want of Blender for example
     for other, held in info["splits"].items():
         compared = settings if other == split else {"class_fingerprint": settings["class_fingerprint"]}
         for key, value in compared.items():
@@ -170,7 +212,7 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
     write_json(root / "models" / "models_info.json", bop.models_info(model))
     write_json(root / "camera.json", bop.camera())
     if split == "test":
-        write_json(root / TARGETS, bop.localisation_targets([record["gt_info"][0] for record in records]))
+        write_json(root / bop.TARGETS, bop.localisation_targets([record["gt_info"][0] for record in records]))
 
     manifest = "".join(f"{value}  {name}\n" for name, value in sorted(hashes.items())).encode()
     write_bytes(folder / MANIFEST, manifest)

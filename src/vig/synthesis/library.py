@@ -20,7 +20,7 @@ from vig.synthesis.fixtures import HOLDERS
 from vig.synthesis.footprint import extreme_points
 from vig.synthesis.furniture import FAMILIES as FURNITURE
 from vig.synthesis.furniture import Furniture
-from vig.synthesis.layouts import Layout, draw_layout
+from vig.synthesis.layouts import Layout, draw_layout, material_under
 from vig.synthesis.own import (
     OwnFurniture,
     OwnPanorama,
@@ -31,13 +31,16 @@ from vig.synthesis.own import (
 )
 from vig.synthesis.panoramas import light_parts, local_light, panorama
 from vig.synthesis.props import FAMILIES, ZONES, Prop
+from vig.synthesis.props.shapes import scaled
 from vig.synthesis.raster import Packed, Pyramid
-from vig.synthesis.spec import SPLITS, Split, Surface
+from vig.synthesis.spec import SPLITS, Room, Split, Surface
 from vig.synthesis.textures import FINISHES, METRES, texture
 
 PROPS_PER_FAMILY = {"train": 16, "test": 8}
 SURFACES_PER_KIND = {"train": 40, "test": 16}
 PANORAMAS = {"train": 200, "test": 70}
+SIZES = 0.95, 1.05
+"""Each prop is made smaller or larger by a factor of its own, so that no two are of one mould."""
 LAYOUTS = {"train": 96, "test": 32}
 TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
@@ -108,6 +111,7 @@ class Library:
         self.sizes = lru_cache(maxsize=4096)(self._sizes)
         self.layout = lru_cache(maxsize=128)(self._layout)
         self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
+        self.ground = lru_cache(maxsize=4096)(self._ground)
         self.finish = lru_cache(maxsize=128)(self._finish)
         self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
         self.albedo = lru_cache(maxsize=4096)(self._albedo)
@@ -131,7 +135,9 @@ class Library:
         if family in self._own_props:
             return self._own_props[family].prop
         make = FAMILIES.get(family) or HOLDERS[family]
-        return make(asset_rng(self.split, f"prop/{family}", number))
+        made = make(asset_rng(self.split, f"prop/{family}", number))
+        size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES)
+        return Prop(made.family, tuple((scaled(mesh, size), stuff) for mesh, stuff in made.parts))
 
     def _packed(self, family: str, number: int) -> Packed:
         return Packed.of(self.prop(family, number).parts)
@@ -161,6 +167,18 @@ class Library:
 
     def _packed_layout(self, number: int) -> Packed:
         return Packed.of(self.layout(number).parts)
+
+    def ground_albedo(self, room: Room) -> float:
+        """Mean grey albedo of what the object stands on: of its finish, or of its own texture."""
+        slot, own = self.ground(room.layout, room.support)
+        finish = dict(room.finishes).get(slot)
+        return own if finish is None else self.albedo(finish.kind, finish.asset)
+
+    def _ground(self, layout: int, support: int) -> tuple[str, float]:
+        """Slot and own mean albedo of a support's material; a table top's where nothing lies below it."""
+        furnished = self.layout(layout)
+        material = material_under(furnished, furnished.supports[support])
+        return ("top", 0.0) if material is None else (material.slot, float(material.texture.mean()))
 
     # Finishes
 

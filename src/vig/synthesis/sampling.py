@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 
+from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.synthesis.clutter import strew
 from vig.synthesis.library import SLOTS, Library
@@ -45,7 +46,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
     away, until the hidden share of the object is within 0.015 of the target.
 
     Raises:
-        RuntimeError: no placement reached the target in 60 rooms.
+        UserError: no placement reached the target in 60 rooms.
     """
     split = library.split
     rng = stream(seed, index, split, 0)
@@ -71,8 +72,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
         if abs(occlusion - target) > TOLERANCE:
             rejected["tolerance"] += 1
             continue
-        top = dict(finishes)["floor" if stage.room.zone == "floor" else "top"]
-        light = library.light(panorama, turn, library.albedo(top.kind, top.asset))
+        light = library.light(panorama, turn, library.ground_albedo(stage.room))
         return SceneSpec(
             seed=seed,
             index=index,
@@ -91,7 +91,11 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
             props=tuple(stage.props),
             rejected=dict(sorted(rejected.items())),
         )
-    raise RuntimeError(f"sample {index} of seed {seed}: no scene hides {target:.3f}; {dict(rejected)}")
+    raise UserError(
+        f"sample {index} of seed {seed}: expected a scene that hides {target:.0%} of the object;"
+        f" {ATTEMPTS} rooms gave none. Bring larger props or other furniture, or take another seed."
+        f" ({dict(rejected)})"
+    )
 
 
 def target_occlusion(seed: int, index: int, split: Split) -> float:

@@ -81,7 +81,7 @@ class SceneSpec:
     held-out design whose deviation from the model the object also has, -1 for none. azimuth, elevation
     radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame, as the raster tier has
     it. panorama: asset number; panorama_angle: radians by which it was turned. target: the occlusion asked
-    for, in [0, 0.9]; occlusion: what the layout measured at low resolution. rejected: how many candidate
+    for, in [0, 0.9]; occlusion: what the sampler measured, one sample per pixel. rejected: how many candidate
     placements were thrown away, by reason.
     """
 

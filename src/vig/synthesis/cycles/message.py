@@ -21,9 +21,12 @@ from vig.synthesis.cycles.appearance import (
 )
 from vig.synthesis.library import Library
 from vig.synthesis.raster.draw import NEAR
+from vig.synthesis.sampling import stream
 from vig.synthesis.spec import SceneSpec
 from vig.synthesis.view import View
 
+NOISE_STREAM, FINISH_STREAM = 2**20 + 2, 2**20 + 3
+"""Numbers of the random streams of noise and materials, and of the object's finish."""
 SHELL = ("wall", "ceiling")
 """Instances that the camera sees from inside, and that let the panorama's light through."""
 
@@ -37,8 +40,8 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
     the arrays are `N_vertices` (V, 3), `N_normals` (V, 3), `N_faces` (F, 3) and, where thing N has a texture,
     `N_uv` (F, 3, 2), further `texture_*` (h, w, 3) and `panorama` (H, W, 3).
     """
-    rng = np.random.default_rng(np.random.SeedSequence([spec.seed, spec.index, 0xC1C1E5]))
-    finish_rng = np.random.default_rng(np.random.SeedSequence([spec.seed, spec.index, 0xC0A7]))
+    rng = stream(spec.seed, spec.index, spec.split, NOISE_STREAM)
+    finish_rng = stream(spec.seed, spec.index, spec.split, FINISH_STREAM)
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
     scene = _Scene()
