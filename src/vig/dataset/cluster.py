@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import socket
 from collections import Counter, deque
 from pathlib import Path
@@ -52,10 +51,12 @@ def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advanc
 
 def require_ray() -> None:
     """Raises UserError when Ray is not installed."""
-    if importlib.util.find_spec("ray") is None:
+    try:
+        import ray  # noqa: F401
+    except ImportError as error:
         raise UserError(
             "--ray needs Ray, which is not installed; install it with `pip install 'vig[cluster]'`."
-        )
+        ) from error
 
 
 def _check_answers(address: str) -> None:
