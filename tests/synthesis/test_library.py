@@ -17,17 +17,24 @@ def splits() -> tuple[Library, Library]:
     return Library("train"), Library("test")
 
 
+ONE_MOULD = {"egg_box", "figurine", "hairbrush", "mouse", "soap", "teddy"}
+"""Families whose members may differ in size and finish only."""
+
+
 def test_splits_share_no_prop(splits: tuple[Library, Library]) -> None:
-    """No shape of any family's members of one split equals one of the other."""
+    """No shape of one split's members is one of the other's, whatever their sizes; sizes always differ."""
     for family in FAMILIES:
-        shapes = [
-            {
-                np.concatenate([mesh.vertices for mesh, _ in lib.prop(family, n).parts]).tobytes()
-                for n in range(PROPS_PER_FAMILY[lib.split])
-            }
-            for lib in splits
-        ]
-        assert not shapes[0] & shapes[1]
+        shapes: list[set[bytes]] = []
+        sizes: list[set[float]] = []
+        for library in splits:
+            clouds = [
+                np.concatenate([mesh.vertices for mesh, _ in library.prop(family, number).parts])
+                for number in range(PROPS_PER_FAMILY[library.split])
+            ]
+            sizes.append({float(np.ptp(cloud, axis=0).max()) for cloud in clouds})
+            shapes.append({np.round(cloud / np.ptp(cloud, axis=0).max(), 4).tobytes() for cloud in clouds})
+        assert not sizes[0] & sizes[1], family
+        assert family in ONE_MOULD or not shapes[0] & shapes[1], family
 
 
 def test_splits_share_no_layout_finish_or_panorama(splits: tuple[Library, Library]) -> None:

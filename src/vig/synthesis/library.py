@@ -211,15 +211,12 @@ class Library:
     def _radiance(self, number: int) -> np.ndarray:
         """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; users' at their own size."""
         own = self.own.panoramas
-        image = own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number))
-        return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+        return _exposed(own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number)))
 
     def surroundings(self, number: int) -> np.ndarray:
         """Panorama `number` for a path tracer: as `radiance`, users' at their full size."""
-        if not self.own.panoramas:
-            return self.radiance(number)
-        image = self.own.panoramas[number].sharp()
-        return image * (EXPOSURE_L00 / grey(project_panorama(image))[0])
+        own = self.own.panoramas
+        return _exposed(own[number].sharp()) if own else self.radiance(number)
 
     def _light_parts(self, number: int) -> np.ndarray:
         return light_parts(self.radiance(number))
@@ -232,6 +229,11 @@ class Library:
         """
         local = local_light(self.light_parts(number), ground_albedo)
         return rotate_z(torch.from_numpy(local), angle).numpy()
+
+
+def _exposed(radiance: np.ndarray) -> np.ndarray:
+    """A panorama (H, 2H, 3) at the paper's exposure."""
+    return radiance * (EXPOSURE_L00 / grey(project_panorama(radiance))[0])
 
 
 @lru_cache(maxsize=64)

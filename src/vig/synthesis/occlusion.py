@@ -58,7 +58,7 @@ def _count(rejected: Counter[str], reason: str) -> None:
 
 
 def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
-    """Bisect a candidate's offset until `level` is hidden and keep it, or say why not in a word."""
+    """Move a candidate until `level` is hidden and keep it, or say why not in a word."""
     if candidate is None:
         return "no room"
     clouds = [stage.points(part) for part in candidate.parts]
