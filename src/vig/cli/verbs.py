@@ -93,9 +93,8 @@ def evaluate(settings: Evaluate) -> int:
     """`vig evaluate`."""
     from vig.dataset import read_dataset
     from vig.dataset.format import read_info
-    from vig.evaluation import build_table, markdown_table, rich_table, save_table
+    from vig.evaluation import build_table, markdown_table, rich_table, save_table, write_csv
     from vig.evaluation import evaluate as run_methods
-    from vig.evaluation.protocol import write_csv
     from vig.files import atomic_write
     from vig.recognition import Recognizer
     from vig.scene import ObjectClass
@@ -113,7 +112,12 @@ def evaluate(settings: Evaluate) -> int:
     with _progress(settings.json) as progress:
         task = progress.add_task("fits", total=fits)
         results = run_methods(
-            dataset, object_class, recognizer, settings.methods, advance=lambda n: progress.advance(task, n)
+            dataset,
+            object_class,
+            recognizer,
+            settings.methods,
+            advance=lambda done: progress.advance(task, done),
+            cache=settings.out / "fits",
         )
     write_csv(settings.out / "errors.csv", dataset, results)
     table = build_table(

@@ -8,7 +8,8 @@ from vig.evaluation.metrics import (
     shape_error_mm,
     shape_ratio,
 )
-from vig.evaluation.protocol import METHODS, MethodResult, evaluate
+from vig.evaluation.protocol import METHODS, evaluate
+from vig.evaluation.results import MethodResult, write_csv
 from vig.evaluation.table import METRICS, build_table, markdown_table, rich_table, save_table
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "segmentation_iou",
     "shape_error_mm",
     "shape_ratio",
+    "write_csv",
 ]
