@@ -6,60 +6,27 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
 from vig.cli.main import main
-from vig.dataset import Dataset, make_dataset, read_dataset
+from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.evaluation import evaluate
-from vig.evaluation.protocol import MASK_HEAD, METHODS, silhouettes, write_csv
+from vig.evaluation import evaluate, write_csv
+from vig.evaluation.protocol import MASK_HEAD, METHODS
+from vig.evaluation.rendering import silhouettes
 from vig.inference import ExplainSettings
-from vig.inference.settings import Stage
-from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.training import save_weights
-from vig.scene import EXPOSURE_L00, Latents, ObjectClass
+from vig.recognition import Recognizer
+from vig.scene import Latents, ObjectClass
 from vig.synthesis.target import target_vertices
 
 COUNT = 4
-QUICK = ExplainSettings(stages=(Stage(2, 2),))
-POSE = {"azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm"}
+PAPER = {"azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm"}
+POSE = PAPER | {"shape_paper", "appearance_ab", "illumination_relative"}
 ANSWERS = (*METHODS[:2], MASK_HEAD, *METHODS[2:])
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Path:
-    out = tmp_path_factory.mktemp("evaluated") / "d"
-    return make_dataset(out, COUNT, 3, split="test", workers=1, progress=False, object_class=teapot)
-
-
-@pytest.fixture(scope="module")
-def dataset(made: Path) -> Dataset:
-    return read_dataset(made, "test")
-
-
-def untrained(path: Path, modes: int = 10) -> Path:
-    """Weights of a small network that says about the same of every photo."""
-    torch.manual_seed(0)
-    network = RecognitionNetwork(NetworkSettings(modes=modes, widths=(4, 4, 8, 8), features=16))
-    mean = torch.tensor([0.8, *[0.0] * modes, 0.5, 0.5, 0.5, EXPOSURE_L00, *[0.0] * 8])
-    save_weights(network, {"mean": mean, "deviation": torch.full_like(mean, 0.1)}, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return untrained(tmp_path_factory.mktemp("weights") / "recognition.safetensors")
-
-
-@pytest.fixture(scope="module")
-def results(dataset: Dataset, weights: Path, teapot: ObjectClass):
-    fitted: list[int] = []
-    found = evaluate(dataset, teapot, Recognizer(weights), settings=QUICK, advance=fitted.append)
-    assert sum(fitted) == 3 * COUNT  # gaussian, robust and spatial
-    return found
 
 
 def test_every_method_answers_every_image(results) -> None:
@@ -70,6 +37,11 @@ def test_every_method_answers_every_image(results) -> None:
             continue
         assert set(result.errors) == POSE | (set() if method == "baseline" else {"segmentation_iou"})
         assert len(result.verdicts) == COUNT
+        assert len(result.latents) == COUNT
+        assert (result.deviation is None) == (result.masks is None) == (method == "baseline")
+        if result.deviation is not None:
+            assert result.deviation.shape == (COUNT, 24) and (result.deviation >= 0).all()
+            assert result.masks.shape == (COUNT, 150, 150) and result.masks.dtype == bool
         for values in result.errors.values():
             assert values.shape == (COUNT,) and np.isfinite(values).all() and (values >= 0).all()
         fits = method in ("gaussian", "robust", "spatial")
@@ -93,9 +65,9 @@ def test_the_baseline_stands_at_azimuth_zero_and_the_mean_shape(
 
 
 def test_images_are_not_mixed_up_by_threads(
-    results, dataset: Dataset, weights: Path, teapot: ObjectClass
+    results, dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings
 ) -> None:
-    alone = evaluate(dataset, teapot, Recognizer(weights), ("robust",), QUICK, threads=1)["robust"]
+    alone = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, threads=1)["robust"]
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(alone.errors[metric], values)
     assert alone.verdicts == results["robust"].verdicts
@@ -117,16 +89,21 @@ def test_the_csv_has_a_row_for_each_image_and_method(results, dataset: Dataset, 
     with open(tmp_path / "errors.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == COUNT * len(ANSWERS)
-    assert set(rows[0]) == {"image", "occlusion", "cause", "method", "verdict"} | POSE | {"segmentation_iou"}
+    pose = {f"{whose}_{angle}_deg" for whose in ("true", "estimated") for angle in ("azimuth", "elevation")}
+    told = {"image", "occlusion", "cause", "method", "verdict"} | pose
+    assert set(rows[0]) == told | POSE | {"segmentation_iou"}
     for number, row in enumerate(rows):
         method, image = ANSWERS[number // COUNT], number % COUNT
         assert (row["method"], row["image"], row["cause"]) == (method, str(image), dataset.cause[image])
         assert float(row["occlusion"]) == pytest.approx(dataset.occlusion[image], abs=1e-4)
         if method == MASK_HEAD:
-            assert row["azimuth_deg"] == ""
+            assert row["azimuth_deg"] == row["estimated_azimuth_deg"] == ""
             continue
         error = results[method].errors["azimuth_deg"][image]
         assert float(row["azimuth_deg"]) == pytest.approx(error, rel=1e-5)
+        turn = float(row["estimated_azimuth_deg"]) - float(row["true_azimuth_deg"])
+        assert abs((turn + 180) % 360 - 180) == pytest.approx(error, abs=0.002)
+        assert 0 <= float(row["estimated_azimuth_deg"]) < 360
         assert (row["segmentation_iou"] == "") == (method == "baseline")
 
 
@@ -162,16 +139,49 @@ def test_the_command_writes_its_files_and_prints_the_folder_last(
     assert {path.name for path in out.iterdir()} == {"errors.csv", "table.json", "table.md"}
     table = json.loads((out / "table.json").read_text())
     assert table["count"] == COUNT and set(table["rows"]["azimuth_deg"]) == {"baseline", "rm"}
+    assert set(table["rows"]) == PAPER | {"shape_ratio", "segmentation_iou"}
+    assert set(table["other_rows"]) == POSE - PAPER
+    assert max(map(len, printed.splitlines()[:-1])) <= 100
+    for said in ("Table 1", "Beside it", "azimuth off by > 30", "stated 90 % interval"):
+        assert said in printed and said in (out / "table.md").read_text().replace("<br>", " ")
 
 
-@pytest.mark.parametrize("wrong", ["occlusion", "out", "split", "weights", "modes"])
+def test_the_command_takes_some_images_and_says_it_in_json(
+    capsys, made: Path, dataset: Dataset, weights: Path, tmp_path: Path
+) -> None:
+    least = float(np.sort(dataset.occlusion[:3])[0])
+    arguments = (
+        "--dataset",
+        made,
+        "--out",
+        tmp_path / "r",
+        "--weights",
+        weights,
+        "--methods",
+        "rm",
+        "--json",
+    )
+    limits = ("--limit", 3, "--min-occlusion", least, "--max-occlusion", 1)
+    code, printed, _ = run(capsys, *arguments, *limits, "--json")
+    table = json.loads(printed)
+    assert code == 0 and table["count"] == 2 and table == json.loads((tmp_path / "r/table.json").read_text())
+    assert sum(table["bins"]["counts"]) == 3  # whatever the limits
+
+
+@pytest.mark.parametrize("wrong", ["occlusion", "range", "none", "limit", "out", "split", "weights", "modes"])
 def test_mistakes_are_told_in_a_line_before_any_work(
-    capsys, wrong: str, made: Path, weights: Path, tmp_path: Path
+    capsys, wrong: str, made: Path, weights: Path, untrained: Any, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("mine")
     given = {"--dataset": made, "--out": tmp_path / "r", "--weights": weights}
     extra, said = {
         "occlusion": ({"--max-occlusion": 75}, "share from 0 to 1; got 75"),
+        "range": (
+            {"--min-occlusion": 0.8},
+            "--min-occlusion below --max-occlusion; got 0.8 and 0.75",
+        ),
+        "none": ({"--min-occlusion": 0.99, "--max-occlusion": 1}, "more than 99% and at most 100%"),
+        "limit": ({"--limit": 0}, "expected --limit of at least 1 image; got 0"),
         "out": ({"--out": tmp_path / "file" / "r"}, "cannot write"),
         "split": ({"--split": "train"}, "has no train split; it has test"),
         "weights": ({"--weights": tmp_path / "file"}, "expected recognition weights"),

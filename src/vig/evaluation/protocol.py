@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,20 +12,24 @@ import torch
 
 from vig.dataset import Dataset
 from vig.errors import UserError
+from vig.evaluation.fits import fit_all, key_of
 from vig.evaluation.metrics import (
     angle_error_deg,
+    appearance_ab,
     appearance_error,
     illumination_error,
+    illumination_relative,
     segmentation_iou,
     shape_error_mm,
+    shape_paper,
 )
+from vig.evaluation.rendering import silhouettes
+from vig.evaluation.results import MethodResult, stated_deviation
 from vig.evaluation.table import BASELINE
-from vig.files import atomic_write
-from vig.inference import ExplainSettings, Explanation, explain_one, geometry_of
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, Likelihood, Photos, load_kernels
-from vig.recognition import MASK_CLASSES, Prediction, Recognizer
-from vig.render import map_on_threads
-from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, linear_from_srgb
+from vig.inference import ExplainSettings
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL
+from vig.recognition import MASK_CLASSES, Recognizer
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass, linear_from_srgb
 from vig.synthesis.target import shape_vertices
 
 LIKELIHOODS = {"gaussian": GAUSSIAN, "robust": ROBUST, "spatial": SPATIAL}
@@ -39,14 +42,6 @@ _MEAN_ELEVATION = np.pi / 4
 _MEAN_ALBEDO = 0.5
 
 
-@dataclass(frozen=True)
-class MethodResult:
-    """What one method said of N images. errors: metric to (N,). verdicts: (N,) names, empty where none."""
-
-    errors: dict[str, np.ndarray]
-    verdicts: list[str]
-
-
 def evaluate(
     dataset: Dataset,
     object_class: ObjectClass,
@@ -55,10 +50,13 @@ def evaluate(
     settings: ExplainSettings | None = None,
     threads: int | None = None,
     advance: Callable[[int], None] = lambda done: None,
+    cache: Path | None = None,
 ) -> dict[str, MethodResult]:
     """Run methods over all images, `threads` fits at a time, one per CPU by default.
 
-    `advance` is told how many were fitted since the last call.
+    `advance` is told how many were fitted since the last call. cache: a folder that keeps fits, so that they
+    are not made again; fits of other photos, weights, settings or class there are replaced. Those of other
+    code are not told apart: remove the folder after a change of it.
 
     "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
     silhouette as mask (as in the paper; the mask that it predicts is listed as a method of its own),
@@ -80,91 +78,31 @@ def evaluate(
     threads = threads or os.cpu_count() or 1
     truth = Truth.of(dataset, object_class)
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
-    results = {}
     prediction = recognizer(photos)
+    nothing = [""] * len(dataset)
+    results = {}
     for method in methods:
         if method == BASELINE:
             latents = _mean_latents(object_class, len(dataset))
-            results[method] = MethodResult(_errors(latents, truth, object_class), [""] * len(dataset))
+            results[method] = MethodResult(_errors(latents, truth, object_class), nothing, latents)
         elif method == "rm":
             latents = prediction.best()
             masks = silhouettes(latents, object_class)
-            errors = _errors(latents, truth, object_class) | {
-                "segmentation_iou": segmentation_iou(masks, dataset.visible)
-            }
-            results[method] = MethodResult(errors, [""] * len(dataset))
+            errors = _errors(latents, truth, object_class) | _segmentation(masks, dataset)
+            results[method] = MethodResult(errors, nothing, latents, stated_deviation(prediction), masks)
             said = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
-            head = {"segmentation_iou": segmentation_iou(said, dataset.visible)}
-            results[MASK_HEAD] = MethodResult(head, [""] * len(dataset))
+            results[MASK_HEAD] = MethodResult(_segmentation(said, dataset), nothing, masks=said)
         else:
             chosen = replace(settings, likelihood=LIKELIHOODS[method])
-            fits = list(_fits(photos, prediction, object_class, chosen, threads, advance))
-            latents = Latents.from_vector(torch.cat([fit.latents.to_vector() for fit in fits]))
-            # The Gaussian model has no outliers: its mask is the whole silhouette, as in the paper.
-            masks = np.stack([(fit.amodal if method == "gaussian" else fit.mask).numpy() for fit in fits])
-            errors = _errors(latents, truth, object_class) | {
-                "segmentation_iou": segmentation_iou(masks, dataset.visible)
-            }
-            results[method] = MethodResult(errors, [fit.verdict.name.lower() for fit in fits])
+            folder = None if cache is None else cache / method
+            key = key_of(recognizer, object_class, chosen)
+            fits = fit_all(
+                dataset.images, photos, prediction, object_class, chosen, threads, advance, folder, key
+            )
+            latents = Latents.from_vector(torch.from_numpy(fits.latents))
+            errors = _errors(latents, truth, object_class) | _segmentation(fits.masks, dataset)
+            results[method] = MethodResult(errors, list(fits.verdicts), latents, fits.deviation, fits.masks)
     return results
-
-
-def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
-    """Whole silhouettes (N, H, W) bool of latents in the standard camera."""
-    camera = Camera.standard(target_height=object_class.target_height)
-    blank = torch.zeros(1, camera.height, camera.width, 3)
-    log_prior = ROBUST.log_prior(camera.height, camera.width)[None]
-    likelihood = Likelihood(geometry_of(object_class), camera, Photos(blank, log_prior))
-    masks = []
-    for part in latents.to_vector().split(16):
-        count = len(part)
-        valued = likelihood(
-            Latents.from_vector(part),
-            torch.zeros(count, 3),
-            torch.zeros(count, dtype=torch.int32),
-            torch.full((count,), ROBUST.sigma),
-            derivatives=False,
-        )
-        assert valued.coverage is not None
-        masks.append((valued.coverage >= 0.5).numpy())
-    return np.concatenate(masks)
-
-
-def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:
-    """One row per image and method: index, occlusion, cause, method, verdict, every metric."""
-    metrics = sorted({metric for result in results.values() for metric in result.errors})
-    with atomic_write(path) as temporary, open(temporary, "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["image", "occlusion", "cause", "method", "verdict", *metrics])
-        for method, result in results.items():
-            for i in range(len(dataset)):
-                values = [f"{result.errors[m][i]:.6g}" if m in result.errors else "" for m in metrics]
-                start = [i, f"{dataset.occlusion[i]:.4f}", dataset.cause[i], method, result.verdicts[i]]
-                writer.writerow(start + values)
-
-
-def _fits(
-    photos: torch.Tensor,
-    prediction: Prediction,
-    object_class: ObjectClass,
-    settings: ExplainSettings,
-    threads: int,
-    advance: Callable[[int], None],
-) -> Iterator[Explanation]:
-    """Fit every photo, `threads` at a time; after Ctrl-C nobody waits for fits that were not begun."""
-    load_kernels(torch.float32, object_class.shape_model.modes)
-
-    def one(index: int) -> Explanation:
-        return explain_one(photos[index], prediction[index : index + 1], object_class, settings)
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        for fit in map_on_threads(one, range(len(photos))):
-            advance(1)
-            yield fit
-    finally:
-        torch.set_num_threads(before)
 
 
 def _mean_latents(object_class: ObjectClass, count: int) -> Latents:
@@ -204,4 +142,11 @@ def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[s
         "appearance": appearance_error(latents.albedo, right.albedo),
         "illumination": illumination_error(latents.light, right.light),
         "shape_mm": shape_error_mm(vertices, truth.vertices),
+        "shape_paper": shape_paper(vertices, truth.vertices),
+        "appearance_ab": appearance_ab(latents.albedo, right.albedo),
+        "illumination_relative": illumination_relative(latents.light, right.light),
     }
+
+
+def _segmentation(masks: np.ndarray, dataset: Dataset) -> dict[str, np.ndarray]:
+    return {"segmentation_iou": segmentation_iou(masks, dataset.visible)}

@@ -1,0 +1,80 @@
+"""What a method said of a dataset's images, and the same as one row per image."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from vig.dataset import Dataset
+from vig.files import atomic_write
+from vig.recognition import Prediction
+from vig.scene import Latents, rotations_z
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """What one method said of N images.
+
+    errors: metric to (N,). verdicts: N names, empty where a method gives none. latents: its explanations (N),
+    None when it gives none. deviation (N, P): the standard deviation that it states of each latent, in their
+    order. masks (N, H, W) bool: what it takes for the object's visible pixels. The last two are None for a
+    method that does not say.
+    """
+
+    errors: dict[str, np.ndarray]
+    verdicts: list[str]
+    latents: Latents | None = None
+    deviation: np.ndarray | None = None
+    masks: np.ndarray | None = None
+
+
+def stated_deviation(prediction: Prediction) -> np.ndarray:
+    """Standard deviations (N, P) of the latents round `Prediction.best`, in their order, world frame.
+
+    Azimuth's is the root mean square of the turns from the best guess to all bins, so that a second
+    hypothesis widens it. The light's is turned from the heading frame with the best guess.
+    """
+    best = prediction.best().azimuth.double()
+    bins = prediction.azimuth.shape[1]
+    centres = (torch.arange(bins, dtype=torch.float64) + 0.5) * (2 * torch.pi / bins)
+    turns = torch.remainder(centres - best[:, None] + torch.pi, 2 * torch.pi) - torch.pi
+    azimuth = (prediction.azimuth.double() * turns**2).sum(1).sqrt()
+    numbers = prediction.deviation.double()
+    modes = numbers.shape[1] - 13
+    elevation, shape, albedo, light = numbers.split([1, modes, 3, 9], dim=1)
+    turned = (rotations_z(best) ** 2 @ light[:, :, None] ** 2)[:, :, 0].sqrt()
+    return torch.cat([shape, azimuth[:, None], elevation, albedo, turned], dim=1).numpy()
+
+
+def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:
+    """One row per image and method: occlusion and cause, verdict, pose in degrees, every metric.
+
+    Pose: the truth's azimuth and elevation and the estimate's, empty where a method gives none.
+    """
+    metrics = sorted({metric for result in results.values() for metric in result.errors})
+    truth = _pose_deg(Latents.from_vector(torch.from_numpy(dataset.latents)))
+    pose = [f"{whose}_{angle}_deg" for whose in ("true", "estimated") for angle in ("azimuth", "elevation")]
+    with atomic_write(path) as temporary, open(temporary, "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["image", "occlusion", "cause", "method", "verdict", *pose, *metrics])
+        for method, result in results.items():
+            found = None if result.latents is None else _pose_deg(result.latents)
+            for i in range(len(dataset)):
+                start = [i, f"{dataset.occlusion[i]:.4f}", dataset.cause[i], method, result.verdicts[i]]
+                poses = [*_told(truth[i]), *(["", ""] if found is None else _told(found[i]))]
+                values = [f"{result.errors[m][i]:.6g}" if m in result.errors else "" for m in metrics]
+                writer.writerow(start + poses + values)
+
+
+def _pose_deg(latents: Latents) -> np.ndarray:
+    """Azimuth in [0, 360) and elevation (N, 2), degrees."""
+    pose = torch.stack([latents.azimuth % (2 * torch.pi), latents.elevation], dim=1)
+    return np.degrees(pose.double().numpy())
+
+
+def _told(pose: np.ndarray) -> list[str]:
+    return [f"{angle:.3f}" for angle in pose]
