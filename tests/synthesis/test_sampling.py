@@ -112,7 +112,7 @@ def test_props_do_not_touch_the_object_each_other_or_the_eye(
             assert ((vertices - view.eye) @ view.forward).min() > 0.08
             solid = Footprint.of(vertices, view.forward)
             others = solids[:-1] if placed.role == "holder" else solids
-            assert all(solid.clear_of(other, 0.001) for other in others)
+            assert all(solid.gap(other) >= 0.001 for other in others)
             solids.append(solid)
 
 
