@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from vig.cli import dataset as dataset_verbs
-from vig.cli.main import Demo, Doctor, Evaluate, Fit, Train
+from vig.cli.main import Demo, Doctor, Evaluate, Fit, Reproduce, Train
 from vig.errors import UserError
 
 
@@ -26,6 +26,7 @@ def run(settings: Any) -> int:
         **dict.fromkeys(dataset_verbs.VERBS, dataset_verbs.run),
         Train: train,
         Evaluate: evaluate,
+        Reproduce: reproduce,
         Doctor: doctor,
     }
     return work[type(settings)](settings)
@@ -145,6 +146,13 @@ def evaluate(settings: Evaluate) -> int:
             print(f"{method}: {share:.1%} of the trusted are within 15 degrees of azimuth")
     print(settings.out)
     return 0
+
+
+def reproduce(settings: Reproduce) -> int:
+    """`vig reproduce`."""
+    from vig.cli.reproducing import reproduce_paper
+
+    return reproduce_paper(settings)
 
 
 def doctor(settings: Doctor) -> int:

@@ -1,0 +1,188 @@
+"""What each stage of a run does. Every stage can be killed and begun again."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from vig.dataset import Dataset, contact_sheet, make_dataset, read_dataset
+from vig.dataset.format import complete_split, read_info
+from vig.dataset.progress import Meter
+from vig.errors import UserError
+from vig.evaluation import build_table, markdown_table, save_table, write_csv
+from vig.evaluation import evaluate as run_methods
+from vig.files import atomic_write
+from vig.recognition import Recognizer, TrainingSettings
+from vig.recognition import train as train_network
+from vig.reproduction.folder import DATASETS, TIERS, RunFolder
+from vig.reproduction.scales import Settings
+from vig.scene import ObjectClass
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run: where it lies, what it is made of, and how it is carried out.
+
+    cycles: whether the path-traced tier is wanted. workers: processes and threads; all cores by default. say:
+    takes a line on what is done. progress: a bar on a terminal, a line now and then in a log.
+    """
+
+    folder: RunFolder
+    settings: Settings
+    cycles: bool = True
+    workers: int | None = None
+    say: Callable[[str], None] = print
+    progress: bool = True
+
+    @cached_property
+    def object_class(self) -> ObjectClass:
+        """The paper's class."""
+        return ObjectClass.load("teapot")
+
+    def dataset_folder(self, name: str) -> Path:
+        """Where one of `DATASETS` lies: the folder that the settings name, or the run's own."""
+        return getattr(self.settings, name) or self.folder.data(name)
+
+    def dataset(self, name: str) -> Dataset:
+        """One of `DATASETS`. Raises UserError when it is not there, not complete or damaged."""
+        return read_dataset(self.dataset_folder(name), DATASETS[name][0])
+
+    def recognizer(self) -> Recognizer:
+        """The run's recognition model. Raises UserError when it is not there or of no use."""
+        return Recognizer.of_class(self.object_class, self.folder.weights)
+
+    def tiers(self) -> tuple[str, ...]:
+        """The tiers that are evaluated; says so when the path-traced one is left out.
+
+        It is left out when it is not wanted, and when there is neither a Blender nor the finished photos.
+        """
+        if not self.cycles:
+            self.say("the path-traced tier is left out, as --no-cycles asks")
+            return ("raster",)
+        try:
+            complete_split(self.dataset_folder("test_cycles"), "test")
+        except UserError:
+            from vig.synthesis.cycles.renderer import find_python  # only when asked for
+
+            try:
+                find_python()
+            except UserError as error:
+                self.say(f"the path-traced tier is left out: {error}")
+                return ("raster",)
+        return tuple(TIERS)
+
+
+def make_data(run: Run, name: str) -> None:
+    """Make one of `DATASETS`, or look at the one that is to be used."""
+    split, tier = DATASETS[name]
+    folder = run.dataset_folder(name)
+    if getattr(run.settings, name) is not None:
+        info = read_info(folder)["splits"][complete_split(folder, split)]
+        if info["tier"] != tier:
+            raise UserError(
+                f"expected {tier} photos in '{folder}'; got {info['tier']}. Name another dataset."
+            )
+        return
+    counts = {
+        "train": run.settings.train_images,
+        "validation": run.settings.validation_images,
+        "test_raster": run.settings.test_images,
+        "test_cycles": run.settings.cycles_images,
+    }
+    # One seed for all: the splits' scenes differ all the same, and both tiers show the same scenes.
+    make_dataset(
+        folder,
+        counts[name],
+        run.settings.seed,
+        tier,
+        split,
+        run.workers,
+        run.progress,
+        run.object_class,
+    )
+
+
+def train(run: Run) -> None:
+    """Train the recognition model on the training photos."""
+    dataset = run.dataset("train")
+    settings = TrainingSettings(epochs=run.settings.epochs, seed=run.settings.seed)
+    settings = replace(settings, batch=min(settings.batch, len(dataset) // 8))
+    if run.workers is not None:
+        settings = replace(settings, threads=run.workers)
+    train_network(dataset, run.folder.recognition, settings, run.say)
+
+
+def take_weights(run: Run) -> None:
+    """Copy the weights that the settings name, so that the run keeps what it was made with."""
+    assert run.settings.weights is not None
+    Recognizer.of_class(run.object_class, run.settings.weights)  # refuses what is of no use
+    with atomic_write(run.folder.weights) as temporary:
+        shutil.copyfile(run.settings.weights, temporary)
+
+
+def calibrate(run: Run) -> None:
+    """Nothing yet: the network's own deviations are used as they are."""
+    run.say("calibrate: there is no calibration in this version; the deviations stay as they are")
+
+
+def evaluate(run: Run, tier: str) -> None:
+    """Run the methods over a tier's test photos: errors.csv, and a table for each of `LIMITS`."""
+    dataset = run.dataset(TIERS[tier])
+    results = _results(run, tier, dataset)
+    folder = run.folder.tables(tier)
+    write_csv(folder / "errors.csv", dataset, results)
+    for name, (least, most) in LIMITS.items():
+        if not within(dataset.occlusion, least, most).any():
+            run.say(f"evaluate {tier}: no photo has {least:.0%} to {most:.0%} of the object hidden")
+            continue
+        table = summarise(results, dataset, tier, least, most, run.settings.seed)
+        save_table(folder / f"{name}.json", table)
+        with atomic_write(folder / f"{name}.md") as temporary:
+            temporary.write_text(markdown_table(table))
+
+
+def ablate(run: Run) -> None:
+    """Fit the first rasterised test photos with each part of the method switched off."""
+    dataset = run.dataset("test_raster").first(run.settings.ablation_images)
+    with _meter(run, 0) as meter:
+        table = run_ablations(
+            dataset, run.object_class, run.recognizer(), run.folder.fits("ablations"), meter.advance
+        )
+    save_table(run.folder.ablations, table)
+
+
+def draw_figures(run: Run, tier: str) -> None:
+    """Draw a tier's figures: photos, Figures 3 to 5, reliability, and a fit that moves."""
+    dataset = run.dataset(TIERS[tier])
+    results = _results(run, tier, dataset)
+    folder = run.folder.figures(tier)
+    contact_sheet(dataset, folder / "photos.png", SHEET)
+    figures.figure3(results, dataset.occlusion, tier, folder / "figure3.png")
+    figures.figure3(results, dataset.occlusion, tier, folder / "figure3-bins.png", cumulative=False)
+    figures.reliability_figure(results, dataset.latents, folder / "reliability.png")
+    method = _headline(run.settings.methods)
+    if method is None:
+        return
+    chosen = figures.choose(results, dataset, method, QUANTILES)
+    figures.figure4(dataset, run.object_class, results, chosen, folder / "figure4.png")
+    figures.figure5(dataset, results, chosen, folder / "figure5.png")
+
+
+def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
+    """What the methods say of a tier's photos; fits that were made before are taken from their folder."""
+    fitted = [method for method in run.settings.methods if method in LIKELIHOODS]
+    with Meter(len(dataset) * len(fitted), 0, run.progress, "fits") as meter:
+        return run_methods(
+            dataset,
+            run.object_class,
+            run.recognizer(),
+            run.settings.methods,
+            threads=run.workers,
+            advance=meter.advance,
+            cache=run.folder.fits(tier),
+        )
