@@ -75,7 +75,7 @@ class Evaluate:
     """Folder of the dataset."""
     out: Path
     """Folder for the results."""
-    split: Literal["train", "test"] = "test"
+    split: Literal["train", "test", "validation"] = "test"
     """Which split."""
     methods: tuple[Literal["baseline", "rm", "gaussian", "robust", "spatial"], ...] = (
         "baseline",
