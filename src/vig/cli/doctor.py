@@ -21,9 +21,9 @@ PACKAGES = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safete
 def doctor() -> dict[str, Any]:
     """Collect versions and devices, and draw one triangle with the renderer's kernels.
 
-    Returns `{"vig", "python", "platform", "processor", "cpus", "packages": {name: version or None}, "cuda": {"torch":
-    [names], "warp": [names]}, "kernels": {"ok", "detail"}, "ok"}`, ready for JSON. Nothing is raised: what
-    fails is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
+    Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "kernels": {"ok", "detail"},
+    "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the place of its result ("cuda" entries
+    are then `["failed: ..."]`).
     """
     kernels = check_kernels()
     cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}
@@ -31,8 +31,10 @@ def doctor() -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """What vig runs on: `{"vig", "python", "platform", "processor", "cpus", "packages":
-    {name: version or None}}`."""
+    """What vig runs on, as plain data.
+
+    `{"vig", "python", "platform", "processor", "cpus", "packages": {name: version or None}}`.
+    """
     return {
         "vig": vig.__version__,
         "python": platform.python_version(),

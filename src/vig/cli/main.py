@@ -6,12 +6,14 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
 from vig.cli import dataset as dataset_verbs
 from vig.errors import UserError
+
+Stage = Literal["data", "train", "calibrate", "evaluate", "ablations", "figures", "page"]
 
 
 @dataclass(frozen=True)
@@ -101,19 +103,11 @@ class Reproduce:
     ablations, and one page that shows it all. Goes on where it was stopped."""
 
     scale: Literal["tiny", "small", "paper"]
-    """How much: tiny takes minutes, small an hour on two cores, paper is 10,000 training and 1,000 test images in
-    each tier. The options below change single numbers of it."""
+    """How much: tiny takes minutes, small an hour on two cores, paper is 10,000 training and 1,000 test
+    images in each tier. The options below change single numbers of it."""
     out: Path
     """Folder of the run."""
-    stages: tuple[Literal["data", "train", "calibrate", "evaluate", "ablations", "figures", "page"], ...] = (
-        "data",
-        "train",
-        "calibrate",
-        "evaluate",
-        "ablations",
-        "figures",
-        "page",
-    )
+    stages: tuple[Stage, ...] = get_args(Stage)
     """What to do of it; what is done already is passed over."""
     train_images: int | None = None
     """Rasterised photos to train on."""

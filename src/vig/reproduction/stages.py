@@ -14,14 +14,31 @@ from vig.dataset import Dataset, contact_sheet, make_dataset, read_dataset
 from vig.dataset.format import complete_split, read_info
 from vig.dataset.progress import Meter
 from vig.errors import UserError
-from vig.evaluation import build_table, markdown_table, save_table, write_csv
+from vig.evaluation import (
+    MethodResult,
+    figures,
+    markdown_table,
+    save_table,
+    summarise,
+    write_csv,
+)
 from vig.evaluation import evaluate as run_methods
+from vig.evaluation.ablation import run_ablations
+from vig.evaluation.protocol import LIKELIHOODS
+from vig.evaluation.statistics import within
 from vig.files import atomic_write
-from vig.recognition import Recognizer, TrainingSettings
+from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
 from vig.recognition import train as train_network
 from vig.reproduction.folder import DATASETS, TIERS, RunFolder
 from vig.reproduction.scales import Settings
 from vig.scene import ObjectClass
+
+LIMITS = {"table": (0.0, 0.75), "table-75-90": (0.75, 0.9)}
+"""The tables of a tier, and how much of the object is hidden in the photos of each, at least and at most."""
+SHEET = 48
+"""Photos shown of a tier."""
+QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Ranks of error at which the photos of Figures 4 and 5 are taken."""
 
 
 @dataclass(frozen=True)
