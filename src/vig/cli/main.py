@@ -55,14 +55,16 @@ class Demo:
 
 @dataclass(frozen=True)
 class Train:
-    """Train the recognition network on a dataset; goes on where it was stopped."""
+    """Train a recognition network on a dataset; goes on where it was stopped."""
 
     dataset: Path
     """Folder of a dataset with a train split."""
     out: Path
     """Folder for weights and checkpoint."""
-    epochs: int = 30
-    """Passes over the data."""
+    net: Literal["vig", "paper"] = "vig"
+    """vig: one network for everything, with its uncertainty; paper: the paper's four, one for each factor."""
+    epochs: int | None = None
+    """Passes over the data: 30 by default; with --net paper at most, 150 by default, for each network."""
     seed: int = 0
     """Seed of initial weights, order and augmentation."""
     json: bool = False

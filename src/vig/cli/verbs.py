@@ -70,18 +70,20 @@ def demo(settings: Demo) -> int:
 def train(settings: Train) -> int:
     """`vig train`."""
     from vig.dataset import read_dataset
-    from vig.recognition import TrainingSettings
+    from vig.recognition import PaperTrainingSettings, TrainingSettings, train_paper
     from vig.recognition import train as train_network
 
     lines: list[str] = []
+    say = lines.append if settings.json else lambda line: print(line, flush=True)
     dataset = read_dataset(settings.dataset, "train")
     _check_writable(settings.out)
-    path = train_network(
-        dataset,
-        settings.out,
-        TrainingSettings(epochs=settings.epochs, seed=settings.seed),
-        say=lines.append if settings.json else lambda line: print(line, flush=True),
-    )
+    chosen: dict[str, Any] = {"seed": settings.seed}
+    if settings.epochs is not None:
+        chosen["epochs"] = settings.epochs
+    if settings.net == "paper":
+        path = train_paper(dataset, settings.out, PaperTrainingSettings(**chosen), say)
+    else:
+        path = train_network(dataset, settings.out, TrainingSettings(**chosen), say)
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:

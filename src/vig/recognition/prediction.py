@@ -6,12 +6,14 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
 
 from vig.errors import UserError
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.paper_network import PaperNetworks, networks_from
 from vig.recognition.targets import latents_of, mask_at_pixels
 from vig.render import on_one_core
 from vig.scene import Latents, ObjectClass, srgb_from_linear
@@ -80,22 +82,26 @@ class Prediction:
 
 
 class Recognizer:
-    """A trained recognition network; reads `recognition.safetensors` of a class pack or a training run."""
+    """A trained recognition network, vig's or the paper's.
+
+    Reads `recognition.safetensors` of a class pack or a training run.
+    """
+
+    network: RecognitionNetwork | PaperNetworks
 
     def __init__(self, path: Path):
         try:
             with safe_open(path, framework="pt") as file:
-                settings = json.loads(file.metadata()["settings"])
+                metadata = file.metadata() or {}
+                settings = json.loads(metadata["settings"])
                 tensors = {name: file.get_tensor(name) for name in file.keys()}
-            settings["widths"] = tuple(settings["widths"])
-            self.network = RecognitionNetwork(NetworkSettings(**settings))
-            weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-            self.network.load_state_dict(
-                {k: v.float() if v.is_floating_point() else v for k, v in weights.items()}
-            )
-            self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
-            if not len(self.mean) == len(self.deviation) == self.network.numbers.out_features // 2:
-                raise ValueError("the scale does not fit the network")
+            kind = metadata.get("net", "vig")
+            if kind == "paper":
+                self.network = networks_from(settings, tensors)
+            elif kind == "vig":
+                self._read(settings, tensors)
+            else:
+                raise ValueError(f"it is of a network that is not known, '{kind}'")
             if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
                 raise ValueError("the weights are not finite")
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
@@ -106,6 +112,17 @@ class Recognizer:
                 " Train them with `vig train` or take a class that has them."
             ) from error
         self.network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
+        """Take on vig's own network and its targets' scale."""
+        settings["widths"] = tuple(settings["widths"])
+        network = RecognitionNetwork(NetworkSettings(**settings))
+        weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
+        network.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in weights.items()})
+        self.network = network
+        self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
+        if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
+            raise ValueError("the scale does not fit the network")
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
@@ -130,6 +147,8 @@ class Recognizer:
     @torch.inference_mode()
     def _some(self, photos: torch.Tensor) -> Prediction:
         pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
+        if isinstance(self.network, PaperNetworks):
+            return Prediction(*self.network(pixels))
         heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
         return Prediction(
             heads.azimuth.softmax(1).clone(),
