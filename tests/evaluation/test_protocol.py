@@ -24,7 +24,8 @@ from vig.scene import Latents, ObjectClass
 from vig.synthesis.target import target_vertices
 
 COUNT = 4
-POSE = {"azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm"}
+PAPER = {"azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm"}
+POSE = PAPER | {"shape_paper", "appearance_ab", "illumination_relative"}
 ANSWERS = (*METHODS[:2], MASK_HEAD, *METHODS[2:])
 
 
@@ -36,6 +37,11 @@ def test_every_method_answers_every_image(results) -> None:
             continue
         assert set(result.errors) == POSE | (set() if method == "baseline" else {"segmentation_iou"})
         assert len(result.verdicts) == COUNT
+        assert len(result.latents) == COUNT
+        assert (result.deviation is None) == (result.masks is None) == (method == "baseline")
+        if result.deviation is not None:
+            assert result.deviation.shape == (COUNT, 24) and (result.deviation >= 0).all()
+            assert result.masks.shape == (COUNT, 150, 150) and result.masks.dtype == bool
         for values in result.errors.values():
             assert values.shape == (COUNT,) and np.isfinite(values).all() and (values >= 0).all()
         fits = method in ("gaussian", "robust", "spatial")
@@ -133,9 +139,36 @@ def test_the_command_writes_its_files_and_prints_the_folder_last(
     assert {path.name for path in out.iterdir()} == {"errors.csv", "table.json", "table.md"}
     table = json.loads((out / "table.json").read_text())
     assert table["count"] == COUNT and set(table["rows"]["azimuth_deg"]) == {"baseline", "rm"}
+    assert set(table["rows"]) == PAPER | {"shape_ratio", "segmentation_iou"}
+    assert set(table["other_rows"]) == POSE - PAPER
+    assert max(map(len, printed.splitlines()[:-1])) <= 100
+    for said in ("Table 1", "Beside it", "azimuth off by > 30", "stated 90 % interval"):
+        assert said in printed and said in (out / "table.md").read_text().replace("<br>", " ")
 
 
-@pytest.mark.parametrize("wrong", ["occlusion", "out", "split", "weights", "modes"])
+def test_the_command_takes_some_images_and_says_it_in_json(
+    capsys, made: Path, dataset: Dataset, weights: Path, tmp_path: Path
+) -> None:
+    least = float(np.sort(dataset.occlusion[:3])[0])
+    arguments = (
+        "--dataset",
+        made,
+        "--out",
+        tmp_path / "r",
+        "--weights",
+        weights,
+        "--methods",
+        "rm",
+        "--json",
+    )
+    limits = ("--limit", 3, "--min-occlusion", least, "--max-occlusion", 1)
+    code, printed, _ = run(capsys, *arguments, *limits, "--json")
+    table = json.loads(printed)
+    assert code == 0 and table["count"] == 2 and table == json.loads((tmp_path / "r/table.json").read_text())
+    assert sum(table["bins"]["counts"]) == 3  # whatever the limits
+
+
+@pytest.mark.parametrize("wrong", ["occlusion", "range", "none", "limit", "out", "split", "weights", "modes"])
 def test_mistakes_are_told_in_a_line_before_any_work(
     capsys, wrong: str, made: Path, weights: Path, untrained: Any, tmp_path: Path
 ) -> None:
@@ -143,6 +176,12 @@ def test_mistakes_are_told_in_a_line_before_any_work(
     given = {"--dataset": made, "--out": tmp_path / "r", "--weights": weights}
     extra, said = {
         "occlusion": ({"--max-occlusion": 75}, "share from 0 to 1; got 75"),
+        "range": (
+            {"--min-occlusion": 0.8},
+            "--min-occlusion below --max-occlusion; got 0.8 and 0.75",
+        ),
+        "none": ({"--min-occlusion": 0.99, "--max-occlusion": 1}, "more than 99% and at most 100%"),
+        "limit": ({"--limit": 0}, "expected --limit of at least 1 image; got 0"),
         "out": ({"--out": tmp_path / "file" / "r"}, "cannot write"),
         "split": ({"--split": "train"}, "has no train split; it has test"),
         "weights": ({"--weights": tmp_path / "file"}, "expected recognition weights"),

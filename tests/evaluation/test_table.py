@@ -3,10 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from vig.errors import UserError
-from vig.evaluation import build_table, markdown_table, rich_table, save_table
+from vig.evaluation import build_table, save_table
 
 
 def rng() -> np.random.Generator:
@@ -70,33 +69,24 @@ def test_it_is_written_as_json(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "table.json").read_text()) == small()
 
 
-def test_markdown() -> None:
-    summary = {"median": 2.0, "mean": 4.0, "ci95": [1.0, 9.0]}
-    low = {"median": 0.9, "mean": 0.85, "ci95": [0.8, 0.95]}
-    rows = {"azimuth_deg": {"rm": summary, "robust": summary}, "segmentation_iou": {"robust": low}}
-    table = {"tier": "cycles", "count": 3, "max_occlusion": 0.75, "rows": rows}
-    assert markdown_table(table) == (
-        "cycles: 3 images, at most 75% hidden; median [95 % interval], mean\n"
-        "\n"
-        "|  | rm | robust |\n"
-        "| --- | ---: | ---: |\n"
-        "| azimuth (degrees) | 2.00 [1.00, 9.00], 4.00 | 2.00 [1.00, 9.00], 4.00 |\n"
-        "| segmentation (IoU, more is better) | - | 0.900 [0.800, 0.950], 0.850 |\n"
-    )
+def test_other_metrics_have_rows_of_their_own() -> None:
+    table = build_table({"rm": {"azimuth_deg": [1.0], "appearance_ab": [7.0]}}, [0.0], "raster", rng())
+    assert table["rows"].keys() == {"azimuth_deg"}
+    assert table["other_rows"]["appearance_ab"]["rm"]["median"] == 7.0
 
 
-def test_the_terminal_shows_every_cell() -> None:
-    console = Console(width=160, color_system=None)
-    with console.capture() as captured:
-        console.print(rich_table(small()))
-    text = captured.get()
-    assert "azimuth (degrees)" in text and "baseline" in text and "[95 % interval]" in text
-    assert "2.00 [1.00, 9.00], 4.00" in text
+def test_the_lower_limit_is_left_out() -> None:
+    errors = {"rm": {"azimuth_deg": [1.0, 2.0, 4.0]}}
+    table = build_table(errors, [0.0, 0.5, 0.6], "raster", rng(), min_occlusion=0.5)
+    assert (table["count"], table["min_occlusion"]) == (1, 0.5)
+    assert table["rows"]["azimuth_deg"]["rm"]["median"] == 4.0
 
 
 def test_no_image_within_the_limit_is_the_users_error() -> None:
     with pytest.raises(UserError, match="at most 75% .* the lowest is 80%. Raise the limit"):
         build_table({}, [0.8, 0.9], "raster", rng())
+    with pytest.raises(UserError, match="more than 30% and at most 75% .* they have from 10% to 90%"):
+        build_table({}, [0.1, 0.9], "raster", rng(), min_occlusion=0.3)
     with pytest.raises(UserError, match="no images at all"):
         build_table({}, [], "raster", rng())
 

@@ -73,7 +73,11 @@ class Train:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Measure methods on a dataset: errors.csv per image, the paper's Table 1 as table.json and table.md."""
+    """Measure methods on a dataset: errors.csv per image, the paper's Table 1 as table.json and table.md.
+
+    Safe to kill and run again: fits are kept in OUT/fits. Those of other photos, weights or settings are made
+    again; remove the folder after a change of the code.
+    """
 
     dataset: Path
     """Folder of the dataset."""
@@ -91,6 +95,12 @@ class Evaluate:
     """baseline: the mean; rm: the recognition model; gaussian, robust, spatial: fits that start from it."""
     max_occlusion: float = 0.75
     """Only images with at most this share of the object hidden enter the table."""
+    min_occlusion: float = 0.0
+    """Only images with more than this share of the object hidden enter the table."""
+    limit: int | None = None
+    """Only the first so many images of the split."""
+    figures: bool = False
+    """Also draw the paper's Figures 3 to 5, failures, reliability and an animated fit."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     weights: Path | None = None

@@ -6,14 +6,10 @@ import json
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
-
 from vig.cli import dataset as dataset_verbs
+from vig.cli.common import check_writable
 from vig.cli.main import Demo, Doctor, Evaluate, Fit, Reproduce, Train
 from vig.errors import UserError
 
@@ -76,7 +72,7 @@ def train(settings: Train) -> int:
     lines: list[str] = []
     say = lines.append if settings.json else lambda line: print(line, flush=True)
     dataset = read_dataset(settings.dataset, "train")
-    _check_writable(settings.out)
+    check_writable(settings.out)
     chosen: dict[str, Any] = {"seed": settings.seed}
     if settings.epochs is not None:
         chosen["epochs"] = settings.epochs
@@ -94,60 +90,9 @@ def train(settings: Train) -> int:
 
 def evaluate(settings: Evaluate) -> int:
     """`vig evaluate`."""
-    from vig.dataset import read_dataset
-    from vig.dataset.format import read_info
-    from vig.evaluation import build_table, markdown_table, rich_table, save_table, write_csv
-    from vig.evaluation import evaluate as run_methods
-    from vig.files import atomic_write
-    from vig.recognition import Recognizer
-    from vig.scene import ObjectClass
+    from vig.cli.evaluating import evaluate as run_evaluation
 
-    object_class = ObjectClass.load(settings.object_class)
-    dataset = read_dataset(settings.dataset, settings.split)
-    recognizer = Recognizer.of_class(object_class, settings.weights)
-    if not 0 <= settings.max_occlusion <= 1:
-        raise UserError(
-            f"expected --max-occlusion as a share from 0 to 1; got {settings.max_occlusion:g}."
-            " Is it a percentage?"
-        )
-    _check_writable(settings.out)
-    fits = len(dataset) * sum(method in ("gaussian", "robust", "spatial") for method in settings.methods)
-    with _progress(settings.json) as progress:
-        task = progress.add_task("fits", total=fits)
-        results = run_methods(
-            dataset,
-            object_class,
-            recognizer,
-            settings.methods,
-            advance=lambda done: progress.advance(task, done),
-            cache=settings.out / "fits",
-        )
-    write_csv(settings.out / "errors.csv", dataset, results)
-    table = build_table(
-        {method: result.errors for method, result in results.items()},
-        dataset.occlusion,
-        read_info(settings.dataset)["splits"][settings.split]["tier"],
-        np.random.default_rng(0),
-        settings.max_occlusion,
-    )
-    save_table(settings.out / "table.json", table)
-    with atomic_write(settings.out / "table.md") as temporary:
-        Path(temporary).write_text(markdown_table(table))
-    if settings.json:
-        print(json.dumps(table, indent=2))
-        return 0
-    Console(width=None if sys.stdout.isatty() else 140).print(rich_table(table))
-    for method, result in results.items():
-        said = np.array(result.verdicts)[dataset.occlusion <= settings.max_occlusion]
-        counts = {name: int((said == name).sum()) for name in sorted(set(said.tolist())) if name}
-        if counts:
-            print(f"{method}: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
-        if "trusted" in counts:
-            azimuth = result.errors["azimuth_deg"][dataset.occlusion <= settings.max_occlusion]
-            share = (azimuth[said == "trusted"] < 15).mean()
-            print(f"{method}: {share:.1%} of the trusted are within 15 degrees of azimuth")
-    print(settings.out)
-    return 0
+    return run_evaluation(settings)
 
 
 def reproduce(settings: Reproduce) -> int:
@@ -164,16 +109,6 @@ def doctor(settings: Doctor) -> int:
     return run_doctor(settings.json)
 
 
-def _check_writable(folder: Path) -> None:
-    """Refuse now a folder that could not be written after an hour's work."""
-    from vig.files import atomic_write
-
-    probe = folder / ".writable"
-    with atomic_write(probe) as temporary:
-        temporary.touch()
-    probe.unlink()
-
-
 def _line(name: str, described: dict[str, Any], seconds: float) -> str:
     hidden = described["hidden_fraction"]
     colour = ", ".join(f"{c:.2f}" for c in described["albedo"])
@@ -181,17 +116,4 @@ def _line(name: str, described: dict[str, Any], seconds: float) -> str:
         f"{name}: azimuth {described['azimuth_deg']:.1f}, elevation {described['elevation_deg']:.1f} degrees,"
         f" albedo ({colour}), {'nothing seen' if hidden is None else f'{hidden:.0%} hidden'};"
         f" {described['verdict']}: {described['reason']} ({seconds:.1f} s)"
-    )
-
-
-def _progress(quiet: bool) -> Progress:
-    console = Console(stderr=True)
-    return Progress(
-        "{task.description}",
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=quiet or not console.is_terminal,
     )

@@ -1,4 +1,4 @@
-"""The paper's error measures (section 5.2), one number per image.
+"""The paper's error measures (section 5.2), and the true ones where they differ: one number per image.
 
 Every function takes batches as numpy arrays or torch tensors, predictions first, and returns (B,) float64.
 Arguments of different shapes raise ValueError: nothing broadcasts by accident.
@@ -37,7 +37,18 @@ def appearance_error(predicted: Any, true: Any) -> np.ndarray:
     times 255 gives CIE ab units.
     """
     predicted, true = _pair(predicted, true, 2, last=3)
-    return np.linalg.norm(_chroma(predicted) - _chroma(true), axis=-1) / 255
+    taken = [_chroma(linear_from_srgb(np.clip(albedo, 0, 1))) for albedo in (predicted, true)]
+    return np.linalg.norm(taken[0] - taken[1], axis=-1) / 255
+
+
+def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
+    """Distance of two albedos in the chroma plane (a, b) of CIE Lab, taken as the linear RGB that they are.
+
+    predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). Returns CIE ab units: 2.3 is just
+    noticeable.
+    """
+    predicted, true = _pair(predicted, true, 2, last=3)
+    return np.linalg.norm(_chroma(np.clip(predicted, 0, 1)) - _chroma(np.clip(true, 0, 1)), axis=-1)
 
 
 def illumination_error(predicted: Any, true: Any) -> np.ndarray:
@@ -48,10 +59,17 @@ def illumination_error(predicted: Any, true: Any) -> np.ndarray:
     1 / pi in its reflection: hence the division by pi.
     """
     predicted, true = _pair(predicted, true, 2, last=9)
-    true = true / np.pi
-    power = (predicted**2).sum(-1, keepdims=True)
-    scale = (predicted * true).sum(-1, keepdims=True) / np.where(power > 0, power, 1)
-    return ((scale * predicted - true) ** 2).mean(-1)
+    return (_scaled_miss(predicted, true / np.pi) ** 2).mean(-1)
+
+
+def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
+    """What of a light is missed whatever its scale, relative to the truth's norm: in [0, 1], 0 is best.
+
+    predicted, true: (B, 9) radiance. It is the sine of the angle between the two, and 0 for no light at all.
+    """
+    predicted, true = _pair(predicted, true, 2, last=9)
+    norm = np.linalg.norm(true, axis=-1)
+    return np.linalg.norm(_scaled_miss(predicted, true), axis=-1) / np.where(norm > 0, norm, 1)
 
 
 def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
@@ -61,6 +79,16 @@ def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
     """
     predicted, true = _pair(predicted, true, 3, last=3)
     return 1000 * np.linalg.norm(predicted - true, axis=-1).mean(-1)
+
+
+def shape_paper(predicted: Any, true: Any) -> np.ndarray:
+    """Root of the summed squared distances of all vertices, as in the paper's code.
+
+    predicted, true: (B, V, 3) metres. Returns metres that grow with the root of V: comparable only between
+    shapes of one mesh.
+    """
+    predicted, true = _pair(predicted, true, 3, last=3)
+    return np.sqrt(((predicted - true) ** 2).sum((1, 2)))
 
 
 def shape_ratio(error_mm: Any, mean_shape_error_mm: Any) -> np.ndarray:
@@ -86,9 +114,16 @@ def segmentation_iou(predicted: Any, true: Any) -> np.ndarray:
     return np.where(union > 0, (predicted & true).sum((1, 2)) / np.maximum(union, 1), 1.0)
 
 
-def _chroma(rgb: np.ndarray) -> np.ndarray:
-    """CIE (a, b) of linear RGB that is taken as if it were sRGB: (..., 3) -> (..., 2)."""
-    xyz = linear_from_srgb(np.clip(rgb, 0, 1)) @ _XYZ_FROM_RGB.T / _WHITE_XYZ
+def _scaled_miss(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """The prediction scaled by least squares, less the truth."""
+    power = (predicted**2).sum(-1, keepdims=True)
+    scale = (predicted * true).sum(-1, keepdims=True) / np.where(power > 0, power, 1)
+    return scale * predicted - true
+
+
+def _chroma(linear: np.ndarray) -> np.ndarray:
+    """CIE (a, b) of linear RGB in [0, 1]: (..., 3) -> (..., 2)."""
+    xyz = linear @ _XYZ_FROM_RGB.T / _WHITE_XYZ
     f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz * (29 / 6) ** 2 / 3 + 4 / 29)
     return np.stack([500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 

@@ -15,10 +15,13 @@ from vig.errors import UserError
 from vig.evaluation.fits import fit_all, key_of
 from vig.evaluation.metrics import (
     angle_error_deg,
+    appearance_ab,
     appearance_error,
     illumination_error,
+    illumination_relative,
     segmentation_iou,
     shape_error_mm,
+    shape_paper,
 )
 from vig.evaluation.rendering import silhouettes
 from vig.evaluation.results import MethodResult, stated_deviation
@@ -139,6 +142,9 @@ def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[s
         "appearance": appearance_error(latents.albedo, right.albedo),
         "illumination": illumination_error(latents.light, right.light),
         "shape_mm": shape_error_mm(vertices, truth.vertices),
+        "shape_paper": shape_paper(vertices, truth.vertices),
+        "appearance_ab": appearance_ab(latents.albedo, right.albedo),
+        "illumination_relative": illumination_relative(latents.light, right.light),
     }
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from vig.errors import UserError
 from vig.evaluation.metrics import shape_ratio
+from vig.evaluation.statistics import interval, resampled, summary, within
 from vig.files import atomic_write
 
 METRICS = {
@@ -25,6 +25,13 @@ METRICS = {
 }
 """The rows of the table: name in `table.json`, and title for people."""
 
+OTHER_METRICS = {
+    "shape_paper": "shape, root of summed squares (m)",
+    "appearance_ab": "appearance (CIE ab)",
+    "illumination_relative": "illumination / truth's norm",
+}
+"""Measured beside them: shape as the paper's code has it, and the true measures of what it has otherwise."""
+
 BASELINE = "baseline"
 """The method that answers every image with the training mean; its shape is the unit of `shape_ratio`."""
 
@@ -36,48 +43,51 @@ def build_table(
     rng: np.random.Generator,
     max_occlusion: float = 0.75,
     resamples: int = 1000,
+    min_occlusion: float = 0.0,
 ) -> dict[str, Any]:
-    """Summarise errors over all images whose occlusion is at most `max_occlusion`.
+    """Summarise errors over all images whose occlusion is within limits; see `statistics.within`.
 
     results: method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows from
-    "shape_mm" where there is a method "baseline"; a method may lack metrics. occlusion: (N,) in [0, 1].
-    tier: which renderer made the images, "raster" or "cycles".
+    "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; a method may lack metrics.
+    occlusion: (N,) in [0, 1]. tier: which renderer made the images, "raster" or "cycles".
 
-    Returns `{"tier", "count", "max_occlusion", "rows": {metric: {method: {"median", "mean", "ci95"}}}}`:
-    plain numbers, ready for JSON. ci95 is the percentile bootstrap interval of the median, from the same
-    resampled images for every method and metric.
+    Returns `{"tier", "count", "max_occlusion", "min_occlusion", "rows": {metric: {method: {"median", "mean",
+    "ci95"}}}, "other_rows"}`: plain numbers, ready for JSON. ci95 is the percentile bootstrap interval of the
+    median, from the same resampled images for every method and metric.
 
     Raises ValueError for unknown metrics, lengths that differ and values that are not finite; UserError when
-    no image is within `max_occlusion`.
+    no image is within the limits.
     """
     occlusion = np.asarray(occlusion, dtype=np.float64)
-    within = occlusion <= max_occlusion
-    count = int(within.sum())
-    if count == 0:
-        lowest = f"the lowest is {occlusion.min():.0%}" if occlusion.size else "there are no images at all"
-        raise UserError(
-            f"expected images with at most {max_occlusion:.0%} of the object hidden; {lowest}. "
-            "Raise the limit or use another dataset."
-        )
+    chosen = within(occlusion, min_occlusion, max_occlusion)
+    count = int(chosen.sum())
+    check_limits(occlusion, min_occlusion, max_occlusion)
     errors = {
-        method: {metric: _checked(method, metric, values, within) for metric, values in metrics.items()}
+        method: {metric: _checked(method, metric, values, chosen) for metric, values in metrics.items()}
         for method, metrics in results.items()
     }
-    drawn = rng.integers(0, count, (resamples, count))
+    drawn = resampled(count, rng, resamples)
     unit = errors.get(BASELINE, {}).get("shape_mm")
     rows: dict[str, dict[str, Any]] = {}
-    for metric in METRICS:
+    for metric in METRICS | OTHER_METRICS:
         for method, values in errors.items():
             if metric in values:
-                summary = _summary(values[metric], np.median(values[metric][drawn], axis=1))
+                summarised = summary(values[metric], drawn)
             elif metric == "shape_ratio" and unit is not None and "shape_mm" in values:
                 shape = values["shape_mm"]
                 medians = np.median(shape[drawn], axis=1) / np.median(unit[drawn], axis=1)
-                summary = _summary(shape_ratio(shape, unit), medians)
+                summarised = summary(shape_ratio(shape, unit), drawn) | {"ci95": interval(medians)}
             else:
                 continue
-            rows.setdefault(metric, {})[method] = summary
-    return {"tier": tier, "count": count, "max_occlusion": max_occlusion, "rows": rows}
+            rows.setdefault(metric, {})[method] = summarised
+    return {
+        "tier": tier,
+        "count": count,
+        "max_occlusion": max_occlusion,
+        "min_occlusion": min_occlusion,
+        "rows": {metric: row for metric, row in rows.items() if metric in METRICS},
+        "other_rows": {metric: row for metric, row in rows.items() if metric in OTHER_METRICS},
+    }
 
 
 def save_table(path: str | Path, table: Mapping[str, Any]) -> None:
@@ -86,64 +96,28 @@ def save_table(path: str | Path, table: Mapping[str, Any]) -> None:
         temporary.write_text(json.dumps(table, indent=2, allow_nan=False) + "\n")
 
 
-def rich_table(table: Mapping[str, Any]) -> Table:
-    """The table for a terminal: each cell "median [95 % interval], mean"."""
-    header, *body = _cells(table)
-    view = Table(title=_title(table), title_justify="left")
-    for index, name in enumerate(header):
-        view.add_column(name, justify="left" if index == 0 else "right")
-    for row in body:
-        view.add_row(*row)
-    return view
+def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:
+    """Raise UserError when none of the images is within the limits of occlusion."""
+    if within(occlusion, least, most).any():
+        return
+    if not occlusion.size:
+        came, remedy = "there are no images at all", "Use another dataset."
+    elif least == 0:
+        came, remedy = f"the lowest is {occlusion.min():.0%}", "Raise the limit or use another dataset."
+    else:
+        came = f"they have from {occlusion.min():.0%} to {occlusion.max():.0%}"
+        remedy = "Change the limits or use another dataset."
+    asked = f"at most {most:.0%}" if least == 0 else f"more than {least:.0%} and at most {most:.0%}"
+    raise UserError(f"expected images with {asked} of the object hidden; {came}. {remedy}")
 
 
-def markdown_table(table: Mapping[str, Any]) -> str:
-    """The table as Markdown, its title above it."""
-    header, *body = _cells(table)
-    rule = ["---", *["---:"] * (len(header) - 1)]
-    lines = ["| " + " | ".join(row) + " |" for row in (header, rule, *body)]
-    return "\n".join([_title(table), "", *lines]) + "\n"
-
-
-def _checked(method: str, metric: str, values: Any, within: np.ndarray) -> np.ndarray:
+def _checked(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:
     array = np.asarray(values, dtype=np.float64)
-    if metric not in METRICS or metric == "shape_ratio":
-        known = ", ".join(name for name in METRICS if name != "shape_ratio")
+    if metric == "shape_ratio" or metric not in METRICS | OTHER_METRICS:
+        known = ", ".join(name for name in METRICS | OTHER_METRICS if name != "shape_ratio")
         raise ValueError(f"unknown metric {metric!r} of {method!r}; expected one of {known}")
-    if array.shape != within.shape:
-        raise ValueError(f"{method} {metric}: expected one value per image {within.shape}; got {array.shape}")
+    if array.shape != chosen.shape:
+        raise ValueError(f"{method} {metric}: expected one value per image {chosen.shape}; got {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{method} {metric}: {np.count_nonzero(~np.isfinite(array))} values are not finite")
-    return array[within]
-
-
-def _summary(values: np.ndarray, medians: np.ndarray) -> dict[str, Any]:
-    low, high = np.percentile(medians, [2.5, 97.5])
-    return {
-        "median": float(np.median(values)),
-        "mean": float(values.mean()),
-        "ci95": [float(low), float(high)],
-    }
-
-
-def _title(table: Mapping[str, Any]) -> str:
-    return (
-        f"{table['tier']}: {table['count']} images, at most {table['max_occlusion']:.0%} hidden; "
-        "median [95 % interval], mean"
-    )
-
-
-def _cells(table: Mapping[str, Any]) -> list[list[str]]:
-    methods = list(dict.fromkeys(method for row in table["rows"].values() for method in row))
-    lines = [["", *methods]]
-    for metric, row in table["rows"].items():
-        lines.append([METRICS[metric], *(_cell(row[m]) if m in row else "-" for m in methods)])
-    return lines
-
-
-def _cell(summary: Mapping[str, Any]) -> str:
-    low, high = summary["ci95"]
-    digits = 3 if summary["median"] < 1 else 2
-    return (
-        f"{summary['median']:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}], {summary['mean']:.{digits}f}"
-    )
+    return array[chosen]

@@ -1,0 +1,82 @@
+"""`vig evaluate`: methods measured on a dataset, their errors and tables as files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from vig.cli.common import check_writable, progress_bar
+from vig.cli.main import Evaluate
+from vig.dataset import Dataset, read_dataset
+from vig.dataset.format import read_info
+from vig.errors import UserError
+from vig.evaluation import blocks, markdown_table, save_table, summarise, write_csv
+from vig.evaluation import evaluate as run_methods
+from vig.evaluation.protocol import LIKELIHOODS
+from vig.evaluation.table import check_limits
+from vig.files import atomic_write
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass
+
+
+def evaluate(settings: Evaluate) -> int:
+    """Run the methods, write and print what came; returns the exit code."""
+    _check(settings)
+    object_class = ObjectClass.load(settings.object_class)
+    dataset = read_dataset(settings.dataset, settings.split)
+    if settings.limit is not None:
+        dataset = _first(dataset, settings.limit)
+    check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
+    tier = read_info(settings.dataset)["splits"][settings.split]["tier"]
+    recognizer = Recognizer.of_class(object_class, settings.weights)
+    check_writable(settings.out)
+    with progress_bar(settings.json) as progress:
+        fits = len(dataset) * len(LIKELIHOODS.keys() & set(settings.methods))
+        task = progress.add_task("fits", total=fits)
+        results = run_methods(
+            dataset,
+            object_class,
+            recognizer,
+            settings.methods,
+            advance=lambda done: progress.advance(task, done),
+            cache=settings.out / "fits",
+        )
+    write_csv(settings.out / "errors.csv", dataset, results)
+    table = summarise(results, dataset, tier, settings.min_occlusion, settings.max_occlusion)
+    save_table(settings.out / "table.json", table)
+    with atomic_write(settings.out / "table.md") as temporary:
+        Path(temporary).write_text(markdown_table(table))
+    if settings.json:
+        print(json.dumps(table, indent=2))
+        return 0
+    console = Console(width=None if sys.stdout.isatty() else 100)
+    for block in blocks(table):
+        console.print(block.rich())
+    print(settings.out)
+    return 0
+
+
+def _first(dataset: Dataset, count: int) -> Dataset:
+    """The first images of a split, all when there are fewer."""
+    of_each = ("latents", "occlusion", "target_occlusion", "cause", "truncated", "design")
+    return replace(dataset, **{name: getattr(dataset, name)[:count] for name in of_each})
+
+
+def _check(settings: Evaluate) -> None:
+    """Refuse limits that no image can be within."""
+    for name, share in (("max", settings.max_occlusion), ("min", settings.min_occlusion)):
+        if not 0 <= share <= 1:
+            raise UserError(
+                f"expected --{name}-occlusion as a share from 0 to 1; got {share:g}. Is it a percentage?"
+            )
+    if settings.min_occlusion >= settings.max_occlusion:
+        raise UserError(
+            f"expected --min-occlusion below --max-occlusion; got {settings.min_occlusion:g} and"
+            f" {settings.max_occlusion:g}."
+        )
+    if settings.limit is not None and settings.limit < 1:
+        raise UserError(f"expected --limit of at least 1 image; got {settings.limit}.")
