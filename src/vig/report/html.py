@@ -15,7 +15,7 @@ TYPES = {".png": "image/png", ".webp": "image/webp"}
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table: text, a smaller line below it, and whether what it shows passes (None: no matter)."""
+    """A cell of a table: text, a smaller line below it, whether it passes (None: no matter)."""
 
     text: str
     below: str = ""
@@ -72,7 +72,7 @@ def listing(lines: Iterable[str]) -> str:
 
 
 def write_html(path: Path, title: str, lead: str, sections: Iterable[tuple[str, str, str]]) -> None:
-    """Write a page: lead is its first paragraph; sections are (anchor, heading, HTML), empty ones left out."""
+    """Write a page: lead is its first paragraph; sections: (anchor, heading, HTML); empty ones are left out."""
     filled = [section for section in sections if section[2]]
     links = "".join(f'<a href="#{anchor}">{escape(heading)}</a>' for anchor, heading, _ in filled)
     body = "".join(
@@ -120,5 +120,6 @@ td.fail { background: var(--fail); } td.fail b { color: var(--fail-ink); }
 figure { margin: 1.2rem 0; }
 img { display: block; max-width: 100%; height: auto; border-radius: 4px; background: #fff; }
 figcaption { margin-top: .4rem; max-width: 46rem; }
-pre { overflow-x: auto; padding: .7rem .9rem; background: var(--shade); border-radius: 4px; font-size: .86rem; }
+pre { overflow-x: auto; padding: .7rem .9rem; background: var(--shade); border-radius: 4px;
+  font-size: .86rem; }
 """

@@ -1,5 +1,6 @@
-"""The paper's section 5 as one run: data, training, every method on both tiers, tables, figures, ablations."""
+"""The paper's section 5 as one run: data, training, methods on both tiers, tables, figures, ablations."""
 
+from vig.reproduction.comparison import comparison_block
 from vig.reproduction.folder import DATASETS, TIERS, RunFolder
 from vig.reproduction.record import Record, read_record
 from vig.reproduction.run import duration, reproduce
@@ -18,6 +19,7 @@ __all__ = [
     "RunFolder",
     "Settings",
     "Step",
+    "comparison_block",
     "duration",
     "read_record",
     "reproduce",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 DATASETS = {
     "train": ("train", "raster"),
@@ -47,6 +49,11 @@ class RunFolder:
     def ablations(self) -> Path:
         """The table of ablations."""
         return self.root / "tables" / "ablations.json"
+
+    def read_table(self, tier: str, name: str = "table") -> dict[str, Any] | None:
+        """One of a tier's tables, see `stages.LIMITS`; None when it is not there."""
+        path = self.tables(tier) / f"{name}.json"
+        return json.loads(path.read_text()) if path.exists() else None
 
     def data(self, name: str) -> Path:
         """Folder of a dataset that the run makes."""

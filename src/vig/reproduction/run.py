@@ -27,13 +27,15 @@ def reproduce(
     been removed is done again, and so are those that take it.
 
     Raises:
-        UserError: an unknown stage; the folder holds a run of other settings; a chosen stage needs one that
-            has not been done; what a stage itself refuses.
+        UserError: an unknown stage; no workers; the folder holds a run of other settings; a chosen stage
+            needs one that has not been done; what a stage itself refuses.
     """
     chosen = set(stages)
     unknown = sorted(chosen - set(STAGES))
     if unknown or not chosen:
         raise UserError(f"expected stages among {', '.join(STAGES)}; got {', '.join(unknown) or 'none'}")
+    if run.workers is not None and run.workers < 1:
+        raise UserError(f"expected --workers of at least 1; got {run.workers}")
     record = Record.open(run.folder.record, run.settings, machine or {}, command)
     steps = steps_of(run, run.tiers(), write_page)
     by_name = {step.name: step for step in steps}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-
-import numpy as np
 
 from vig.dataset import Dataset, contact_sheet, make_dataset, read_dataset
 from vig.dataset.format import complete_split, read_info
@@ -29,16 +28,17 @@ from vig.evaluation.statistics import within
 from vig.files import atomic_write
 from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
 from vig.recognition import train as train_network
+from vig.reproduction.comparison import comparison_block
 from vig.reproduction.folder import DATASETS, TIERS, RunFolder
 from vig.reproduction.scales import Settings
 from vig.scene import ObjectClass
 
 LIMITS = {"table": (0.0, 0.75), "table-75-90": (0.75, 0.9)}
 """The tables of a tier, and how much of the object is hidden in the photos of each, at least and at most."""
-SHEET = 48
-"""Photos shown of a tier."""
-QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Ranks of error at which the photos of Figures 4 and 5 are taken."""
+SHEET, WORST = 48, 12
+"""Test photos that are shown, and those whose azimuth is most wrong."""
+LEAST_BATCHES = 8
+"""A small training set is trained on in smaller batches, so that an epoch has so many."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,11 @@ class Run:
     workers: int | None = None
     say: Callable[[str], None] = print
     progress: bool = True
+
+    @property
+    def threads(self) -> int:
+        """As many as there are to be workers."""
+        return self.workers or os.cpu_count() or 1
 
     @cached_property
     def object_class(self) -> ObjectClass:
@@ -127,11 +132,14 @@ def make_data(run: Run, name: str) -> None:
 def train(run: Run) -> None:
     """Train the recognition model on the training photos."""
     dataset = run.dataset("train")
-    settings = TrainingSettings(epochs=run.settings.epochs, seed=run.settings.seed)
-    settings = replace(settings, batch=min(settings.batch, len(dataset) // 8))
-    if run.workers is not None:
-        settings = replace(settings, threads=run.workers)
-    train_network(dataset, run.folder.recognition, settings, run.say)
+    chosen = {"epochs": run.settings.epochs, "seed": run.settings.seed, "threads": run.threads}
+    batch = len(dataset) // LEAST_BATCHES
+    if run.settings.net == "paper":
+        paper = PaperTrainingSettings(**chosen)
+        train_paper(dataset, run.folder.recognition, replace(paper, batch=min(paper.batch, batch)), run.say)
+    else:
+        own = TrainingSettings(**chosen)
+        train_network(dataset, run.folder.recognition, replace(own, batch=min(own.batch, batch)), run.say)
 
 
 def take_weights(run: Run) -> None:
@@ -160,21 +168,23 @@ def evaluate(run: Run, tier: str) -> None:
         table = summarise(results, dataset, tier, least, most, run.settings.seed)
         save_table(folder / f"{name}.json", table)
         with atomic_write(folder / f"{name}.md") as temporary:
-            temporary.write_text(markdown_table(table))
+            text = markdown_table(table)
+            if name == "table":
+                text = comparison_block(table).markdown() + "\n" + text
+            temporary.write_text(text)
 
 
 def ablate(run: Run) -> None:
     """Fit the first rasterised test photos with each part of the method switched off."""
     dataset = run.dataset("test_raster").first(run.settings.ablation_images)
-    with _meter(run, 0) as meter:
-        table = run_ablations(
-            dataset, run.object_class, run.recognizer(), run.folder.fits("ablations"), meter.advance
-        )
+    with Meter(ABLATIONS * len(dataset), 0, run.progress, "fits") as meter:
+        cache = run.folder.fits("ablations")
+        table = run_ablations(dataset, run.object_class, run.recognizer(), cache, meter.advance)
     save_table(run.folder.ablations, table)
 
 
 def draw_figures(run: Run, tier: str) -> None:
-    """Draw a tier's figures: photos, Figures 3 to 5, reliability, and a fit that moves."""
+    """Draw a tier's figures: photos, Figures 3 to 5, reliability, the worst photos, and a fit that moves."""
     dataset = run.dataset(TIERS[tier])
     results = _results(run, tier, dataset)
     folder = run.folder.figures(tier)
@@ -182,12 +192,11 @@ def draw_figures(run: Run, tier: str) -> None:
     figures.figure3(results, dataset.occlusion, tier, folder / "figure3.png")
     figures.figure3(results, dataset.occlusion, tier, folder / "figure3-bins.png", cumulative=False)
     figures.reliability_figure(results, dataset.latents, folder / "reliability.png")
-    method = _headline(run.settings.methods)
-    if method is None:
-        return
-    chosen = figures.choose(results, dataset, method, QUANTILES)
+    method = run.settings.methods[-1]
+    chosen = figures.choose(results, dataset, method)
     figures.figure4(dataset, run.object_class, results, chosen, folder / "figure4.png")
-    figures.figure5(dataset, results, chosen, folder / "figure5.png")
+    worst = figures.worst(results, method, WORST)
+    figures.figure4(dataset, run.object_class, results, worst, folder / "worst.png")
 
 
 def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
@@ -199,7 +208,7 @@ def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
             run.object_class,
             run.recognizer(),
             run.settings.methods,
-            threads=run.workers,
+            threads=run.threads,
             advance=meter.advance,
             cache=run.folder.fits(tier),
         )
