@@ -22,8 +22,8 @@ def doctor() -> dict[str, Any]:
     """Collect versions and devices, and draw one triangle with the renderer's kernels.
 
     Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "kernels": {"ok",
-    "detail"}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the place of its result ("cuda" entries
-    are then `["failed: ..."]`).
+    "detail"}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the place of its result
+    ("cuda" entries are then `["failed: ..."]`).
     """
     kernels = check_kernels()
     cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}

@@ -72,7 +72,7 @@ def listing(lines: Iterable[str]) -> str:
 
 
 def write_html(path: Path, title: str, lead: str, sections: Iterable[tuple[str, str, str]]) -> None:
-    """Write a page: lead is its first paragraph; sections: (anchor, heading, HTML); empty ones are left out."""
+    """Write a page: lead is its first paragraph; sections: (anchor, heading, HTML), empty ones left out."""
     filled = [section for section in sections if section[2]]
     links = "".join(f'<a href="#{anchor}">{escape(heading)}</a>' for anchor, heading, _ in filled)
     body = "".join(

@@ -95,8 +95,13 @@ def _cell(entry: Entry | None) -> Cell:
 
 def _block(block: Block) -> str:
     """A table of the evaluation's: the first line of a cell, and a second below it."""
-    rows = [(row[0], [Cell(*cell.split("\n", 1)) for cell in row[1:]]) for row in block.rows]
+    rows = [(row[0], [_two_lines(cell) for cell in row[1:]]) for row in block.rows]
     return table(block.title, [name.replace("\n", " ") for name in block.header], rows)
+
+
+def _two_lines(text: str) -> Cell:
+    above, _, below = text.partition("\n")
+    return Cell(above, below)
 
 
 def _ablations(folder: RunFolder) -> str:

@@ -68,7 +68,7 @@ class Settings:
 
 
 SCALES: dict[Scale, Settings] = {
-    "tiny": Settings("tiny", 200, 2, 20, 20, 6, 4),
+    "tiny": Settings("tiny", 200, 2, 50, 20, 6, 2),
     "small": Settings("small", 6000, 12, 500, 200, 40, 50),
     "paper": Settings("paper", 10000, 60, 1000, 1000, 1000, 200),
 }

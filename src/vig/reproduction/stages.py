@@ -8,6 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
+
+import torch
 
 from vig.dataset import Dataset, contact_sheet, make_dataset, read_dataset
 from vig.dataset.format import complete_split, read_info
@@ -22,16 +25,20 @@ from vig.evaluation import (
     write_csv,
 )
 from vig.evaluation import evaluate as run_methods
-from vig.evaluation.ablation import run_ablations
+from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
 from vig.evaluation.protocol import LIKELIHOODS
 from vig.evaluation.statistics import within
+from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
+from vig.inference import ExplainSettings
 from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
+from vig.recognition import calibrate as calibrate_network
 from vig.recognition import train as train_network
+from vig.recognition.calibrating import LEAST
 from vig.reproduction.comparison import comparison_block
 from vig.reproduction.folder import DATASETS, TIERS, RunFolder
 from vig.reproduction.scales import Settings
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, linear_from_srgb
 
 LIMITS = {"table": (0.0, 0.75), "table-75-90": (0.75, 0.9)}
 """The tables of a tier, and how much of the object is hidden in the photos of each, at least and at most."""
@@ -132,7 +139,11 @@ def make_data(run: Run, name: str) -> None:
 def train(run: Run) -> None:
     """Train the recognition model on the training photos."""
     dataset = run.dataset("train")
-    chosen = {"epochs": run.settings.epochs, "seed": run.settings.seed, "threads": run.threads}
+    chosen: dict[str, Any] = {
+        "epochs": run.settings.epochs,
+        "seed": run.settings.seed,
+        "threads": run.threads,
+    }
     batch = len(dataset) // LEAST_BATCHES
     if run.settings.net == "paper":
         paper = PaperTrainingSettings(**chosen)
@@ -151,8 +162,12 @@ def take_weights(run: Run) -> None:
 
 
 def calibrate(run: Run) -> None:
-    """Nothing yet: the network's own deviations are used as they are."""
-    run.say("calibrate: there is no calibration in this version; the deviations stay as they are")
+    """Calibrate the trained network's uncertainties on the validation photos, in its weights' file."""
+    dataset = run.dataset("validation")
+    if len(dataset) < LEAST:
+        run.say(f"calibrate: {len(dataset)} photos are too few; the deviations stay as trained")
+        return
+    calibrate_network(run.folder.weights, dataset, run.say)
 
 
 def evaluate(run: Run, tier: str) -> None:
@@ -175,16 +190,24 @@ def evaluate(run: Run, tier: str) -> None:
 
 
 def ablate(run: Run) -> None:
-    """Fit the first rasterised test photos with each part of the method switched off."""
+    """Fit the first rasterised test photos with each part of the method switched off: ablations.json, .md."""
     dataset = run.dataset("test_raster").first(run.settings.ablation_images)
-    with Meter(ABLATIONS * len(dataset), 0, run.progress, "fits") as meter:
-        cache = run.folder.fits("ablations")
-        table = run_ablations(dataset, run.object_class, run.recognizer(), cache, meter.advance)
+    with Meter(len(variants()) * len(dataset), 0, run.progress, "fits") as meter:
+        table = run_ablations(
+            dataset,
+            run.object_class,
+            run.recognizer(),
+            run.folder.fits("ablations"),
+            threads=run.threads,
+            advance=meter.advance,
+        )
     save_table(run.folder.ablations, table)
+    with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
+        temporary.write_text(ablation_markdown(table))
 
 
 def draw_figures(run: Run, tier: str) -> None:
-    """Draw a tier's figures: photos, Figures 3 to 5, reliability, the worst photos, and a fit that moves."""
+    """Draw a tier's figures: photos, Figures 3 to 5, reliability, the worst photos, and a fit as it moves."""
     dataset = run.dataset(TIERS[tier])
     results = _results(run, tier, dataset)
     folder = run.folder.figures(tier)
@@ -192,11 +215,21 @@ def draw_figures(run: Run, tier: str) -> None:
     figures.figure3(results, dataset.occlusion, tier, folder / "figure3.png")
     figures.figure3(results, dataset.occlusion, tier, folder / "figure3-bins.png", cumulative=False)
     figures.reliability_figure(results, dataset.latents, folder / "reliability.png")
-    method = run.settings.methods[-1]
+    answering = [method for method in run.settings.methods if method != BASELINE]
+    if not answering:
+        return
+    method = answering[-1]
     chosen = figures.choose(results, dataset, method)
     figures.figure4(dataset, run.object_class, results, chosen, folder / "figure4.png")
+    figures.figure5(dataset, results, chosen, folder / "figure5.png")
     worst = figures.worst(results, method, WORST)
     figures.figure4(dataset, run.object_class, results, worst, folder / "worst.png")
+    if method in LIKELIHOODS:
+        middle = chosen[len(chosen) // 2]
+        photo = torch.from_numpy(linear_from_srgb(dataset.read("rgb", [middle]) / 255)).float()
+        settings = ExplainSettings(LIKELIHOODS[method])
+        prediction = run.recognizer()(photo)
+        figures.fit_animation(photo[0], prediction, run.object_class, settings, folder / "fit.webp")
 
 
 def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:

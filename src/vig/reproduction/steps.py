@@ -42,31 +42,31 @@ class Step:
 
 def steps_of(run: Run, tiers: tuple[str, ...], write_page: Callable[[Path], object]) -> list[Step]:
     """The steps of a run over these tiers, in the order in which they are done."""
-    folder = run.folder
-    if run.settings.weights is None:
-        datasets, training = (
-            ["train"],
-            Step("train", partial(stages.train, run), ("data train",), folder.weights),
-        )
+    folder, names = run.folder, [TIERS[tier] for tier in tiers]
+    if run.settings.weights is not None:  # they are taken as they are
+        model = [Step("train", partial(stages.take_weights, run), (), folder.weights)]
     else:
-        datasets, training = [], Step("train", partial(stages.take_weights, run), (), folder.weights)
-    datasets += ["validation", *(TIERS[tier] for tier in tiers)]
+        names = ["train", *names]
+        model = [Step("train", partial(stages.train, run), ("data train",), folder.weights)]
+        if run.settings.net == "vig":  # the paper's states none that could be calibrated
+            names.insert(1, "validation")
+            needs = ("train", "data validation")
+            model.append(Step("calibrate", partial(stages.calibrate, run), needs))
+    ready = model[-1].name
     made = [
         Step(f"data {name}", partial(stages.make_data, run, name), (), run.dataset_folder(name) / "info.json")
-        for name in datasets
+        for name in names
     ]
-    calibration = Step("calibrate", partial(stages.calibrate, run), ("train", "data validation"))
     evaluations = [
         Step(
             f"evaluate {tier}",
             partial(stages.evaluate, run, tier),
-            ("calibrate", f"data {TIERS[tier]}"),
+            (ready, f"data {TIERS[tier]}"),
             folder.tables(tier),
         )
         for tier in tiers
     ]
-    taken = ("calibrate", "data test_raster")
-    ablations = Step("ablations", partial(stages.ablate, run), taken, folder.ablations)
+    ablations = Step("ablations", partial(stages.ablate, run), (ready, "data test_raster"), folder.ablations)
     figures = [
         Step(
             f"figures {tier}",
@@ -83,7 +83,7 @@ def steps_of(run: Run, tiers: tuple[str, ...], write_page: Callable[[Path], obje
         folder.page,
         ("ablations", *(step.name for step in figures)),
     )
-    return [*made, training, calibration, *evaluations, ablations, *figures, page]
+    return [*made, *model, *evaluations, ablations, *figures, page]
 
 
 def following(step: Step, steps: list[Step]) -> list[str]:
