@@ -15,6 +15,7 @@ from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig.evaluation import evaluate as run_methods
+from vig.evaluation.figures import draw_figures
 from vig.evaluation.protocol import LIKELIHOODS
 from vig.evaluation.table import check_limits
 from vig.files import atomic_write
@@ -49,6 +50,8 @@ def evaluate(settings: Evaluate) -> int:
     save_table(settings.out / "table.json", table)
     with atomic_write(settings.out / "table.md") as temporary:
         Path(temporary).write_text(markdown_table(table))
+    if settings.figures:
+        draw_figures(dataset, object_class, recognizer, results, tier, settings.out)
     if settings.json:
         print(json.dumps(table, indent=2))
         return 0
