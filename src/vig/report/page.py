@@ -128,11 +128,12 @@ def _making(record: Mapping[str, Any]) -> str:
         f"vig {record['vig']}, Python {machine.get('python')}, {machine.get('cpus')} x"
         f" {machine.get('processor')}, {machine.get('platform')}; {packages}."
     )
+    done = {name: step for name, step in record["steps"].items() if step["complete"]}
     steps = [
-        (name, [duration(step["seconds"]), str(step["sittings"]), step["finished"] or "not finished"])
-        for name, step in record["steps"].items()
+        (name, [duration(step["seconds"]), str(step["sittings"]), step["finished"]])
+        for name, step in done.items()
     ]
-    steps.append(("all", [duration(sum(step["seconds"] for step in record["steps"].values())), "", ""]))
+    steps.append(("all", [duration(sum(step["seconds"] for step in done.values())), "", ""]))
     html += table("Steps", ["", "time", "sittings", "finished (UTC)"], steps)
     settings = [(name.replace("_", " "), [_told(value)]) for name, value in record["settings"].items()]
     return html + table("Settings", ["", ""], settings)

@@ -50,7 +50,7 @@ def reproduce(
             raise UserError(
                 f"expected {' and '.join(missing)} done before {step.name}; choose those stages, too, or all."
             )
-        record.forget(following(step, steps))
+        record.forget([step.name, *following(step, steps)])
         run.say(f"{step.name}: begun")
         with record.timed(step.name):
             step.work()
