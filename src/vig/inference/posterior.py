@@ -60,7 +60,9 @@ def objectives_of(
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
-        objectives[scale] = Objective(likelihood, object_class, settings.free_framing, belief)
+        objectives[scale] = Objective(
+            likelihood, object_class, settings.free_framing, belief, settings.prior_weight
+        )
     return objectives
 
 

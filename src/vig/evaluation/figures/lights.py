@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HEIGHT = 1.3
 """Of a row, inches."""
-MAP_ROWS, SPHERE_ROWS = 96, 160
+MAP_ROWS, SPHERE_ROWS = 64, 160
 EXPOSURE = 0.4
 """Radiance and irradiance are multiplied by it before they are shown as sRGB."""
 
