@@ -10,7 +10,7 @@ from typing import Any
 
 from vig.cli import dataset as dataset_verbs
 from vig.cli.common import check_writable
-from vig.cli.main import Demo, Doctor, Evaluate, Fit, Train
+from vig.cli.main import Demo, Doctor, Evaluate, Fit, Reproduce, Train
 from vig.errors import UserError
 
 
@@ -22,6 +22,7 @@ def run(settings: Any) -> int:
         **dict.fromkeys(dataset_verbs.VERBS, dataset_verbs.run),
         Train: train,
         Evaluate: evaluate,
+        Reproduce: reproduce,
         Doctor: doctor,
     }
     return work[type(settings)](settings)
@@ -92,6 +93,13 @@ def evaluate(settings: Evaluate) -> int:
     from vig.cli.evaluating import evaluate as run_evaluation
 
     return run_evaluation(settings)
+
+
+def reproduce(settings: Reproduce) -> int:
+    """`vig reproduce`."""
+    from vig.cli.reproducing import reproduce_paper
+
+    return reproduce_paper(settings)
 
 
 def doctor(settings: Doctor) -> int:
