@@ -24,6 +24,7 @@ RIGHT = math.radians(15.0)
 PRECISION = 0.97
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
 WITHIN_90 = 1.6449
+LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 LEAST = 40
 """Fits below which a group is not told apart from all."""
 
@@ -108,6 +109,26 @@ def learn(fits: Lessons) -> Calibration:
     return Calibration(
         torch.from_numpy(weights), bias, threshold, torch.from_numpy(scale), torch.from_numpy(floor)
     )
+
+
+def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
+    """Lines on what was learned."""
+    clues = torch.from_numpy(lessons.clues)
+    confidence = np.array([calibration.confidence(each) for each in clues])
+    trusted = confidence >= calibration.threshold
+    lines = [
+        f"{len(trusted)} fits, {lessons.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
+        f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}, of which"
+        f" {lessons.right[trusted].mean():.1%} are right"
+    ]
+    for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
+        here = (confidence >= low) & (confidence < high)
+        if here.any():
+            lines.append(
+                f"confidence {low:.2f} to {min(high, 1.0):.2f}: {here.sum()} fits, mean"
+                f" {confidence[here].mean():.3f}, right {lessons.right[here].mean():.3f}"
+            )
+    return lines
 
 
 def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float]:

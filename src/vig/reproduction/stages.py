@@ -26,11 +26,13 @@ from vig.evaluation import (
 )
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
+from vig.evaluation.calibration import calibrate_fits, describe
 from vig.evaluation.protocol import LIKELIHOODS
 from vig.evaluation.statistics import within
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
-from vig.inference import ExplainSettings
+from vig.inference import Calibration, ExplainSettings
+from vig.inference.calibration import FILE
 from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
 from vig.recognition import calibrate as calibrate_network
 from vig.recognition import train as train_network
@@ -84,6 +86,11 @@ class Run:
     def recognizer(self) -> Recognizer:
         """The run's recognition model. Raises UserError when it is not there or of no use."""
         return Recognizer.of_class(self.object_class, self.folder.weights)
+
+    def explaining(self) -> ExplainSettings:
+        """How photos are fitted: with the run's own calibration, if there is one."""
+        path = self.folder.recognition / FILE
+        return ExplainSettings(calibration=Calibration.load(path) if path.exists() else None)
 
     def tiers(self) -> tuple[str, ...]:
         """The tiers that are evaluated; says so when the path-traced one is left out.
@@ -155,19 +162,34 @@ def train(run: Run) -> None:
 
 def take_weights(run: Run) -> None:
     """Copy the weights that the settings name, so that the run keeps what it was made with."""
-    assert run.settings.weights is not None
-    Recognizer.of_class(run.object_class, run.settings.weights)  # refuses what is of no use
-    with atomic_write(run.folder.weights) as temporary:
-        shutil.copyfile(run.settings.weights, temporary)
+    weights = run.settings.weights
+    assert weights is not None
+    Recognizer.of_class(run.object_class, weights)  # refuses what is of no use
+    for path in (weights.with_name(FILE), weights):
+        if path.exists():
+            with atomic_write(run.folder.recognition / path.name) as temporary:
+                shutil.copyfile(path, temporary)
 
 
 def calibrate(run: Run) -> None:
-    """Calibrate the trained network's uncertainties on the validation photos, in its weights' file."""
+    """Calibrate on the validation photos what the trained network states, then what fits do."""
     dataset = run.dataset("validation")
     if len(dataset) < LEAST:
         run.say(f"calibrate: {len(dataset)} photos are too few; the deviations stay as trained")
         return
-    calibrate_network(run.folder.weights, dataset, run.say)
+    calibrate_network(run.folder.weights, [dataset], run.say)
+    with Meter(len(dataset), 0, run.progress, "fits") as meter:
+        calibration, lessons = calibrate_fits(
+            [dataset],
+            run.object_class,
+            run.recognizer(),
+            threads=run.threads,
+            advance=meter.advance,
+            cache=run.folder.fits("validation"),
+        )
+    calibration.save(run.folder.recognition / FILE)
+    for line in describe(calibration, lessons):
+        run.say(f"calibrate: {line}")
 
 
 def evaluate(run: Run, tier: str) -> None:
@@ -227,7 +249,7 @@ def draw_figures(run: Run, tier: str) -> None:
     if method in LIKELIHOODS:
         middle = chosen[len(chosen) // 2]
         photo = torch.from_numpy(linear_from_srgb(dataset.read("rgb", [middle]) / 255)).float()
-        settings = ExplainSettings(LIKELIHOODS[method])
+        settings = replace(run.explaining(), likelihood=LIKELIHOODS[method])
         prediction = run.recognizer()(photo)
         figures.fit_animation(photo[0], prediction, run.object_class, settings, folder / "fit.webp")
 
@@ -241,6 +263,7 @@ def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
             run.object_class,
             run.recognizer(),
             run.settings.methods,
+            run.explaining(),
             threads=run.threads,
             advance=meter.advance,
             cache=run.folder.fits(tier),
