@@ -6,14 +6,17 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
 
 from vig.errors import UserError
-from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.calibration import Calibration
+from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
+from vig.recognition.paper_network import PaperNetworks, networks_from
 from vig.recognition.targets import latents_of, mask_at_pixels
-from vig.render import on_one_core
+from vig.render import map_on_threads, on_one_core
 from vig.scene import Latents, ObjectClass, srgb_from_linear
 
 
@@ -80,24 +83,29 @@ class Prediction:
 
 
 class Recognizer:
-    """A trained recognition network; reads `recognition.safetensors` of a class pack or a training run."""
+    """A trained recognition network, vig's or the paper's.
+
+    Reads `recognition.safetensors` of a class pack or a training run.
+    """
+
+    network: RecognitionNetwork | PaperNetworks
 
     def __init__(self, path: Path):
         try:
             with safe_open(path, framework="pt") as file:
-                settings = json.loads(file.metadata()["settings"])
+                metadata = file.metadata() or {}
+                settings = json.loads(metadata["settings"])
                 tensors = {name: file.get_tensor(name) for name in file.keys()}
-            settings["widths"] = tuple(settings["widths"])
-            self.network = RecognitionNetwork(NetworkSettings(**settings))
-            weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-            self.network.load_state_dict(
-                {k: v.float() if v.is_floating_point() else v for k, v in weights.items()}
-            )
-            self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
-            if not len(self.mean) == len(self.deviation) == self.network.numbers.out_features // 2:
-                raise ValueError("the scale does not fit the network")
+            kind = metadata.get("net", "vig")
+            if kind == "paper":
+                self.network = networks_from(settings, tensors)
+            elif kind == "vig":
+                self._read(settings, tensors)
+            else:
+                raise ValueError(f"it is of a network that is not known, '{kind}'")
             if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
                 raise ValueError("the weights are not finite")
+            self.calibration = Calibration.of(tensors, self.network.settings.modes + 13)
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             came = "nothing" if isinstance(error, FileNotFoundError) else f"a file of no use ({reason})"
@@ -106,6 +114,17 @@ class Recognizer:
                 " Train them with `vig train` or take a class that has them."
             ) from error
         self.network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
+        """Take on vig's own network and its targets' scale."""
+        settings |= {name: tuple(settings[name]) for name in ("widths", "blocks")}
+        network = RecognitionNetwork(NetworkSettings(**settings))
+        weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
+        network.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in weights.items()})
+        self.network = network
+        self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
+        if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
+            raise ValueError("the scale does not fit the network")
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
@@ -120,20 +139,31 @@ class Recognizer:
             )
         return recognizer
 
-    def __call__(self, photos: torch.Tensor, batch: int = 64) -> Prediction:
-        """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150."""
-        # On one core, so that what a photo's fit starts from does not depend on how many there are.
-        parts = on_one_core(lambda: [self._some(part) for part in photos.float().split(batch)])
+    def __call__(self, photos: torch.Tensor, batch: int = 32) -> Prediction:
+        """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
+
+        Each batch is computed on one core, so that what a photo's fit starts from does not depend on how many
+        cores there are.
+        """
+
+        def some(part: torch.Tensor) -> Prediction:
+            return on_one_core(lambda: self._some(part))
+
+        parts = list(map_on_threads(some, photos.float().split(batch)))
         columns = zip(*[(p.azimuth, p.numbers, p.deviation, p.mask) for p in parts], strict=True)
         return Prediction(*(torch.cat(column) for column in columns))
 
     @torch.inference_mode()
     def _some(self, photos: torch.Tensor) -> Prediction:
         pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
-        heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+        if isinstance(self.network, PaperNetworks):
+            return Prediction(*self.network(pixels))
+        with bfloat16(photos.device):
+            heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+        known = self.calibration
         return Prediction(
-            heads.azimuth.softmax(1).clone(),
+            (heads.azimuth / known.azimuth_temperature).softmax(1).clone(),
             (heads.mean * self.deviation + self.mean).clone(),
-            ((0.5 * heads.log_variance).exp() * self.deviation).clone(),
-            mask_at_pixels(heads.mask, *photos.shape[1:3]).clone(),
+            ((0.5 * heads.log_variance).exp() * self.deviation * known.deviation).clone(),
+            mask_at_pixels(heads.mask / known.mask_temperature, *photos.shape[1:3]).clone(),
         )
