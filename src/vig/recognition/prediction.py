@@ -99,6 +99,7 @@ class Recognizer:
             kind = metadata.get("net", "vig")
             if kind == "paper":
                 self.network = networks_from(settings, tensors)
+                self.calibration = Calibration.none(self.network.settings.modes + 13)
             elif kind == "vig":
                 self._read(settings, tensors)
             else:

@@ -26,11 +26,12 @@ from vig.evaluation import (
 )
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
+from vig.evaluation.calibration import calibrate_fits
 from vig.evaluation.protocol import LIKELIHOODS
 from vig.evaluation.statistics import within
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
-from vig.inference import ExplainSettings
+from vig.inference import Calibration, ExplainSettings
 from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
 from vig.recognition import calibrate as calibrate_network
 from vig.recognition import train as train_network
@@ -84,6 +85,14 @@ class Run:
     def recognizer(self) -> Recognizer:
         """The run's recognition model. Raises UserError when it is not there or of no use."""
         return Recognizer.of_class(self.object_class, self.folder.weights)
+
+    def explain_settings(self) -> ExplainSettings:
+        """How photos are fitted: calibrated as the run has learned, given weights as the class's are."""
+        if self.settings.weights is not None:
+            return ExplainSettings()
+        if self.folder.calibration.exists():
+            return ExplainSettings(calibration=Calibration.load(self.folder.calibration))
+        return ExplainSettings(calibrated=False)
 
     def tiers(self) -> tuple[str, ...]:
         """The tiers that are evaluated; says so when the path-traced one is left out.
@@ -162,12 +171,27 @@ def take_weights(run: Run) -> None:
 
 
 def calibrate(run: Run) -> None:
-    """Calibrate the trained network's uncertainties on the validation photos, in its weights' file."""
+    """Make stated uncertainties hold on the validation photos: the network's, then those of the fits.
+
+    The network's goes into its weights' file, the fits' into calibration.json beside it; too few photos teach
+    nothing.
+    """
     dataset = run.dataset("validation")
     if len(dataset) < LEAST:
-        run.say(f"calibrate: {len(dataset)} photos are too few; the deviations stay as trained")
+        run.say(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are stated")
         return
-    calibrate_network(run.folder.weights, dataset, run.say)
+    if run.settings.net == "vig":  # the paper's nets state what was seen on held-out photos
+        calibrate_network(run.folder.weights, dataset, run.say)
+    with Meter(len(dataset), 0, run.progress, "fits") as meter:
+        learned, _ = calibrate_fits(
+            [dataset],
+            run.object_class,
+            run.recognizer(),
+            threads=run.threads,
+            advance=meter.advance,
+            cache=run.folder.fits("validation"),
+        )
+    learned.save(run.folder.calibration)
 
 
 def evaluate(run: Run, tier: str) -> None:
@@ -200,6 +224,7 @@ def ablate(run: Run) -> None:
             run.folder.fits("ablations"),
             threads=run.threads,
             advance=meter.advance,
+            settings=run.explain_settings(),
         )
     save_table(run.folder.ablations, table)
     with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
@@ -227,7 +252,7 @@ def draw_figures(run: Run, tier: str) -> None:
     if method in LIKELIHOODS:
         middle = chosen[len(chosen) // 2]
         photo = torch.from_numpy(linear_from_srgb(dataset.read("rgb", [middle]) / 255)).float()
-        settings = ExplainSettings(LIKELIHOODS[method])
+        settings = replace(run.explain_settings(), likelihood=LIKELIHOODS[method])
         prediction = run.recognizer()(photo)
         figures.fit_animation(photo[0], prediction, run.object_class, settings, folder / "fit.webp")
 
@@ -241,6 +266,7 @@ def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
             run.object_class,
             run.recognizer(),
             run.settings.methods,
+            run.explain_settings(),
             threads=run.threads,
             advance=meter.advance,
             cache=run.folder.fits(tier),
