@@ -54,11 +54,6 @@ def test_given_weights_need_no_training_photos(begin, go, done: list[str], tmp_p
     assert done == ["data test_raster", "train", "evaluate raster", "ablations", "figures raster", "page"]
 
 
-def test_the_papers_network_is_not_calibrated(begin, go, done: list[str]) -> None:
-    go(begin(net="paper"))
-    assert "calibrate" not in done and "data validation" not in done and "data train" in done
-
-
 def test_stages_can_be_chosen_but_not_without_what_they_need(begin, go, done: list[str]) -> None:
     go(begin(), ("data",))
     assert done == ALL[:3]

@@ -179,7 +179,12 @@ def timed(
 
 
 def ablation_markdown(table: Mapping[str, Any]) -> str:
-    """What `run_ablations` found, in Markdown: a table of errors, and one of differences to the default."""
+    """What `run_ablations` found, in Markdown."""
+    return "\n".join(block.markdown() for block in ablation_blocks(table))
+
+
+def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
+    """What `run_ablations` found: a table of errors, and one of differences to the default."""
     rows = table["variants"]
     metrics = list(rows[DEFAULT]["metrics"])
     titles = [METRICS[metric] for metric in metrics]
@@ -203,7 +208,7 @@ def ablation_markdown(table: Mapping[str, Any]) -> str:
     if differences:
         title = "Less the default: difference of medians, its paired 95 % interval; p of Wilcoxon's test"
         blocks.append(Block(title, ["", *titles], differences))
-    return "\n".join(block.markdown() for block in blocks)
+    return blocks
 
 
 def _difference(test: Mapping[str, Any]) -> str:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from vig.evaluation import METRICS
+from vig.evaluation.ablation import ablation_blocks
 from vig.evaluation.paper import compare
 from vig.evaluation.presentation import Block, blocks
 from vig.report.html import Cell, listing, paragraph, picture, table, write_html
-from vig.reproduction import LIMITS, TIERS, RunFolder, duration, read_record
-from vig.reproduction.comparison import Entry, comparison_title, entries, methods_of
+from vig.reproduction import LIMITS, TIERS, RunFolder, duration, read_json, read_record
+from vig.reproduction.comparison import Entry, comparison, comparison_title
 
 TITLE = "Overcoming Occlusion with Inverse Graphics, reproduced"
 TIER_TITLES = {"raster": "Rasterised photos", "cycles": "Path-traced photos"}
@@ -74,12 +75,9 @@ def _lead(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
 
 def _tier(folder: RunFolder, tier: str, found: Mapping[str, Any]) -> str:
     """Tables and figures of a tier."""
-    cells = entries(found)
-    methods = methods_of(cells)
-    rows = [
-        (METRICS[metric], [_cell(row.get(method)) for method in methods]) for metric, row in cells.items()
-    ]
-    html = table(comparison_title(found), ["", *methods], rows)
+    methods, rows = comparison(found)
+    cells = [(title, [_cell(row.get(method)) for method in methods]) for title, row in rows]
+    html = table(comparison_title(found), ["", *methods], cells)
     for block in blocks(found)[1:]:  # the first is Table 1 without the paper's numbers
         html += _block(block)
     for name in LIMITS:
@@ -90,7 +88,10 @@ def _tier(folder: RunFolder, tier: str, found: Mapping[str, Any]) -> str:
 
 
 def _cell(entry: Entry | None) -> Cell:
-    return Cell("\u2013") if entry is None else Cell(entry.ours, entry.paper, entry.passed)
+    if entry is None:
+        return Cell("\u2013")
+    below = f"{entry.interval} \u00b7 {entry.paper}" if entry.paper else entry.interval
+    return Cell(entry.median, below, entry.passed)
 
 
 def _block(block: Block) -> str:
@@ -105,13 +106,17 @@ def _two_lines(text: str) -> Cell:
 
 
 def _ablations(folder: RunFolder) -> str:
-    return ""
+    """What each part of the method is worth."""
+    found = read_json(folder.ablations)
+    return "" if found is None else "".join(_block(block) for block in ablation_blocks(found))
 
 
 def _training(folder: RunFolder) -> str:
     """The curve of the training and the last line of its log; nothing when weights were given."""
     log = folder.recognition / "log.csv"
     html = picture(folder.recognition / "losses.png", "The losses of the training, epoch by epoch.")
+    said = "The network's stated uncertainty on validation photos, before and after calibration."
+    html += picture(folder.recognition / "reliability.png", said)
     if log.exists():
         with open(log, newline="") as file:
             names, *_, last = csv.reader(file)

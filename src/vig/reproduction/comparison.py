@@ -7,72 +7,75 @@ from dataclasses import dataclass
 from typing import Any
 
 from vig.evaluation import METRICS
+from vig.evaluation.paper import Cell as Compared
 from vig.evaluation.paper import compare
 from vig.evaluation.presentation import Block
+from vig.evaluation.protocol import MASK_HEAD
 
 TITLES = {"raster": "rasterised photos (the paper's OpenGL)", "cycles": "path-traced photos (photorealistic)"}
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A cell of the table. ours: median and interval. paper: its number. passed: ours is better; None: the
-    paper has none."""
+    """A cell of the table: our median, its interval, the paper's number, and whether ours is better.
 
-    ours: str
+    The last two are empty where the paper has none.
+    """
+
+    median: str
+    interval: str
     paper: str = ""
     passed: bool | None = None
 
     @property
-    def verdict(self) -> str:
-        """pass, fail, or nothing."""
-        return "" if self.passed is None else "pass" if self.passed else "fail"
+    def text(self) -> str:
+        """The cell as lines."""
+        lines = [self.median, self.interval]
+        if self.passed is not None:
+            lines.append(f"{self.paper}, {'pass' if self.passed else 'fail'}")
+        return "\n".join(lines)
 
 
-def entries(table: Mapping[str, Any]) -> dict[str, dict[str, Entry]]:
-    """Metric to method to cell, of a table from `vig.evaluation.summarise` at the paper's occlusion."""
+def comparison(table: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, dict[str, Entry]]]]:
+    """The methods, and the rows of the table: title, and a cell for each method that has one.
+
+    table: from `vig.evaluation.summarise`, at the paper's occlusion.
+    """
     beside = {(cell.metric, cell.method): cell for cell in compare(table)}
-    found: dict[str, dict[str, Entry]] = {}
+    methods: dict[str, None] = {}
+    rows: list[tuple[str, dict[str, Entry]]] = []
     for metric, row in table["rows"].items():
-        found[metric] = {}
-        for method, summary in row.items():
-            low, high = summary["ci95"]
-            ours = f"{told(summary['median'])} [{told(low)}, {told(high)}]"
-            cell = beside.get((metric, method))
-            entry = Entry(ours) if cell is None else Entry(ours, f"paper {told(cell.paper)}", cell.passed)
-            found[metric][method] = entry
-    return found
+        cells = {method: _entry(found, beside.get((metric, method))) for method, found in row.items()}
+        head = cells.pop(MASK_HEAD, None)
+        methods |= dict.fromkeys(cells)
+        rows.append((METRICS[metric], cells))
+        if head is not None:  # one number: no column of its own
+            rows.append((f"{MASK_HEAD} (IoU)", {"rm": head}))
+    return list(methods), rows
 
 
 def comparison_title(table: Mapping[str, Any]) -> str:
     """What the table is of."""
     return (
         f"Table 1, {TITLES[table['tier']]}: medians over {table['count']} photos with at most"
-        f" {table['max_occlusion']:.0%} of the object hidden, [95 % interval], the paper's below"
+        f" {table['max_occlusion']:.0%} of the object hidden, 95 % interval, the paper's number"
     )
 
 
 def comparison_block(table: Mapping[str, Any]) -> Block:
     """The table for a terminal and for Markdown."""
-    found = entries(table)
-    methods = methods_of(found)
-    rows = [
-        [METRICS[metric], *(_lines(row.get(method)) for method in methods)] for metric, row in found.items()
-    ]
-    return Block(comparison_title(table), ["", *methods], rows)
+    methods, rows = comparison(table)
+    lines = [[title, *(row[m].text if m in row else "-" for m in methods)] for title, row in rows]
+    return Block(comparison_title(table), ["", *methods], lines)
 
 
-def methods_of(found: Mapping[str, Mapping[str, Entry]]) -> list[str]:
-    """The columns, in the order in which they were asked for."""
-    return list(dict.fromkeys(method for row in found.values() for method in row))
+def _entry(summary: Mapping[str, Any], beside: Compared | None) -> Entry:
+    low, high = summary["ci95"]
+    ours = _told(summary["median"]), f"[{_told(low)}, {_told(high)}]"
+    return Entry(*ours) if beside is None else Entry(*ours, f"paper {_told(beside.paper)}", beside.passed)
 
 
-def told(value: float) -> str:
+def _told(value: float) -> str:
     """Three significant digits, at most four decimals."""
     places = 4 if abs(value) < 0.1 else 3 if abs(value) < 1 else 2 if abs(value) < 10 else 1
     return f"{value:.{places}f}"
-
-
-def _lines(entry: Entry | None) -> str:
-    if entry is None:
-        return "-"
-    return f"{entry.ours}\n{entry.paper}, {entry.verdict}" if entry.verdict else entry.ours

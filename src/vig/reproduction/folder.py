@@ -46,14 +46,18 @@ class RunFolder:
         return self.recognition / "recognition.safetensors"
 
     @property
+    def calibration(self) -> Path:
+        """What was learned of fits on the validation photos."""
+        return self.recognition / "calibration.json"
+
+    @property
     def ablations(self) -> Path:
         """The table of ablations."""
         return self.root / "tables" / "ablations.json"
 
     def read_table(self, tier: str, name: str = "table") -> dict[str, Any] | None:
         """One of a tier's tables, see `stages.LIMITS`; None when it is not there."""
-        path = self.tables(tier) / f"{name}.json"
-        return json.loads(path.read_text()) if path.exists() else None
+        return read_json(self.tables(tier) / f"{name}.json")
 
     def data(self, name: str) -> Path:
         """Folder of a dataset that the run makes."""
@@ -70,3 +74,8 @@ class RunFolder:
     def figures(self, tier: str) -> Path:
         """Folder of a tier's figures."""
         return self.root / "figures" / tier
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """A table of a run; None when it is not there."""
+    return json.loads(path.read_text()) if path.exists() else None

@@ -87,10 +87,11 @@ class Run:
         """The run's recognition model. Raises UserError when it is not there or of no use."""
         return Recognizer.of_class(self.object_class, self.folder.weights)
 
-    def explaining(self) -> ExplainSettings:
-        """How photos are fitted: with the run's own calibration, if there is one."""
-        path = self.folder.recognition / FILE
-        return ExplainSettings(calibration=Calibration.load(path) if path.exists() else None)
+    def explain_settings(self) -> ExplainSettings:
+        """How photos are fitted: calibrated as the run has learned, or as its weights came."""
+        if self.folder.calibration.exists():
+            return ExplainSettings(calibration=Calibration.load(self.folder.calibration))
+        return ExplainSettings(calibrated=False)
 
     def tiers(self) -> tuple[str, ...]:
         """The tiers that are evaluated; says so when the path-traced one is left out.
@@ -161,25 +162,30 @@ def train(run: Run) -> None:
 
 
 def take_weights(run: Run) -> None:
-    """Copy the weights that the settings name, so that the run keeps what it was made with."""
+    """Copy the weights that the settings name, and their calibration, so that the run keeps what made it."""
     weights = run.settings.weights
     assert weights is not None
     Recognizer.of_class(run.object_class, weights)  # refuses what is of no use
-    for path in (weights.with_name(FILE), weights):
+    for path, kept in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
         if path.exists():
-            with atomic_write(run.folder.recognition / path.name) as temporary:
+            with atomic_write(kept) as temporary:
                 shutil.copyfile(path, temporary)
 
 
 def calibrate(run: Run) -> None:
-    """Calibrate on the validation photos what the trained network states, then what fits do."""
+    """Make stated uncertainties hold on the validation photos: the network's, then those of the fits.
+
+    The network's goes into its weights' file, the fits' into calibration.json beside it; too few photos teach
+    nothing.
+    """
     dataset = run.dataset("validation")
     if len(dataset) < LEAST:
-        run.say(f"calibrate: {len(dataset)} photos are too few; the deviations stay as trained")
+        run.say(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are stated")
         return
-    calibrate_network(run.folder.weights, [dataset], run.say)
+    if run.settings.net == "vig":  # the paper's nets state what was seen on held-out photos
+        calibrate_network(run.folder.weights, [dataset], run.say)
     with Meter(len(dataset), 0, run.progress, "fits") as meter:
-        calibration, lessons = calibrate_fits(
+        learned, lessons = calibrate_fits(
             [dataset],
             run.object_class,
             run.recognizer(),
@@ -187,8 +193,8 @@ def calibrate(run: Run) -> None:
             advance=meter.advance,
             cache=run.folder.fits("validation"),
         )
-    calibration.save(run.folder.recognition / FILE)
-    for line in describe(calibration, lessons):
+    learned.save(run.folder.calibration)
+    for line in describe(learned, lessons):
         run.say(f"calibrate: {line}")
 
 
@@ -222,6 +228,7 @@ def ablate(run: Run) -> None:
             run.folder.fits("ablations"),
             threads=run.threads,
             advance=meter.advance,
+            settings=run.explain_settings(),
         )
     save_table(run.folder.ablations, table)
     with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
@@ -249,7 +256,7 @@ def draw_figures(run: Run, tier: str) -> None:
     if method in LIKELIHOODS:
         middle = chosen[len(chosen) // 2]
         photo = torch.from_numpy(linear_from_srgb(dataset.read("rgb", [middle]) / 255)).float()
-        settings = replace(run.explaining(), likelihood=LIKELIHOODS[method])
+        settings = replace(run.explain_settings(), likelihood=LIKELIHOODS[method])
         prediction = run.recognizer()(photo)
         figures.fit_animation(photo[0], prediction, run.object_class, settings, folder / "fit.webp")
 
@@ -263,7 +270,7 @@ def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
             run.object_class,
             run.recognizer(),
             run.settings.methods,
-            run.explaining(),
+            run.explain_settings(),
             threads=run.threads,
             advance=meter.advance,
             cache=run.folder.fits(tier),

@@ -46,12 +46,11 @@ def steps_of(run: Run, tiers: tuple[str, ...], write_page: Callable[[Path], obje
     if run.settings.weights is not None:  # they are taken as they are
         model = [Step("train", partial(stages.take_weights, run), (), folder.weights)]
     else:
-        names = ["train", *names]
-        model = [Step("train", partial(stages.train, run), ("data train",), folder.weights)]
-        if run.settings.net == "vig":  # the paper's states none that could be calibrated
-            names.insert(1, "validation")
-            needs = ("train", "data validation")
-            model.append(Step("calibrate", partial(stages.calibrate, run), needs))
+        names = ["train", "validation", *names]
+        model = [
+            Step("train", partial(stages.train, run), ("data train",), folder.weights),
+            Step("calibrate", partial(stages.calibrate, run), ("train", "data validation")),
+        ]
     ready = model[-1].name
     made = [
         Step(f"data {name}", partial(stages.make_data, run, name), (), run.dataset_folder(name) / "info.json")
