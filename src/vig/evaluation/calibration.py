@@ -139,8 +139,8 @@ def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
         margin = sign * (standard @ parameters[:-1] + parameters[-1])
         pull = -sign * weight / (1 + np.exp(margin))
-        gradient = np.append(standard.T @ pull + 1e-2 * weight.sum() * parameters[:-1], pull.sum())
-        penalty = 0.5e-2 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
+        gradient = np.append(standard.T @ pull + 1e-3 * weight.sum() * parameters[:-1], pull.sum())
+        penalty = 0.5e-3 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
         return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
 
     found = minimize(loss, np.zeros(clues.shape[1] + 1), jac=True, method="L-BFGS-B").x
