@@ -121,7 +121,7 @@ def main() -> None:
                 metrics.append(_metric(f"{name}: {quantity} at {share:g}", float(number), "1"))
     if real:
         theirs = np.concatenate([values for name, values in measured.items() if name.startswith("real")])
-        for name in ("ours, train", "ours, test"):
+        for name in (f"ours, {split}" for split in SPLITS):
             share = inside(theirs[:, :3], measured[name][:, :3])
             print(f"\nreal panoramas within the convex hull of {name}, first three numbers: {share:.0%}")
             metrics.append(_metric(f"{name}: share of real ones in its hull", share, "1"))

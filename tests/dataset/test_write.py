@@ -63,7 +63,7 @@ def test_a_complete_dataset_is_left_as_it_is(
     [
         ({"count": 0}, "count must be at least 1; got 0"),
         ({"seed": -1}, "seed must be"),
-        ({"split": "validation"}, "split must be one of train, test; got 'validation'"),
+        ({"split": "dev"}, "split must be one of train, test, validation; got 'dev'"),
         ({"tier": "oil"}, "tier must be one of raster, cycles; got 'oil'"),
         ({"workers": 0}, "workers must be at least 1"),
     ],

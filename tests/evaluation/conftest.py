@@ -13,7 +13,7 @@ from vig.evaluation import MethodResult, evaluate
 from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.training import save_weights
+from vig.recognition.checkpoint import save_weights
 from vig.scene import EXPOSURE_L00, ObjectClass
 
 Results = dict[str, MethodResult]
@@ -43,7 +43,7 @@ def untrained() -> Callable[..., Path]:
 
     def write(path: Path, modes: int = 10, seed: int = 0) -> Path:
         torch.manual_seed(seed)
-        network = RecognitionNetwork(NetworkSettings(modes=modes, widths=(4, 4, 8, 8), features=16))
+        network = RecognitionNetwork(NetworkSettings(modes=modes, widths=(4, 4, 8), features=16))
         mean = torch.tensor([0.8, *[0.0] * modes, 0.5, 0.5, 0.5, EXPOSURE_L00, *[0.0] * 8])
         save_weights(network, {"mean": mean, "deviation": torch.full_like(mean, 0.1)}, path)
         return path

@@ -14,11 +14,12 @@ from vig.synthesis.designs import (
     TEAPOT_FACES,
     TEAPOT_PARTS,
     TRAINING_DESIGNS,
+    VALIDATION_DESIGNS,
     TeapotDesign,
     teapot_vertices,
 )
 
-ALL_DESIGNS = TRAINING_DESIGNS + HELD_OUT_DESIGNS
+ALL_DESIGNS = TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS
 MODES = 10
 # Body and foot are one surface; the other parts are closed by themselves.
 SURFACES = {"body and foot": (0, 3), "lid": (1,), "knob": (2,), "spout": (4,), "handle": (5,)}
@@ -60,7 +61,7 @@ def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.nd
 
 
 def test_counts_names_and_types() -> None:
-    assert len(TRAINING_DESIGNS) == 23 and len(HELD_OUT_DESIGNS) == 8
+    assert len(TRAINING_DESIGNS) == 23 and len(HELD_OUT_DESIGNS) == len(VALIDATION_DESIGNS) == 8
     assert len({design.name for design in ALL_DESIGNS}) == len(ALL_DESIGNS)
     assert 2400 <= len(TEAPOT_PARTS) <= 2800 and 4800 <= len(TEAPOT_FACES) <= 5400
     assert TEAPOT_FACES.dtype == np.int32 and set(TEAPOT_PARTS) == set(range(len(PART_NAMES)))
@@ -176,6 +177,14 @@ def test_ends_of_spout_and_handle_hide_in_the_body(part: str) -> None:
     shapes = [(design.name, teapot_vertices(design).astype(np.float64)) for design in ALL_DESIGNS]
     for name, shape in shapes + extreme_shapes():
         assert inside(shape[caps], shape, body).all(), name
+
+
+def test_no_two_designs_are_alike() -> None:
+    """Their vertices lie 3 mm apart or more in the mean, so a split's designs are its own."""
+    shapes = np.stack([teapot_vertices(design) for design in ALL_DESIGNS])
+    for number, shape in enumerate(shapes):
+        apart = np.linalg.norm(np.delete(shapes, number, axis=0) - shape, axis=-1).mean(axis=1)
+        assert apart.min() > 0.003, ALL_DESIGNS[number].name
 
 
 def test_a_small_change_of_a_parameter_moves_vertices_a_little() -> None:

@@ -16,7 +16,7 @@ from vig.errors import UserError
 if TYPE_CHECKING:
     from vig.synthesis.library import OwnAssets
 
-Split = Literal["train", "test"]
+Split = Literal["train", "test", "validation"]
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Make:
     tier: Literal["raster", "cycles"] = "raster"
     """Which renderer makes the images: our rasteriser, or Blender's path tracer (the [cycles] extra)."""
     split: Split = "train"
-    """Which assets the scenes are made of; the two share none."""
+    """Which assets and object designs the scenes are made of; no two splits share any."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     finish: Literal["diffuse", "glossy", "painted"] = "diffuse"

@@ -62,7 +62,7 @@ class Train:
     net: Literal["vig", "paper"] = "vig"
     """vig: one network for everything, with its uncertainty; paper: the paper's four, one for each factor."""
     epochs: int | None = None
-    """Passes over the data: 30 by default; with --net paper at most, 150 by default, for each network."""
+    """Passes over the data: 18 by default; with --net paper at most, 150 by default, for each network."""
     seed: int = 0
     """Seed of initial weights, order and augmentation."""
     json: bool = False
@@ -81,7 +81,7 @@ class Evaluate:
     """Folder of the dataset."""
     out: Path
     """Folder for the results."""
-    split: Literal["train", "test"] = "test"
+    split: Literal["train", "test", "validation"] = "test"
     """Which split."""
     methods: tuple[Literal["baseline", "rm", "gaussian", "robust", "spatial"], ...] = (
         "baseline",

@@ -28,7 +28,7 @@ class Dataset:
 
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
     1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
-    truncated: (N,) bool, the frame cuts the object off. design: (N,) the held-out design whose deviation from
+    truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
     the model the object has, see `vig.synthesis.target`; -1 for none.
     """
 

@@ -1,5 +1,6 @@
 """The recognition model: from a photo to hypotheses, bottom up."""
 
+from vig.recognition.calibrating import calibrate
 from vig.recognition.network import MASK_CLASSES, NetworkSettings, RecognitionNetwork
 from vig.recognition.paper_training import PaperTrainingSettings, train_paper
 from vig.recognition.prediction import Prediction, Recognizer
@@ -13,6 +14,7 @@ __all__ = [
     "RecognitionNetwork",
     "Recognizer",
     "TrainingSettings",
+    "calibrate",
     "train",
     "train_paper",
 ]

@@ -1,4 +1,4 @@
-"""The recognition network: one convolutional trunk, a head for each group of latents, and a mask head."""
+"""The recognition network: one residual trunk, a head for each group of latents, and a mask head."""
 
 from __future__ import annotations
 
@@ -13,16 +13,24 @@ from vig.scene.light import L_COUNT
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
 
+AZIMUTH_BINS = 72
+
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Widths of the network; written into a class pack so that weights can be read again."""
+    """Sizes of the network; written beside the weights so that they can be read again.
+
+    widths, blocks: channels and residual blocks at a quarter, an eighth and a sixteenth of the image.
+    squeezed: channels from which the dense layer of `features` reads. dropout: share of its features.
+    """
 
     modes: int = 10
-    azimuth_bins: int = 72
-    widths: tuple[int, int, int, int] = (16, 32, 64, 128)
-    features: int = 256
-    dropout: float = 0.2
+    azimuth_bins: int = AZIMUTH_BINS
+    widths: tuple[int, int, int] = (48, 96, 192)
+    blocks: tuple[int, int, int] = (1, 2, 3)
+    squeezed: int = 32
+    features: int = 320
+    dropout: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -41,30 +49,37 @@ class Heads:
 
 
 class RecognitionNetwork(nn.Module):
-    """From an image (B, 3, S, S), sRGB in [0, 1], to `Heads`."""
+    """From an image (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
+
+    COARSE_CELLS = 10
+    """The image's side at a sixteenth of its size."""
 
     def __init__(self, settings: NetworkSettings):
         super().__init__()
         self.settings = settings
-        a, b, c, d = settings.widths
-        self.stem = nn.Sequential(_convolution(3, a, 5, 2), _convolution(a, b, 3, 2))
-        self.fine = _Residual(b)
-        self.middle = nn.Sequential(_convolution(b, c, 3, 2), _Residual(c), _Residual(c))
-        self.coarse = nn.Sequential(_convolution(c, d, 3, 2), _Residual(d), _Residual(d))
+        a, b, c = settings.widths
+        # One strided convolution: cell i is centred on pixel 4 i, as `targets.mask_labels` has it.
+        self.fine = nn.Sequential(_convolution(3, a, 7, 4), *_blocks(a, settings.blocks[0]))
+        self.middle = nn.Sequential(_convolution(a, b, 3, 2), *_blocks(b, settings.blocks[1]))
+        self.coarse = nn.Sequential(_convolution(b, c, 3, 2), *_blocks(c, settings.blocks[2]))
         self.dense = nn.Sequential(
-            nn.Flatten(), nn.Linear(d * 25, settings.features), nn.ReLU(), nn.Dropout(settings.dropout)
+            _convolution(c, settings.squeezed, 1, 1),
+            nn.Flatten(),
+            nn.Linear(settings.squeezed * self.COARSE_CELLS**2, settings.features),
+            nn.ReLU(),
+            nn.Dropout(settings.dropout),
         )
         self.azimuth = nn.Linear(settings.features, settings.azimuth_bins)
         self.numbers = nn.Linear(settings.features, 2 * (1 + settings.modes + 3 + L_COUNT))
-        self.mask_coarse = _convolution(d, b, 1, 1)
-        self.mask_middle = _convolution(c, b, 1, 1)
-        self.mask = nn.Sequential(_convolution(b, b, 3, 1), nn.Conv2d(b, len(MASK_CLASSES), 1))
+        self.mask_coarse = _convolution(c, a, 1, 1)
+        self.mask_middle = _convolution(b, a, 1, 1)
+        self.mask = nn.Sequential(_convolution(a, a, 3, 1), nn.Conv2d(a, len(MASK_CLASSES), 1))
 
     def forward(self, image: torch.Tensor) -> Heads:
-        fine = self.fine(self.stem(image * 4 - 2))
+        fine = self.fine(image * 4 - 2)
         middle = self.middle(fine)
         coarse = self.coarse(middle)
-        features = self.dense(functional.adaptive_avg_pool2d(coarse, 5))
+        features = self.dense(coarse)
         mean, log_variance = self.numbers(features).float().chunk(2, dim=1)
         size = middle.shape[-2:]
         merged = self.mask_middle(middle) + functional.interpolate(self.mask_coarse(coarse), size)
@@ -72,6 +87,13 @@ class RecognitionNetwork(nn.Module):
         return Heads(
             self.azimuth(features).float(), mean, log_variance.clamp(-8.0, 4.0), self.mask(merged).float()
         )
+
+
+def bfloat16(device: torch.device) -> torch.autocast:
+    """Arithmetic in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
+    if device.type == "cuda":
+        return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
+    return torch.autocast("cpu", torch.bfloat16, enabled=torch.cpu._is_avx512_bf16_supported())
 
 
 class _Residual(nn.Module):
@@ -82,6 +104,10 @@ class _Residual(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return functional.relu(x + self.second(self.first(x)))
+
+
+def _blocks(width: int, count: int) -> list[nn.Module]:
+    return [_Residual(width) for _ in range(count)]
 
 
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int) -> nn.Module:

@@ -12,10 +12,11 @@ import torch
 from safetensors import SafetensorError, safe_open
 
 from vig.errors import UserError
-from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.calibration import Calibration
+from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
 from vig.recognition.paper_network import PaperNetworks, networks_from
 from vig.recognition.targets import latents_of, mask_at_pixels
-from vig.render import on_one_core
+from vig.render import map_on_threads, on_one_core
 from vig.scene import Latents, ObjectClass, srgb_from_linear
 
 
@@ -115,7 +116,7 @@ class Recognizer:
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
         """Take on vig's own network and its targets' scale."""
-        settings["widths"] = tuple(settings["widths"])
+        settings |= {name: tuple(settings[name]) for name in ("widths", "blocks")}
         network = RecognitionNetwork(NetworkSettings(**settings))
         weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
         network.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in weights.items()})
@@ -123,6 +124,7 @@ class Recognizer:
         self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
         if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
             raise ValueError("the scale does not fit the network")
+        self.calibration = Calibration.of(tensors, len(self.mean))
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
@@ -137,22 +139,31 @@ class Recognizer:
             )
         return recognizer
 
-    def __call__(self, photos: torch.Tensor, batch: int = 64) -> Prediction:
-        """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150."""
-        # On one core, so that what a photo's fit starts from does not depend on how many there are.
-        parts = on_one_core(lambda: [self._some(part) for part in photos.float().split(batch)])
+    def __call__(self, photos: torch.Tensor, batch: int = 32) -> Prediction:
+        """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
+
+        Each batch is computed on one core, so that what a photo's fit starts from does not depend on how many
+        cores there are.
+        """
+
+        def some(part: torch.Tensor) -> Prediction:
+            return on_one_core(lambda: self._some(part))
+
+        parts = list(map_on_threads(some, photos.float().split(batch)))
         columns = zip(*[(p.azimuth, p.numbers, p.deviation, p.mask) for p in parts], strict=True)
         return Prediction(*(torch.cat(column) for column in columns))
 
     @torch.inference_mode()
     def _some(self, photos: torch.Tensor) -> Prediction:
         pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
-        if isinstance(self.network, PaperNetworks):
-            return Prediction(*self.network(pixels))
-        heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+        with bfloat16(photos.device):
+            if isinstance(self.network, PaperNetworks):
+                return Prediction(*self.network(pixels))
+            heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+        known = self.calibration
         return Prediction(
-            heads.azimuth.softmax(1).clone(),
+            (heads.azimuth / known.azimuth_temperature).softmax(1).clone(),
             (heads.mean * self.deviation + self.mean).clone(),
-            ((0.5 * heads.log_variance).exp() * self.deviation).clone(),
-            mask_at_pixels(heads.mask, *photos.shape[1:3]).clone(),
+            ((0.5 * heads.log_variance).exp() * self.deviation * known.deviation).clone(),
+            mask_at_pixels(heads.mask / known.mask_temperature, *photos.shape[1:3]).clone(),
         )

@@ -58,12 +58,16 @@ def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor
 def mask_labels(amodal: torch.Tensor, visible: torch.Tensor) -> torch.Tensor:
     """Shares (B, 3, ceil(H / 4), ceil(W / 4)) of `MASK_CLASSES` in each cell, from masks (B, H, W) bool.
 
-    Cell i is centred on pixel 4 i, as the features of two strided convolutions are.
+    Cell i is centred on pixel 4 i, as the features of the network's first convolution are.
     """
-    shares = torch.stack([visible, amodal & ~visible, ~amodal], dim=1).float()
-    height, width = amodal.shape[1:]
+    return cell_shares(torch.stack([visible, amodal & ~visible, ~amodal], dim=1).float())
+
+
+def cell_shares(images: torch.Tensor) -> torch.Tensor:
+    """Means (B, C, ceil(H / 4), ceil(W / 4)) of images (B, C, H, W) over the mask head's cells."""
+    height, width = images.shape[2:]
     pad = (2, -(width + 2) % MASK_STRIDE, 2, -(height + 2) % MASK_STRIDE)
-    return functional.avg_pool2d(functional.pad(shares, pad, mode="replicate"), MASK_STRIDE)
+    return functional.avg_pool2d(functional.pad(images, pad, mode="replicate"), MASK_STRIDE)
 
 
 def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tensor:

@@ -6,10 +6,20 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 
 from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
-from vig.synthesis.designs import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, TRAINING_DESIGNS, teapot_vertices
+from vig.synthesis.designs import (
+    HELD_OUT_DESIGNS,
+    PART_NAMES,
+    TEAPOT_FACES,
+    TEAPOT_PARTS,
+    TRAINING_DESIGNS,
+    VALIDATION_DESIGNS,
+    TeapotDesign,
+    teapot_vertices,
+)
 from vig.synthesis.library import Library
 
 MODES = 10
@@ -35,6 +45,13 @@ def build_teapot_class() -> ObjectClass:
     return ObjectClass("teapot", model, round(target_height, 3), lights.mean(0), covariance)
 
 
+def beyond_model_mm(model: ShapeModel, designs: tuple[TeapotDesign, ...]) -> np.ndarray:
+    """How far each design is from the model's nearest shape (N,): mean distance of its vertices, mm."""
+    vertices = np.stack([teapot_vertices(design) for design in designs])
+    nearest = model.vertices(torch.from_numpy(model.coefficients(vertices))).numpy()
+    return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
+
+
 def main() -> None:
     """Build, save and describe the class."""
     built = build_teapot_class()
@@ -45,6 +62,15 @@ def main() -> None:
     print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.round(size, 3)} m")
     print(f"target height {built.target_height} m")
     print(f"{MODES} components hold {model.explained_variance_ratio.sum():.3f} of the variance: {ratios}")
+    for name, designs in (
+        ("training", TRAINING_DESIGNS),
+        ("test", HELD_OUT_DESIGNS),
+        ("validation", VALIDATION_DESIGNS),
+    ):
+        away = beyond_model_mm(model, designs)
+        print(
+            f"{name} designs from the model: {away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
+        )
     print(PACKAGED / built.name)
 
 

@@ -1,7 +1,7 @@
 """A split's finite catalogues of rooms, props, finishes and lights, and users' own beside or instead of them.
 
 An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
-the test split ever occurs in training, and a worker can keep what it has made.
+one split ever occurs in another, and a worker can keep what it has made.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from vig.synthesis.raster import Packed, Pyramid
 from vig.synthesis.spec import SPLITS, Room, Split, Surface
 from vig.synthesis.textures import FINISHES, METRES, texture
 
-PROPS_PER_FAMILY = {"train": 16, "test": 8}
-SURFACES_PER_KIND = {"train": 40, "test": 16}
-PANORAMAS = {"train": 200, "test": 70}
+PROPS_PER_FAMILY = {"train": 16, "test": 8, "validation": 8}
+SURFACES_PER_KIND = {"train": 40, "test": 16, "validation": 16}
+PANORAMAS = {"train": 200, "test": 70, "validation": 70}
 SIZES = 0.95, 1.05
 """Each prop is made smaller or larger by a factor of its own, so that no two are of one mould."""
-LAYOUTS = {"train": 96, "test": 32}
+LAYOUTS = {"train": 96, "test": 32, "validation": 32}
 TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""

@@ -14,8 +14,9 @@ from vig.synthesis.rotations import about_z, matrix_of
 WORLD_VERSION = 2
 """Goes up whenever the same seed and index would give another scene."""
 
-Split = Literal["train", "test"]
-SPLITS: tuple[Split, ...] = ("train", "test")
+Split = Literal["train", "test", "validation"]
+SPLITS: tuple[Split, ...] = ("train", "test", "validation")
+"""In this order for good: a split's place is part of the seed of all that is made for it."""
 Role = Literal["occluder", "holder", "clutter"]
 
 
@@ -78,11 +79,11 @@ class SceneSpec:
     """One scene: the 24 latents and everything else that is seen.
 
     shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
-    held-out design whose deviation from the model the object also has, -1 for none. azimuth, elevation
-    radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame, as the raster tier has
-    it. panorama: asset number; panorama_angle: radians by which it was turned. target: the occlusion asked
-    for, in [0, 0.9]; occlusion: what the sampler measured, one sample per pixel. rejected: how many candidate
-    placements were thrown away, by reason.
+    further design (in `vig.synthesis.target.DESIGNS`) whose deviation from the model the object also has, -1
+    for none. azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world
+    frame, as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
+    target: the occlusion asked for, in [0, 0.9]; occlusion: what the sampler measured, one sample per pixel.
+    rejected: how many candidate placements were thrown away, by reason.
     """
 
     seed: int

@@ -1,4 +1,4 @@
-"""The object itself: its shape, of the model in training, of a held-out design in the test split."""
+"""The object itself: its shape, of the model in training, of a further design in the other splits."""
 
 from __future__ import annotations
 
@@ -8,28 +8,35 @@ import numpy as np
 import torch
 
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
-from vig.synthesis.designs import HELD_OUT_DESIGNS, TEAPOT_FACES, teapot_vertices
+from vig.synthesis.designs import HELD_OUT_DESIGNS, TEAPOT_FACES, VALIDATION_DESIGNS, teapot_vertices
 from vig.synthesis.spec import SceneSpec, Split
 
+DESIGNS = HELD_OUT_DESIGNS + VALIDATION_DESIGNS
+"""What a spec's `design` numbers: designs that the model was not made from, first the test split's."""
+DESIGN_NUMBERS = {
+    "test": range(len(HELD_OUT_DESIGNS)),
+    "validation": range(len(HELD_OUT_DESIGNS), len(DESIGNS)),
+}
 NO_DESIGN = -1
-TEST_SPREAD = 0.5
-"""Standard deviation of the model's modes by which shapes of the test split differ from a held-out design."""
+DESIGN_SPREAD = 0.5
+"""Standard deviation of the model's modes by which an object's shape differs from its design."""
 
 
 def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split) -> tuple[np.ndarray, int]:
-    """Coefficients (K,) in [-3, 3] and the number of a held-out design, -1 for none.
+    """Coefficients (K,) in [-3, 3] and the number of a further design, -1 for none.
 
-    Training: N(0, 1), shapes of the model. Test, for a class made of our teapot designs: one of the designs
-    that the model was not made from, changed by the model's modes times N(0, 1/2); the coefficients are then
-    those of the model's nearest shape.
+    Training: N(0, 1), shapes of the model. Test and validation, for a class made of our teapots: one of the
+    split's own designs, which the model was not made from, changed by the model's modes times N(0, 1/2); the
+    coefficients are then those of the model's nearest shape.
     """
     model = object_class.shape_model
     draws = rng.standard_normal(model.modes)
     if split == "train" or not has_designs(model):
         return np.clip(draws, -SHAPE_LIMIT, SHAPE_LIMIT), NO_DESIGN
-    design = int(rng.integers(len(HELD_OUT_DESIGNS)))
+    numbers = DESIGN_NUMBERS[split]
+    design = numbers[int(rng.integers(len(numbers)))]
     nearest, _ = _projected(object_class, design)
-    return np.clip(nearest + TEST_SPREAD * draws, -SHAPE_LIMIT, SHAPE_LIMIT), design
+    return np.clip(nearest + DESIGN_SPREAD * draws, -SHAPE_LIMIT, SHAPE_LIMIT), design
 
 
 def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
@@ -60,8 +67,8 @@ def has_designs(model: ShapeModel) -> bool:
 
 @lru_cache(maxsize=64)
 def _projected(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
-    """A held-out design's coefficients (K,) in the model and its deviation (V, 3) float32 from that shape."""
-    model, vertices = object_class.shape_model, teapot_vertices(HELD_OUT_DESIGNS[design])
+    """A further design's coefficients (K,) in the model and its deviation (V, 3) float32 from that shape."""
+    model, vertices = object_class.shape_model, teapot_vertices(DESIGNS[design])
     coefficients = model.coefficients(vertices[None])
     nearest = model.vertices(torch.from_numpy(coefficients))[0].numpy()
     return coefficients[0], (vertices - nearest).astype(np.float32)

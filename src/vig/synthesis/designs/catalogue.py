@@ -1,4 +1,4 @@
-"""Named teapot designs: those a shape model is learned from, and further ones held out for tests."""
+"""Named teapot designs that the shape model is learned from."""
 
 from __future__ import annotations
 
@@ -250,77 +250,3 @@ TRAINING_DESIGNS: tuple[Design, ...] = (
     ),
 )
 """The 23 designs whose principal components make the teapot shape model."""
-
-HELD_OUT_DESIGNS: tuple[Design, ...] = (
-    Design(
-        name="windsor",
-        belly_radius=0.099, belly_height=0.058, base_radius=0.058, base_fullness=0.58, shoulder_height=0.119,
-        neck_radius=0.054, shoulder_reach=0.42, neck_sweep=0.08, lid_height=0.020, knob_radius=0.010,
-        spout_reach=0.041, spout_tip_height=0.116, spout_bend=0.37, handle_reach=0.038, handle_peak=0.68,
-        handle_rise=24,
-    ),
-    Design(
-        name="lantern",
-        belly_radius=0.091, belly_height=0.070, squareness=0.30, base_radius=0.068, base_fullness=0.70,
-        shoulder_height=0.131, neck_radius=0.046, upper_fullness=0.70, shoulder_reach=0.66, lid_height=0.013,
-        lid_overhang=0.001, spout_base_height=0.056, spout_reach=0.042, spout_tip_height=0.124,
-        spout_bend=0.3, handle_top=0.112, handle_bottom=0.038, handle_reach=0.037, handle_rise=8,
-        handle_upper_roundness=0.72, handle_squareness=0.4,
-    ),
-    Design(
-        name="pebble",
-        belly_radius=0.107, belly_height=0.056, belly_aspect=1.0, base_radius=0.064, base_fullness=0.62,
-        shoulder_height=0.104, neck_radius=0.046, shoulder_reach=0.64, neck_height=0.002, foot_height=0.003,
-        lid_height=0.016, lid_overhang=-0.001, knob_height=0.02, knob_radius=0.013, knob_waist=0.65,
-        spout_base_height=0.05, spout_reach=0.026, spout_tip_height=0.094, spout_tip_angle=42,
-        spout_bend=0.2, handle_top=0.086, handle_bottom=0.036, handle_reach=0.034, handle_rise=24,
-    ),
-    Design(
-        name="persian",
-        belly_radius=0.092, belly_height=0.058, base_radius=0.046, base_fullness=0.52, shoulder_height=0.128,
-        neck_radius=0.038, upper_fullness=0.42, shoulder_reach=0.20, neck_sweep=0.30, neck_height=0.008,
-        rim_flare=0.004, foot_height=0.010, foot_flare=1.18, lid_height=0.017, lid_overhang=0.001,
-        knob_height=0.016, knob_radius=0.008, knob_flatness=0.3, spout_base_height=0.048, spout_reach=0.044,
-        spout_tip_height=0.128, spout_base_angle=21, spout_tip_angle=56, spout_bend=0.4,
-        spout_tip_radius=0.008, spout_taper=1.8, handle_top=0.11, handle_bottom=0.046, handle_reach=0.039,
-        handle_peak=0.7, handle_rise=36, handle_drop=14, handle_thickness=0.010,
-    ),
-    Design(
-        name="truncated cone",
-        belly_radius=0.097, belly_height=0.034, base_radius=0.086, base_fullness=0.76, shoulder_height=0.126,
-        neck_radius=0.058, upper_fullness=0.30, shoulder_reach=0.26, neck_sweep=0.34, foot_height=0.003,
-        lid_height=0.010, lid_overhang=-0.002, lid_roundness=0.65, knob_height=0.017, knob_waist=0.75,
-        knob_flatness=0.75, spout_base_height=0.052, spout_reach=0.038, spout_tip_height=0.118,
-        spout_base_angle=32, spout_tip_angle=44, spout_bend=0.2, handle_top=0.106, handle_bottom=0.036,
-        handle_reach=0.039, handle_peak=0.56, handle_rise=4, handle_drop=4, handle_upper_roundness=0.74,
-    ),
-    Design(
-        name="apple",
-        belly_radius=0.104, belly_height=0.074, base_radius=0.046, base_fullness=0.56, shoulder_height=0.130,
-        neck_radius=0.040, upper_fullness=0.60, shoulder_reach=0.64, neck_height=0.002, lid_height=0.009,
-        knob_height=0.018, knob_radius=0.010, spout_base_height=0.064, spout_reach=0.032,
-        spout_tip_height=0.122, spout_base_angle=26, spout_tip_angle=54, spout_bend=0.37, handle_top=0.110,
-        handle_bottom=0.048, handle_reach=0.031, handle_rise=30, handle_drop=26,
-    ),
-    Design(
-        name="hotel",
-        belly_radius=0.092, belly_height=0.050, base_radius=0.074, base_fullness=0.70, shoulder_height=0.124,
-        neck_radius=0.058, upper_fullness=0.50, shoulder_reach=0.20, neck_sweep=0.34, neck_height=0.004,
-        rim_flare=0.001, lid_height=0.017, lid_overhang=0.000, knob_height=0.017, knob_radius=0.012,
-        spout_base_height=0.056, spout_reach=0.038, spout_tip_height=0.122, spout_base_angle=28,
-        spout_tip_angle=44, spout_bend=0.25, spout_base_radius=0.020, spout_tip_radius=0.011,
-        handle_top=0.106, handle_bottom=0.038, handle_reach=0.039, handle_peak=0.6, handle_rise=10,
-        handle_thickness=0.013, handle_width=0.017,
-    ),
-    Design(
-        name="spinning top",
-        belly_radius=0.106, belly_height=0.072, base_radius=0.046, base_fullness=0.36, shoulder_height=0.114,
-        neck_radius=0.052, upper_fullness=0.34, shoulder_reach=0.40, neck_height=0.003, foot_height=0.006,
-        foot_flare=1.12, lid_height=0.019, lid_overhang=0.001, lid_roundness=0.4, knob_height=0.017,
-        knob_radius=0.010, knob_flatness=0.4, spout_base_height=0.066, spout_reach=0.032,
-        spout_tip_height=0.112, spout_base_angle=23, spout_tip_angle=46, spout_bend=0.3,
-        spout_base_radius=0.015, handle_top=0.096, handle_bottom=0.052, handle_reach=0.035, handle_rise=12,
-        handle_drop=0,
-    ),
-)
-"""Further designs that no shape model is learned from."""

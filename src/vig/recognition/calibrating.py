@@ -1,0 +1,119 @@
+"""Calibration of a network on a dataset whose scenes and designs training never saw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from vig.dataset import Dataset
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.recognition.calibration import PREFIX, Calibration, temperature, widening
+from vig.recognition.examples import Examples
+from vig.recognition.network import bfloat16
+from vig.recognition.prediction import Recognizer
+from vig.recognition.targets import azimuth_labels
+
+LEAST = 50
+"""Images below which a calibration means nothing."""
+
+
+def calibrate(path: Path, dataset: Dataset, say: Callable[[str], None] = print) -> None:
+    """Write a calibration on a dataset into the weights at `path`, and `reliability.png` beside them.
+
+    Raises UserError for fewer than `LEAST` images and for weights that cannot be read.
+    """
+    if len(dataset) < LEAST:
+        raise UserError(f"calibration needs at least {LEAST} images; '{dataset.folder}' has {len(dataset)}")
+    recognizer, examples = Recognizer(path), Examples.of(dataset)
+    azimuth, mean, deviation, mask = _heads(recognizer, examples)
+    labels = azimuth_labels(examples.azimuth, azimuth.shape[1])
+    error = mean - examples.numbers
+    cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::7]  # cells lie too close to need them all
+    shares = (examples.mask.float() / 255).movedim(1, -1).reshape(-1, mask.shape[1])[::7]
+    made = Calibration(temperature(azimuth, labels), temperature(cells, shares), widening(error, deviation))
+    with safe_open(path, framework="pt") as file:
+        metadata = file.metadata()
+        tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith(PREFIX)}
+    with atomic_write(path) as temporary:
+        save_file(tensors | made.tensors(), temporary, metadata=metadata)
+    bins = azimuth.shape[1]
+    before, after = (_view_coverage(azimuth / t, examples.azimuth) for t in (1.0, made.azimuth_temperature))
+    within = (error.abs() < 1.6449 * deviation).float().mean(0)
+    _plot(path.parent / "reliability.png", azimuth, error / deviation, examples.azimuth, made)
+    say(
+        f"calibrated on {len(dataset)} images: temperature of azimuth {made.azimuth_temperature:.2f}"
+        f" (90 % regions of {bins} bins hold {before:.1%} before, {after:.1%} after), of the mask"
+        f" {made.mask_temperature:.2f}; 90 % intervals held {within.min():.1%} to {within.max():.1%} of the"
+        f" numbers, deviations are multiplied by {made.deviation.min():.2f} to {made.deviation.max():.2f}"
+    )
+
+
+@torch.inference_mode()
+def _heads(
+    recognizer: Recognizer, examples: Examples
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Logits of azimuth, numbers, their stated deviations, and logits of the mask, all uncalibrated."""
+    found = []
+    for images in examples.images.split(64):
+        pixels = images.permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
+        with bfloat16(pixels.device):
+            heads = recognizer.network(pixels)
+        numbers = heads.mean * recognizer.deviation + recognizer.mean
+        deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
+        found.append((heads.azimuth, numbers, deviation, heads.mask))
+    azimuth, numbers, deviation, mask = (torch.cat(part) for part in zip(*found, strict=True))
+    return azimuth, numbers, deviation, mask
+
+
+def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
+    """The smallest region's probability (N,) that reaches the true azimuth, bins taken in order of theirs."""
+    bins = logits.shape[1]
+    probability = logits.softmax(1)
+    true = (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
+    own = probability.gather(1, true[:, None])
+    # Half of the true bin's own share counts: it lies anywhere within it.
+    return (probability * (probability > own)).sum(1) + 0.5 * own[:, 0]
+
+
+def _view_coverage(logits: torch.Tensor, azimuth: torch.Tensor) -> float:
+    return float((view_levels(logits, azimuth) <= 0.9).float().mean())
+
+
+def _plot(
+    path: Path, logits: torch.Tensor, standard: torch.Tensor, azimuth: torch.Tensor, made: Calibration
+) -> None:
+    """Observed against stated probability, before and after: azimuth's regions, intervals of each number."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    stated = torch.linspace(0, 1, 51)
+    for name, scaled in (("as trained", logits), ("calibrated", logits / made.azimuth_temperature)):
+        levels = view_levels(scaled, azimuth)
+        left.plot(stated, (levels <= stated[:, None]).float().mean(1), label=name)
+    left.set_title("azimuth")
+    reach = math.sqrt(2) * torch.erfinv(stated.clamp_max(0.9999))
+    groups = {
+        "elevation": slice(0, 1),
+        "shape": slice(1, -12),
+        "albedo": slice(-12, -9),
+        "light": slice(-9, None),
+    }
+    for number, (name, group) in enumerate(groups.items()):
+        for factor, style in ((torch.ones(()), ":"), (made.deviation[group], "-")):
+            off = (standard[:, group] / factor).abs().flatten()
+            held = (off <= reach[:, None]).float().mean(1)
+            right.plot(stated, held, style, color=f"C{number}", label=name if style == "-" else None)
+    right.set_title("numbers: dotted as trained, solid calibrated")
+    for panel in (left, right):
+        panel.plot([0, 1], [0, 1], color="grey", linewidth=0.8)
+        panel.set(xlabel="stated probability", ylabel="share of images", xlim=(0, 1), ylim=(0, 1))
+        panel.legend(loc="upper left")
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, dpi=80, format="png")
