@@ -20,6 +20,7 @@ from torch.nn import functional
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.recognition.network import bfloat16
 from vig.recognition.paper_network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
 from vig.recognition.targets import numbers_of
 from vig.scene import Latents
@@ -30,7 +31,10 @@ _NORMAL_MAD = 1.4826
 
 @dataclass(frozen=True)
 class PaperTrainingSettings:
-    """How to train: the paper's numbers. A network is done `patience` epochs after its best one."""
+    """How to train: the paper's numbers. A network is done `patience` epochs after its best one.
+
+    threads: of the CPU, all by default.
+    """
 
     epochs: int = 150
     patience: int = 20
@@ -38,7 +42,7 @@ class PaperTrainingSettings:
     learning_rate: float = 0.01
     momentum: float = 0.9
     seed: int = 0
-    threads: int = 2
+    threads: int | None = None
     networks: PaperSettings = PaperSettings()
 
 
@@ -96,7 +100,8 @@ def train_paper(
         raise UserError(
             f"training needs at least {2 * settings.batch} images; '{dataset.folder}' has {len(dataset)}"
         )
-    torch.set_num_threads(settings.threads)
+    if settings.threads is not None:
+        torch.set_num_threads(settings.threads)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     latents = Latents.from_vector(torch.from_numpy(dataset.latents).to(device))
     held = max(1, len(dataset) // 10)
@@ -206,8 +211,7 @@ def _train_factor(
 
 def _loss(network: FactorNetwork, images: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
     """Mean squared error in units of the factor's scale."""
-    device = images.device.type
-    with torch.autocast(device, torch.bfloat16, enabled=_computes_in_bfloat16(device)):
+    with bfloat16(images.device):
         said = network(images)
     return functional.mse_loss(said, targets) / network.scale**2
 
@@ -221,13 +225,6 @@ def _held_out_loss(network: FactorNetwork, data: _Data, targets: torch.Tensor) -
             for part in data.held_out.split(256)
         )
     return total / len(data.held_out)
-
-
-def _computes_in_bfloat16(device: str) -> bool:
-    """Whether the processor has instructions for it; without them it is slower than single precision."""
-    if device == "cuda":
-        return torch.cuda.is_bf16_supported()
-    return bool(getattr(torch.cpu, "_is_avx512_bf16_supported", lambda: False)())
 
 
 def _best_epoch(curve: list[list[float]]) -> int:
@@ -249,7 +246,8 @@ def _calibrate(networks: PaperNetworks, data: _Data) -> None:
     median; of the numbers it is the root mean square.
     """
     networks.eval()
-    found = [networks.numbers(data.pixels(part)) for part in data.held_out.split(64)]
+    with bfloat16(data.images.device):
+        found = [networks.numbers(data.pixels(part)) for part in data.held_out.split(64)]
     azimuth, numbers = (torch.cat(column) for column in zip(*found, strict=True))
     right = data.latents[data.held_out]
     off = torch.remainder(azimuth - right.azimuth + torch.pi, 2 * torch.pi) - torch.pi
@@ -300,4 +298,5 @@ def _resume(path: Path, run: _Run, identity: str) -> None:
 def _identity(settings: PaperTrainingSettings, dataset: Dataset) -> str:
     """What must be alike for a checkpoint to be gone on with: the settings and the data."""
     data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
-    return json.dumps({"net": "paper"} | asdict(settings) | {"count": len(dataset), "data": data})
+    told = {"net": "paper"} | asdict(settings) | {"count": len(dataset), "data": data}
+    return json.dumps({name: value for name, value in told.items() if name != "threads"})

@@ -125,6 +125,7 @@ class Recognizer:
         self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
         if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
             raise ValueError("the scale does not fit the network")
+        self.calibration = Calibration.of(tensors, len(self.mean))
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
@@ -156,9 +157,9 @@ class Recognizer:
     @torch.inference_mode()
     def _some(self, photos: torch.Tensor) -> Prediction:
         pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
-        if isinstance(self.network, PaperNetworks):
-            return Prediction(*self.network(pixels))
         with bfloat16(photos.device):
+            if isinstance(self.network, PaperNetworks):
+                return Prediction(*self.network(pixels))
             heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
         known = self.calibration
         return Prediction(
