@@ -33,8 +33,8 @@ class Fit:
     optimizer: Literal["lm", "dogleg", "lbfgs", "bfgs", "cg", "gd"] = "lm"
     """Levenberg-Marquardt, Powell's dogleg, L-BFGS, BFGS, nonlinear conjugate gradient, gradient descent with
     momentum; docs/choosing.md compares them."""
-    self_shadow: bool = False
-    """Shade with what the object's parts take from and throw upon each other; see docs/self_shadow.md."""
+    no_self_shadow: bool = False
+    """Shade without what the object's parts take from and throw upon each other; docs/self_shadow.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"
     """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
     out: Path = Path("vig-fit")
@@ -64,9 +64,27 @@ class Train:
     net: Literal["vig", "paper"] = "vig"
     """vig: one network for everything, with its uncertainty; paper: the paper's four, one for each factor."""
     epochs: int | None = None
-    """Passes over the data: 30 by default; with --net paper at most, 150 by default, for each network."""
+    """Passes over the data: 18 by default; with --net paper at most, 150 by default, for each network."""
     seed: int = 0
     """Seed of initial weights, order and augmentation."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Make stated uncertainties hold: learns, on photos that training never saw, how far off the network and
+    the fits are, and when a view is right. Writes into the weights, and calibration.json and reliability.png
+    beside them; a class pack's calibration.json is used by every fit."""
+
+    datasets: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of datasets; each counts alike, whatever its size."""
+    weights: Path
+    """The weights to calibrate; of a class pack, or a training run."""
+    split: Literal["train", "test", "validation"] = "validation"
+    """Which split of them."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
     json: bool = False
     """Print one JSON object at the end."""
 
@@ -169,6 +187,7 @@ VERBS = {
     Demo: "demo",
     Fit: "fit",
     Train: "train",
+    Calibrate: "calibrate",
     Evaluate: "evaluate",
     Reproduce: "reproduce",
     Doctor: "doctor",

@@ -24,6 +24,7 @@ RIGHT = math.radians(15.0)
 PRECISION = 0.97
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
 WITHIN_90 = 1.6449
+LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 LEAST = 40
 """Fits below which a group is not told apart from all."""
 
@@ -110,6 +111,26 @@ def learn(fits: Lessons) -> Calibration:
     )
 
 
+def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
+    """Lines on what was learned."""
+    clues = torch.from_numpy(lessons.clues)
+    confidence = np.array([calibration.confidence(each) for each in clues])
+    trusted = confidence >= calibration.threshold
+    lines = [
+        f"{len(trusted)} fits, {lessons.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
+        f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}, of which"
+        f" {lessons.right[trusted].mean():.1%} are right"
+    ]
+    for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
+        here = (confidence >= low) & (confidence < high)
+        if here.any():
+            lines.append(
+                f"confidence {low:.2f} to {min(high, 1.0):.2f}: {here.sum()} fits, mean"
+                f" {confidence[here].mean():.3f}, right {lessons.right[here].mean():.3f}"
+            )
+    return lines
+
+
 def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float]:
     """Weights (C,) and bias of a ridge logistic regression of right (N,) on clues (N, C)."""
     mean, deviation = clues.mean(0), clues.std(0) + 1e-6
@@ -118,8 +139,8 @@ def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
         margin = sign * (standard @ parameters[:-1] + parameters[-1])
         pull = -sign * weight / (1 + np.exp(margin))
-        gradient = np.append(standard.T @ pull + 1e-2 * weight.sum() * parameters[:-1], pull.sum())
-        penalty = 0.5e-2 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
+        gradient = np.append(standard.T @ pull + 1e-3 * weight.sum() * parameters[:-1], pull.sum())
+        penalty = 0.5e-3 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
         return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
 
     found = minimize(loss, np.zeros(clues.shape[1] + 1), jac=True, method="L-BFGS-B").x

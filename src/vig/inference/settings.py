@@ -47,8 +47,8 @@ class ExplainSettings:
     evidence counts pixels as independent, which they are not.
     view_weight: nats for each nat of the recognition model's log probability of a view (azimuth) when ends of
     descents are compared, for the same reason.
-    self_shadow: shade with the class's transfer table: what its parts take from and throw upon each other.
-    Photographs and path-traced images gain, images of our rasteriser, which has no such shadows, lose.
+    self_shadow: shade with the class's transfer table, where it has one: what its parts take from and throw
+    upon each other.
     free_framing: also fit the image's shift and magnification, for photos that were cropped by hand.
     calibrated: whether verdict and deviations are what `calibration` makes of them, the class's by default.
     silhouette: "exact", or "paper" for the authors' constant mask.

@@ -99,13 +99,13 @@ class Recognizer:
             kind = metadata.get("net", "vig")
             if kind == "paper":
                 self.network = networks_from(settings, tensors)
-                self.calibration = Calibration.none(self.network.settings.modes + 13)
             elif kind == "vig":
                 self._read(settings, tensors)
             else:
                 raise ValueError(f"it is of a network that is not known, '{kind}'")
             if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
                 raise ValueError("the weights are not finite")
+            self.calibration = Calibration.of(tensors, self.network.settings.modes + 13)
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             came = "nothing" if isinstance(error, FileNotFoundError) else f"a file of no use ({reason})"
@@ -125,7 +125,6 @@ class Recognizer:
         self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
         if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
             raise ValueError("the scale does not fit the network")
-        self.calibration = Calibration.of(tensors, len(self.mean))
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:

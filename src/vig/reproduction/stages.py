@@ -26,12 +26,13 @@ from vig.evaluation import (
 )
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
-from vig.evaluation.calibration import calibrate_fits
+from vig.evaluation.calibration import calibrate_fits, describe
 from vig.evaluation.protocol import LIKELIHOODS
 from vig.evaluation.statistics import within
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
 from vig.inference import Calibration, ExplainSettings
+from vig.inference.calibration import FILE
 from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
 from vig.recognition import calibrate as calibrate_network
 from vig.recognition import train as train_network
@@ -87,9 +88,7 @@ class Run:
         return Recognizer.of_class(self.object_class, self.folder.weights)
 
     def explain_settings(self) -> ExplainSettings:
-        """How photos are fitted: calibrated as the run has learned, given weights as the class's are."""
-        if self.settings.weights is not None:
-            return ExplainSettings()
+        """How photos are fitted: calibrated as the run has learned, or as its weights came."""
         if self.folder.calibration.exists():
             return ExplainSettings(calibration=Calibration.load(self.folder.calibration))
         return ExplainSettings(calibrated=False)
@@ -163,11 +162,14 @@ def train(run: Run) -> None:
 
 
 def take_weights(run: Run) -> None:
-    """Copy the weights that the settings name, so that the run keeps what it was made with."""
-    assert run.settings.weights is not None
-    Recognizer.of_class(run.object_class, run.settings.weights)  # refuses what is of no use
-    with atomic_write(run.folder.weights) as temporary:
-        shutil.copyfile(run.settings.weights, temporary)
+    """Copy the weights that the settings name, and their calibration, so that the run keeps what made it."""
+    weights = run.settings.weights
+    assert weights is not None
+    Recognizer.of_class(run.object_class, weights)  # refuses what is of no use
+    for path, kept in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
+        if path.exists():
+            with atomic_write(kept) as temporary:
+                shutil.copyfile(path, temporary)
 
 
 def calibrate(run: Run) -> None:
@@ -181,9 +183,9 @@ def calibrate(run: Run) -> None:
         run.say(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are stated")
         return
     if run.settings.net == "vig":  # the paper's nets state what was seen on held-out photos
-        calibrate_network(run.folder.weights, dataset, run.say)
+        calibrate_network(run.folder.weights, [dataset], run.say)
     with Meter(len(dataset), 0, run.progress, "fits") as meter:
-        learned, _ = calibrate_fits(
+        learned, lessons = calibrate_fits(
             [dataset],
             run.object_class,
             run.recognizer(),
@@ -192,6 +194,8 @@ def calibrate(run: Run) -> None:
             cache=run.folder.fits("validation"),
         )
     learned.save(run.folder.calibration)
+    for line in describe(learned, lessons):
+        run.say(f"calibrate: {line}")
 
 
 def evaluate(run: Run, tier: str) -> None:
