@@ -54,8 +54,12 @@ def test_text_is_escaped_everywhere() -> None:
 
 def test_a_cell_tells_its_verdict_in_a_word_and_a_class() -> None:
     assert Cell("1").html == "<td>1</td>"
+    assert Cell("1", "a\nb").html == "<td>1<small>a</small><small>b</small></td>"
     assert Cell("1", "paper 2", True).html == '<td class="pass">1<small>paper 2 · <b>pass</b></small></td>'
-    assert Cell("3", "paper 2", False).html == '<td class="fail">3<small>paper 2 · <b>fail</b></small></td>'
+    assert Cell("3", "a\nb", False).html == (
+        '<td class="fail">3<small>a</small><small>b · <b>fail</b></small></td>'
+    )
+    assert Cell("3", "", False).html == '<td class="fail">3<small><b>fail</b></small></td>'
 
 
 def test_a_table_has_its_cells_in_rows() -> None:

@@ -32,7 +32,7 @@ def reproduce_paper(chosen: Reproduce) -> int:
     if chosen.json:
         print(json.dumps(summary(folder, record, tables), indent=2))
         return 0
-    console = Console(width=None if sys.stdout.isatty() else 100)
+    console = Console(width=None if sys.stdout.isatty() else 120)
     for tier, table in tables.items():
         console.print(comparison_block(table).rich())
         cells = compare(table)

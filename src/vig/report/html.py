@@ -15,7 +15,7 @@ TYPES = {".png": "image/png", ".webp": "image/webp"}
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table: text, a smaller line below it, whether it passes (None: no matter)."""
+    """A cell of a table: text, smaller lines below it, and whether it passes (None: no matter)."""
 
     text: str
     below: str = ""
@@ -24,14 +24,16 @@ class Cell:
     @property
     def html(self) -> str:
         """A `td` element; passing is told by a colour and by a word."""
-        lines = [escape(self.text)]
-        below = [escape(self.below)] if self.below else []
-        if self.passed is not None:
-            below.append(f"<b>{'pass' if self.passed else 'fail'}</b>")
-        if below:
-            lines.append(f"<small>{' · '.join(below)}</small>")
-        kind = "" if self.passed is None else f' class="{"pass" if self.passed else "fail"}"'
-        return f"<td{kind}>{''.join(lines)}</td>"
+        lines = [escape(line) for line in self.below.splitlines()]
+        if self.passed is None:
+            return f"<td>{escape(self.text)}{_small(lines)}</td>"
+        word = "pass" if self.passed else "fail"
+        last = " · ".join([*lines[-1:], f"<b>{word}</b>"])
+        return f'<td class="{word}">{escape(self.text)}{_small([*lines[:-1], last])}</td>'
+
+
+def _small(lines: list[str]) -> str:
+    return "".join(f"<small>{line}</small>" for line in lines)
 
 
 def table(caption: str, header: Sequence[str], rows: Iterable[tuple[str, Sequence[Cell | str]]]) -> str:
@@ -44,7 +46,7 @@ def table(caption: str, header: Sequence[str], rows: Iterable[tuple[str, Sequenc
         for name, cells in rows
     )
     return (
-        f'<div class="wide"><table><caption>{escape(caption)}</caption>'
+        f'<p class="caption">{escape(caption)}</p>\n<div class="wide"><table>'
         f"<thead><tr>{columns}</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n"
     )
 
@@ -106,14 +108,15 @@ h3 { font-size: 1.02rem; margin: 1.8rem 0 .4rem; }
 p { max-width: 46rem; margin: .5rem 0; }
 nav { display: flex; flex-wrap: wrap; gap: .2rem 1.1rem; margin-top: .8rem; }
 a { color: var(--link); }
-small, figcaption, caption { color: var(--faint); font-size: .84rem; }
-.wide { overflow-x: auto; margin: 1rem 0; }
+small, figcaption, .caption { color: var(--faint); font-size: .84rem; }
+.wide { overflow-x: auto; margin: .4rem 0 1rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-caption { text-align: left; padding-bottom: .4rem; }
+.caption { max-width: none; margin: 1.4rem 0 0; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid var(--line); text-align: right; vertical-align: top;
   white-space: nowrap; }
-th { font-weight: 600; }
+th { font-weight: 600; white-space: normal; max-width: 13rem; }
 th[scope=row] { text-align: left; font-weight: 500; position: sticky; left: 0; background: var(--paper); }
+@media (max-width: 40rem) { th { max-width: 7.5rem; } th, td { padding: .3rem .45rem; } }
 td small { display: block; }
 td.pass { background: var(--pass); } td.pass b { color: var(--pass-ink); }
 td.fail { background: var(--fail); } td.fail b { color: var(--fail-ink); }

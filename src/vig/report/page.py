@@ -65,10 +65,14 @@ def _lead(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
     )
     for tier, found in tables.items():
         cells = compare(found)
-        failed = [f"{METRICS[cell.metric]} of {cell.method}" for cell in cells if not cell.passed]
-        missed = f"; {', '.join(failed)} {'fails' if len(failed) == 1 else 'fail'}." if failed else "."
-        passed = len(cells) - len(failed)
-        lead += paragraph(f"{TIER_TITLES[tier]}: {passed} of {len(cells)} cells pass{missed}")
+        failed: dict[str, list[str]] = {}
+        for cell in cells:
+            if not cell.passed:
+                failed.setdefault(METRICS[cell.metric].split(" (")[0], []).append(cell.method)
+        missed = "; ".join(f"{metric} ({', '.join(methods)})" for metric, methods in failed.items())
+        passed = sum(cell.passed for cell in cells)
+        told = f"{TIER_TITLES[tier]}: {passed} of {len(cells)} cells pass."
+        lead += paragraph(f"{told} Not passed: {missed}." if missed else told)
     left_out = [TIER_TITLES[tier].lower() for tier in TIERS if tier not in tables]
     return lead + (paragraph(f"This run has no {' and no '.join(left_out)}.") if left_out else "")
 
@@ -90,7 +94,7 @@ def _tier(folder: RunFolder, tier: str, found: Mapping[str, Any]) -> str:
 def _cell(entry: Entry | None) -> Cell:
     if entry is None:
         return Cell("\u2013")
-    below = f"{entry.interval} \u00b7 {entry.paper}" if entry.paper else entry.interval
+    below = f"{entry.interval}\npaper {entry.paper}" if entry.paper else entry.interval
     return Cell(entry.median, below, entry.passed)
 
 
@@ -135,16 +139,14 @@ def _making(record: Mapping[str, Any]) -> str:
     )
     done = {name: step for name, step in record["steps"].items() if step["complete"]}
     steps = [
-        (name, [duration(step["seconds"]), str(step["sittings"]), step["finished"]])
+        (name, [duration(step["seconds"]), str(step["sittings"]), step["finished"][:16].replace("T", " ")])
         for name, step in done.items()
     ]
     steps.append(("all", [duration(sum(step["seconds"] for step in done.values())), "", ""]))
     html += table("Steps", ["", "time", "sittings", "finished (UTC)"], steps)
-    settings = [(name.replace("_", " "), [_told(value)]) for name, value in record["settings"].items()]
+    settings = [
+        (name.replace("_", " "), [", ".join(value) if isinstance(value, list) else str(value)])
+        for name, value in record["settings"].items()
+        if value is not None
+    ]
     return html + table("Settings", ["", ""], settings)
-
-
-def _told(value: Any) -> str:
-    if value is None:
-        return "\u2013"
-    return ", ".join(value) if isinstance(value, list) else str(value)

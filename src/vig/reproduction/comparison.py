@@ -32,7 +32,7 @@ class Entry:
         """The cell as lines."""
         lines = [self.median, self.interval]
         if self.passed is not None:
-            lines.append(f"{self.paper}, {'pass' if self.passed else 'fail'}")
+            lines.append(f"{self.paper}: {'pass' if self.passed else 'fail'}")
         return "\n".join(lines)
 
 
@@ -72,7 +72,7 @@ def comparison_block(table: Mapping[str, Any]) -> Block:
 def _entry(summary: Mapping[str, Any], beside: Compared | None) -> Entry:
     low, high = summary["ci95"]
     ours = _told(summary["median"]), f"[{_told(low)}, {_told(high)}]"
-    return Entry(*ours) if beside is None else Entry(*ours, f"paper {_told(beside.paper)}", beside.passed)
+    return Entry(*ours) if beside is None else Entry(*ours, _told(beside.paper), beside.passed)
 
 
 def _told(value: float) -> str:
