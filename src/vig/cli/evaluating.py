@@ -16,7 +16,7 @@ from vig.errors import UserError
 from vig.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.figures import draw_figures
-from vig.evaluation.protocol import LIKELIHOODS
+from vig.evaluation.protocol import fitted
 from vig.evaluation.table import check_limits
 from vig.files import atomic_write
 from vig.recognition import Recognizer
@@ -35,7 +35,7 @@ def evaluate(settings: Evaluate) -> int:
     recognizer = Recognizer.of_class(object_class, settings.weights)
     check_writable(settings.out)
     with progress_bar(settings.json) as progress:
-        fits = len(dataset) * len(LIKELIHOODS.keys() & set(settings.methods))
+        fits = len(dataset) * len(fitted(settings.methods))
         task = progress.add_task("fits", total=fits)
         results = run_methods(
             dataset,

@@ -30,14 +30,15 @@ CHUNK = 50
 class Fits:
     """N photos explained.
 
-    latents, deviation (N, P) float32. masks (N, H, W) bool: the visible pixels, under a pixel model without
-    outliers the whole silhouette, as in the paper. clues (N, C), confidence (N,): see
+    latents, deviation (N, P) float32. masks, masks_by_pixel (N, H, W) bool: the visible pixels, and what each
+    by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues (N, C), confidence (N,): see
     `vig.inference.Explanation`. verdicts: N names.
     """
 
     latents: np.ndarray
     deviation: np.ndarray
     masks: np.ndarray
+    masks_by_pixel: np.ndarray
     clues: np.ndarray
     confidence: np.ndarray
     verdicts: tuple[str, ...]
@@ -49,6 +50,7 @@ class Fits:
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
             np.stack([fit.deviation.float().numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
+            np.stack([(fit.amodal if whole else fit.mask_by_pixel).numpy() for fit in fits]),
             np.stack([fit.clues.numpy() for fit in fits]),
             np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
@@ -61,6 +63,7 @@ class Fits:
             np.concatenate([part.latents for part in parts]),
             np.concatenate([part.deviation for part in parts]),
             np.concatenate([part.masks for part in parts]),
+            np.concatenate([part.masks_by_pixel for part in parts]),
             np.concatenate([part.clues for part in parts]),
             np.concatenate([part.confidence for part in parts]),
             tuple(verdict for part in parts for verdict in part.verdicts),
@@ -140,11 +143,15 @@ def _read(path: Path, key: str) -> Fits | None:
             if told["key"] != key:
                 return None
             size = tuple(json.loads(told["size"]))
-            bits = np.unpackbits(file.get_tensor("masks"), axis=1, count=size[1] * size[2])
+            masks, by_pixel = (
+                np.unpackbits(file.get_tensor(name), axis=1, count=size[1] * size[2]).astype(bool)
+                for name in ("masks", "masks_by_pixel")
+            )
             return Fits(
                 file.get_tensor("latents"),
                 file.get_tensor("deviation"),
-                bits.astype(bool).reshape(size),
+                masks.reshape(size),
+                by_pixel.reshape(size),
                 file.get_tensor("clues"),
                 file.get_tensor("confidence"),
                 tuple(json.loads(told["verdicts"])),
@@ -158,6 +165,7 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "latents": fits.latents,
         "deviation": fits.deviation,
         "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
+        "masks_by_pixel": np.packbits(fits.masks_by_pixel.reshape(len(fits.masks), -1), axis=1),
         "clues": fits.clues,
         "confidence": fits.confidence,
     }

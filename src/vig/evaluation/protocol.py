@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import torch
 
 from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.evaluation.fits import fit_all, key_of
+from vig.evaluation.fits import Fits, fit_all, key_of
 from vig.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
@@ -33,6 +33,9 @@ from vig.scene import EXPOSURE_L00, Latents, ObjectClass, linear_from_srgb
 from vig.synthesis.target import shape_vertices
 
 LIKELIHOODS = {"gaussian": GAUSSIAN, "robust": ROBUST, "spatial": SPATIAL}
+SHARED = {"robust": "spatial"}
+"""Methods whose fits are those of another: only its mask heeds the neighbours."""
+
 METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
 
 MASK_HEAD = "rm mask head"
@@ -40,6 +43,11 @@ MASK_HEAD = "rm mask head"
 
 _MEAN_ELEVATION = np.pi / 4
 _MEAN_ALBEDO = 0.5
+
+
+def fitted(methods: Iterable[str]) -> list[str]:
+    """What has to be fitted for methods, each once."""
+    return sorted({SHARED.get(method, method) for method in methods if method in LIKELIHOODS})
 
 
 def evaluate(
@@ -80,7 +88,7 @@ def evaluate(
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
     prediction = recognizer(photos)
     nothing = [""] * len(dataset)
-    results = {}
+    results, done = {}, dict[str, Fits]()
     for method in methods:
         if method == BASELINE:
             latents = _mean_latents(object_class, len(dataset))
@@ -93,15 +101,19 @@ def evaluate(
             said = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
             results[MASK_HEAD] = MethodResult(_segmentation(said, dataset), nothing, masks=said)
         else:
-            chosen = replace(settings, likelihood=LIKELIHOODS[method])
-            folder = None if cache is None else cache / method
+            same = SHARED.get(method, method)
+            chosen = replace(settings, likelihood=LIKELIHOODS[same])
+            folder = None if cache is None else cache / same
             key = key_of(recognizer, object_class, chosen)
-            fits = fit_all(
-                dataset.images, photos, prediction, object_class, chosen, threads, advance, folder, key
-            )
+            if same not in done:
+                done[same] = fit_all(
+                    dataset.images, photos, prediction, object_class, chosen, threads, advance, folder, key
+                )
+            fits = done[same]
+            masks = fits.masks_by_pixel if method == "robust" else fits.masks
             latents = Latents.from_vector(torch.from_numpy(fits.latents))
-            errors = _errors(latents, truth, object_class) | _segmentation(fits.masks, dataset)
-            results[method] = MethodResult(errors, list(fits.verdicts), latents, fits.deviation, fits.masks)
+            errors = _errors(latents, truth, object_class) | _segmentation(masks, dataset)
+            results[method] = MethodResult(errors, list(fits.verdicts), latents, fits.deviation, masks)
     return results
 
 

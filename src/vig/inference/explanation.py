@@ -28,7 +28,8 @@ class Explanation:
     without one optimistic, as the noise of neighbouring pixels is taken as independent. confidence:
     probability that the view is right, NaN without a calibration; clues (C,): what it is judged by, see
     `calibration.CLUES`. visible (H, W): posterior of each pixel showing the object;
-    mask, amodal (H, W) bool: its visible pixels, and all that it covers. evidence, start_evidence: log
+    mask, amodal (H, W) bool: its visible pixels, and all that it covers; mask_by_pixel: as the
+    paper's robust model has the visible ones, each pixel by itself. evidence, start_evidence: log
     posterior in nats at the fit and at the recognition model's guess. reason: one sentence. alternative: when
     ambiguous, the other explanation (B = 1). evaluations: of the objective, all starts together.
     """
@@ -38,6 +39,7 @@ class Explanation:
     deviation: torch.Tensor
     visible: torch.Tensor
     mask: torch.Tensor
+    mask_by_pixel: torch.Tensor
     amodal: torch.Tensor
     verdict: Verdict
     reason: str

@@ -88,6 +88,7 @@ def judge(
         deviation=deviation,
         visible=visible,
         mask=mask,
+        mask_by_pixel=torch.where(amodal, seen.posterior[0], 0.0) > 0.5,
         amodal=amodal,
         verdict=verdict,
         reason=reason,

@@ -57,16 +57,16 @@ class ExplainSettings:
     likelihood: PixelModel = SPATIAL
     visible_prior: torch.Tensor | None = field(default=None, compare=False, kw_only=True)
     stages: tuple[Stage, ...] = (
-        Stage(16, 8, sigma=4.0, scale=0.5, tolerance=20.0),
-        Stage(6, 10, sigma=4.0, scale=0.5, tolerance=5.0),
-        Stage(4, 12, sigma=2.0, tolerance=5.0),
-        Stage(3, 30, tolerance=0.5),
+        Stage(8, 5, sigma=4.0, scale=0.5, tolerance=40.0),
+        Stage(4, 6, sigma=4.0, scale=0.5, tolerance=20.0),
+        Stage(2, 8, sigma=2.0, tolerance=10.0),
+        Stage(2, 15, tolerance=2.0),
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
     belief_weight: float = 1.0
     prior_weight: float = 100.0
-    view_weight: float = 300.0
+    view_weight: float = 1000.0
     self_shadow: bool = True
     free_framing: bool = False
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)

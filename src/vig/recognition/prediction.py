@@ -125,7 +125,6 @@ class Recognizer:
         self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
         if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
             raise ValueError("the scale does not fit the network")
-        self.calibration = Calibration.of(tensors, len(self.mean))
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:

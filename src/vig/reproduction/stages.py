@@ -27,7 +27,7 @@ from vig.evaluation import (
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
 from vig.evaluation.calibration import calibrate_fits, describe
-from vig.evaluation.protocol import LIKELIHOODS
+from vig.evaluation.protocol import LIKELIHOODS, fitted
 from vig.evaluation.statistics import within
 from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
@@ -263,8 +263,7 @@ def draw_figures(run: Run, tier: str) -> None:
 
 def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
     """What the methods say of a tier's photos; fits that were made before are taken from their folder."""
-    fitted = [method for method in run.settings.methods if method in LIKELIHOODS]
-    with Meter(len(dataset) * len(fitted), 0, run.progress, "fits") as meter:
+    with Meter(len(dataset) * len(fitted(run.settings.methods)), 0, run.progress, "fits") as meter:
         return run_methods(
             dataset,
             run.object_class,
