@@ -31,8 +31,8 @@ class Fits:
     """N photos explained.
 
     latents, deviation (N, P) float32. masks, masks_by_pixel (N, H, W) bool: the visible pixels, and what each
-    by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues (N, C), confidence (N,): see
-    `vig.inference.Explanation`. verdicts: N names.
+    by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues
+    (N, C), confidence (N,): see `vig.inference.Explanation`. verdicts: N names.
     """
 
     latents: np.ndarray
