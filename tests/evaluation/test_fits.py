@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from vig.dataset import Dataset
 from vig.evaluation import evaluate, fits
-from vig.inference import ExplainSettings
+from vig.inference import Calibration, ExplainSettings
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 
@@ -69,14 +70,16 @@ def test_a_chunk_that_is_lost_or_damaged_is_fitted_again(run, tmp_path: Path) ->
     assert run() == 2
 
 
-@pytest.mark.parametrize("what", ["settings", "weights", "class", "light"])
+@pytest.mark.parametrize("what", ["settings", "weights", "class", "light", "calibration"])
 def test_fits_of_something_else_are_not_taken(
     run, what: str, quick: ExplainSettings, untrained, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     run()
+    boastful = Calibration(torch.ones(7).double(), 9.0, 0.0, torch.ones(2, 24), torch.zeros(2, 24))
     larger = replace(teapot.shape_model, mean=teapot.shape_model.mean * np.float32(1.01))
     other = {
         "settings": lambda: {"settings": replace(quick, view_weight=299.0)},
+        "calibration": lambda: {"settings": replace(quick, calibration=boastful)},
         "weights": lambda: {"path": untrained(tmp_path / "w", seed=1)},
         "class": lambda: {"object_class": replace(teapot, shape_model=larger)},
         "light": lambda: {"object_class": replace(teapot, light_prior_mean=teapot.light_prior_mean * 1.01)},

@@ -82,8 +82,7 @@ def _drawn(
     """sRGB in [0, 1] and coverage of a method's explanations of the chosen images, shaded as fits are."""
     assert result.latents is not None
     latents = result.latents[torch.tensor(chosen)]
-    shadowed = ExplainSettings().self_shadow and object_class.transfer is not None
-    colours, coverage = rendered(latents, object_class, shadowed)
+    colours, coverage = rendered(latents, object_class, ExplainSettings().self_shadow)
     return srgb_from_linear(colours), coverage
 
 
