@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vig.cli.doctor import processor
 from vig.files import atomic_write
 
 Better = Literal["higher", "lower"]
@@ -46,16 +47,6 @@ def report(metrics: list[dict[str, Any]], threads: int, packages: Iterable[str] 
         "versions": {"python": platform.python_version(), **versions},
         "metrics": metrics,
     }
-
-
-def processor() -> str:
-    """The processor's model, its architecture where the system does not tell."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
 
 
 def write(found: dict[str, Any], path: Path) -> None:

@@ -1,12 +1,12 @@
 """Does a model of self-shadow and bounce light lower errors? Both ways on path-traced images of known truth.
 
-    python -m benchmarks.self_shadow --blender-python cycles/bin/python --out runs/self_shadow [--count 48]
+    VIG_BLENDER_PYTHON=blender/bin/python python -m benchmarks.self_shadow --out runs/self_shadow [--count 48]
 
-needs an environment with `bpy`, as `examples/make_examples.py` says. Settings: the object `alone` in its
-panorama, on a plain `support`, and the whole `scene` with room and props; and, not path-traced, the `raster`
-tier's image of that scene, where there are no shadows on the object. Two tables: residuals inside the
-object at the true latents under several models of shading (not for `raster`); errors of fits with the
-default settings, from the recognition model and from the truth, without and with the transfer table.
+needs Blender (docs/cycles.md). Settings: the object `alone` in its panorama, on a plain `support`, and the
+whole `scene` with room and props; and, not path-traced, the `raster` tier's image of that scene. Two tables:
+residuals inside the object at the true latents under several models of shading (not for `raster`); errors of
+fits with the default settings, from the recognition model and from the truth, without and with the transfer
+table.
 The light that is true is the one that arrives at the object's place with the object removed.
 """
 
@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
+from itertools import count, islice
 from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.ndimage import binary_erosion
 
 from benchmarks.ground_transfer import GroundTransfer
 from vig.evaluation.metrics import (
@@ -30,6 +32,7 @@ from vig.evaluation.metrics import (
     segmentation_iou,
     shape_error_mm,
 )
+from vig.files import atomic_write
 from vig.inference import Budget, ExplainSettings, LevenbergMarquardt, explain_one, objective_of
 from vig.recognition import Recognizer
 from vig.render import rasterize
@@ -44,11 +47,15 @@ from vig.scene import (
     rotate_z,
     srgb_from_linear,
 )
-from vig.synthesis.build import export
+from vig.synthesis.cycles.appearance import lambertian
+from vig.synthesis.cycles.message import compose
+from vig.synthesis.cycles.process import Worker
+from vig.synthesis.cycles.renderer import PROBE_HEIGHT, PROBE_SAMPLES, WORKER, arriving, find_python
 from vig.synthesis.library import Library
 from vig.synthesis.rendering import render
 from vig.synthesis.sampling import sample
 from vig.synthesis.spec import SceneSpec
+from vig.synthesis.target import target_vertices
 from vig.synthesis.transfer import ALBEDO, BOUNCES, Occlusion, neighbours_of, unoccluded
 from vig.synthesis.view import View
 
@@ -56,7 +63,10 @@ SETTINGS = ("alone", "support", "scene", "raster")
 MOST_OCCLUSION = 0.5
 GROUND_GUESS = 0.4
 RAY_SIDE = 20
-TRACER = Path(__file__).with_name("self_shadow_cycles.py")
+PLATE_HALF, PLATE_BELOW = 0.8, 0.0005
+"""Metres: half a side of the plain support, and how far it lies under the object, lest the two flicker."""
+TIMEOUT = 600.0
+"""Seconds for one scene."""
 METRICS = ("azimuth_deg", "elevation_deg", "appearance", "albedo", "illumination", "shape_mm", "iou", "nats")
 
 
@@ -64,7 +74,7 @@ METRICS = ("azimuth_deg", "elevation_deg", "appearance", "albedo", "illumination
 class Traced:
     """A path-traced image. image (H, W, 3): linear RGB as a camera exposed by a grey card gets it, unclipped.
     photo: the same, clipped and in 8-bit steps. local, above (9, 3): light at the object's place, and of the
-    panorama, in the image's exposure. whole, visible (H, W): shares of pixels. support: its albedo.
+    panorama, in the image's exposure. visible (H, W) bool: pixels that show the object. support: its albedo.
     """
 
     spec: SceneSpec
@@ -72,7 +82,6 @@ class Traced:
     photo: torch.Tensor
     local: np.ndarray
     above: np.ndarray
-    whole: np.ndarray
     visible: np.ndarray
     support: float
 
@@ -83,49 +92,79 @@ class Traced:
         return Latents.from_vector(torch.from_numpy(vector)[None])
 
 
-def prepare(out: Path, object_class: ObjectClass, count: int, seed: int) -> None:
-    """Export the first `count` test scenes of a seed that hide at most half of the object."""
-    out.mkdir(parents=True, exist_ok=True)
-    library, index, done = Library("test"), 0, 0
-    while done < count:
+def scenes(library: Library, object_class: ObjectClass, seed: int) -> Iterator[SceneSpec]:
+    """The test scenes of a seed that hide at most half of the object."""
+    for index in count():
         spec = sample(library, object_class, seed, index)
-        path = out / f"{done:03d}.npz"
         if spec.occlusion <= MOST_OCCLUSION:
-            if not path.exists():
-                export(library, spec, object_class, path)
-                about = json.loads(path.with_suffix(".json").read_text())
-                rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
-                about["support_albedo"] = rng.uniform(0.1, 0.7)
-                path.with_suffix(".json").write_text(json.dumps(about))
-            done += 1
-        index += 1
+            yield spec
 
 
-def traced(out: Path, setting: str, count: int, object_class: ObjectClass) -> Iterator[Traced]:
+def support_albedo(spec: SceneSpec) -> float:
+    """Of the plain support in the setting `support`."""
+    rng = np.random.default_rng(np.random.SeedSequence([spec.seed, spec.index]))
+    return float(rng.uniform(0.1, 0.7))
+
+
+def trace(
+    worker: Worker, library: Library, spec: SceneSpec, object_class: ObjectClass, setting: str, samples: int
+) -> dict[str, np.ndarray]:
+    """Path trace a scene: `image` (H, W, 3) linear, and `local` (9, 3), the light at the object's place."""
+    header, arrays = compose(library, spec, object_class, "diffuse")
+    if setting != "scene":
+        header["things"] = header["things"][:1]
+    if setting == "support":
+        plate = lambertian(np.full(3, support_albedo(spec)))
+        header["things"].append({"material": plate, "shell": False, "target": False})
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32) * PLATE_HALF
+        arrays["1_vertices"] = np.column_stack([corners, np.full(4, -PLATE_BELOW, np.float32)])
+        arrays["1_normals"] = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
+        arrays["1_faces"] = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    header["samples"] = samples
+    header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
+    answer, pictures = worker.ask(header, arrays, TIMEOUT)
+    if "error" in answer:
+        raise RuntimeError(answer["error"])
+    local = arriving(pictures["probe"], arrays["panorama"], spec.panorama_angle)
+    return {"image": pictures["image"], "local": local}
+
+
+def trace_missing(
+    out: Path, setting: str, specs: list[SceneSpec], object_class: ObjectClass, arguments: argparse.Namespace
+) -> None:
+    """Trace the scenes of a setting of which `out` has no file."""
+    (out / setting).mkdir(parents=True, exist_ok=True)
+    missing = [spec for spec in specs if not (out / setting / f"{spec.index:05d}.npz").exists()]
+    if not missing:
+        return
+    library = Library("test")
+    command = [find_python(arguments.blender_python), str(WORKER), str(arguments.threads)]
+    with closing(Worker(command)) as worker:
+        for spec in missing:
+            found = trace(worker, library, spec, object_class, setting, arguments.samples)
+            with atomic_write(out / setting / f"{spec.index:05d}.npz") as temporary:
+                np.savez_compressed(temporary, **found)
+
+
+def traced(out: Path, setting: str, specs: list[SceneSpec], object_class: ObjectClass) -> Iterator[Traced]:
     """Read the traced images of one setting."""
     library = Library("test")
-    for path in sorted(out.glob("*.npz"))[:count]:
-        about = json.loads(path.with_suffix(".json").read_text())
-        spec = SceneSpec.from_json(json.dumps(about["spec"]))
-        with np.load(path) as arrays:
-            panorama = torch.from_numpy(project_panorama(arrays["panorama"]).T.copy())
-        above = rotate_z(panorama, spec.panorama_angle).numpy().T
+    for spec in specs:
+        picture, support = render(library, spec, object_class), support_albedo(spec)
         if setting == "raster":
-            picture = render(library, spec, object_class)
             photo = torch.from_numpy(linear_from_srgb(picture.image.astype(np.float32) / 255)).float()
             light = np.repeat(np.array(spec.light)[:, None], 3, axis=1)
-            masks = picture.amodal.astype(float), picture.visible.astype(float)
-            yield Traced(spec, photo.numpy(), photo, light, light, *masks, about["support_albedo"])
+            yield Traced(spec, photo.numpy(), photo, light, light, picture.visible, support)
             continue
-        with np.load(out / setting / path.name) as result:
-            local = project_panorama(result["probe"])
-            image, whole, visible = result["image"], result["amodal"], result["visible"]
+        visible = picture.visible if setting == "scene" else picture.amodal
+        panorama = torch.from_numpy(project_panorama(library.surroundings(spec.panorama)).T.copy())
+        above = rotate_z(panorama, spec.panorama_angle).numpy().T
+        with np.load(out / setting / f"{spec.index:05d}.npz") as result:
+            image, local = result["image"], result["local"]
         gain = EXPOSURE_L00 / local[0]
         photo = torch.from_numpy((image * gain).astype(np.float32)).clamp(0, 1)
         photo = linear_from_srgb((srgb_from_linear(photo) * 255).round() / 255)
-        yield Traced(
-            spec, image * gain, photo, local * gain, above * gain, whole, visible, about["support_albedo"]
-        )
+        yield Traced(spec, image * gain, photo, local * gain, above * gain, visible, support)
 
 
 def residuals(one: Traced, object_class: ObjectClass, setting: str) -> dict[str, list[float]]:
@@ -133,7 +172,7 @@ def residuals(one: Traced, object_class: ObjectClass, setting: str) -> dict[str,
     by least squares; and that light's illumination error.
     """
     model, albedo = object_class.shape_model, np.array(one.spec.albedo)
-    vertices = model.vertices(torch.tensor(one.spec.shape, dtype=torch.float32)[None])[0].numpy()
+    vertices = target_vertices(one.spec, object_class)
     rng = np.random.default_rng(one.spec.index)
     own = Occlusion.of(vertices, model.faces, RAY_SIDE, rng)
     neighbours = neighbours_of(model.faces, len(vertices))
@@ -160,7 +199,7 @@ def residuals(one: Traced, object_class: ObjectClass, setting: str) -> dict[str,
 
     view = View.of(object_class, one.spec.azimuth, one.spec.elevation)
     fragments = rasterize(vertices, model.faces, view.rotation, view.translation, view.camera)
-    inside = (fragments.face >= 0) & (one.whole > 0.999) & (one.visible > 0.999)
+    inside = (fragments.face >= 0) & binary_erosion(one.visible)
     corners = model.faces[fragments.face[inside]]
     weights, image = fragments.barycentric[inside][..., None], one.image[inside]
     size = np.sqrt((image**2).mean())
@@ -189,7 +228,7 @@ def fits(images: list[Traced], object_class: ObjectClass, from_truth: bool, self
     model, zero = object_class.shape_model, torch.zeros(1, dtype=torch.int32)
     for one in images:
         prediction, truth = recognizer(one.photo[None]), one.truth()
-        whole = one.whole >= 0.5
+        vertices = torch.from_numpy(target_vertices(one.spec, object_class))[None]
         if from_truth:
             objective = objective_of(one.photo, prediction, object_class, settings)
             end = LevenbergMarquardt()(
@@ -199,7 +238,7 @@ def fits(images: list[Traced], object_class: ObjectClass, from_truth: bool, self
         else:
             fit = explain_one(one.photo, prediction, object_class, settings)
             found, nats = fit.latents, fit.evidence
-            overlap = segmentation_iou(fit.mask.numpy()[None], (whole & (one.visible >= 0.5))[None])[0]
+            overlap = segmentation_iou(fit.mask.numpy()[None], one.visible[None])[0]
         found = Latents.from_vector(found.to_vector().float())
         rows.append(
             [
@@ -208,7 +247,7 @@ def fits(images: list[Traced], object_class: ObjectClass, from_truth: bool, self
                 appearance_error(found.albedo, truth.albedo)[0],
                 float((found.albedo - truth.albedo).abs().mean()),
                 illumination_error(found.light, truth.light)[0],
-                shape_error_mm(model.vertices(found.shape), model.vertices(truth.shape))[0],
+                shape_error_mm(model.vertices(found.shape), vertices)[0],
                 overlap,
                 nats,
             ]
@@ -241,7 +280,9 @@ def compare(without: np.ndarray, with_table: np.ndarray) -> dict[str, dict[str, 
 def main() -> None:
     """Trace what is not there yet, compare, print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--blender-python", type=Path, help="a Python that can import bpy")
+    parser.add_argument("--blender-python", help="a Python that can import bpy; else VIG_BLENDER_PYTHON")
+    parser.add_argument("--samples", type=int, default=128, help="paths per pixel")
+    parser.add_argument("--threads", type=int, default=2, help="of Blender")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--count", type=int, default=48)
     parser.add_argument("--seed", type=int, default=2027)
@@ -250,12 +291,12 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     object_class = ObjectClass.load("teapot")
-    prepare(arguments.out, object_class, arguments.count, arguments.seed)
+    specs = list(islice(scenes(Library("test"), object_class, arguments.seed), arguments.count))
     report: dict[str, dict] = {}
     for setting in arguments.settings:
-        if arguments.blender_python and setting != "raster":
-            subprocess.run([arguments.blender_python, TRACER, arguments.out, setting], check=True)
-        images = list(traced(arguments.out, setting, arguments.count, object_class))
+        if setting != "raster":
+            trace_missing(arguments.out, setting, specs, object_class, arguments)
+        images = list(traced(arguments.out, setting, specs, object_class))
         report[setting] = {}
         print(f"\n{setting}, {len(images)} images")
         if setting != "raster":

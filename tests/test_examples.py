@@ -9,6 +9,8 @@ from PIL import Image
 from vig.examples import FOLDER, Example, example_photos
 from vig.render import rasterize
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
+from vig.synthesis.designs import HELD_OUT_DESIGNS
+from vig.synthesis.target import shape_vertices
 
 EXAMPLES = example_photos()
 each = pytest.mark.parametrize("example", EXAMPLES, ids=[example.name for example in EXAMPLES])
@@ -76,7 +78,7 @@ def test_truth_projects_onto_the_mask(example: Example) -> None:
     object_class = ObjectClass.load(example.class_name)
     camera = Camera.standard(target_height=object_class.target_height)
     rotation, translation = camera.pose(example.truth.azimuth, example.truth.elevation)
-    vertices = object_class.shape_model.vertices(example.truth.shape)[0].numpy()
+    vertices = shape_vertices(example.truth.shape[0].numpy(), example.design, object_class)
     faces = object_class.shape_model.faces
     fragments = rasterize(vertices, faces, rotation[0].numpy(), translation[0].numpy(), camera)
     amodal, drawn = mask(example.amodal_mask), fragments.face >= 0
@@ -86,3 +88,4 @@ def test_truth_projects_onto_the_mask(example: Example) -> None:
 def test_scenes_come_from_the_test_split() -> None:
     photos = json.loads((FOLDER / "truth.json").read_text())["photos"]
     assert {photo["split"] for photo in photos} == {"test"}
+    assert {example.design for example in EXAMPLES} == set(range(len(HELD_OUT_DESIGNS)))

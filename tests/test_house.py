@@ -19,6 +19,7 @@ ROOMS = {
     "recognition": {"scene", "render", "synthesis", "dataset"},
     "inference": {"scene", "render", "likelihood", "recognition"},
     "evaluation": {"scene", "render", "likelihood", "synthesis", "dataset", "recognition", "inference"},
+    "reproduction": {"scene", "synthesis", "dataset", "recognition", "inference", "evaluation"},
     "examples": {"scene"},
 }
 FACES = {"report", "viewer", "cli"}

@@ -46,16 +46,16 @@ def test_weights_are_calibrated_in_place(tmp_path: Path) -> None:
     save_weights(RecognitionNetwork(NetworkSettings(widths=(4, 4, 8), features=16)), scale, path)
     dataset, said = tiny_dataset(tmp_path, 60), list[str]()
     before = Recognizer(path)
-    calibrate(path, dataset, said.append)
+    calibrate(path, [dataset], said.append)
     after = Recognizer(path)
     assert (before.calibration.deviation == 1).all()
     assert (after.calibration.deviation > 2).all()  # it states a tenth of what its errors are
     assert torch.equal(before.network.azimuth.weight, after.network.azimuth.weight)
     assert (tmp_path / "reliability.png").stat().st_size > 1000 and "calibrated on 60 images" in said[0]
-    calibrate(path, dataset, said.append)  # from what the network says, not from what was put right before
+    calibrate(path, [dataset], said.append)  # from what the network says, not from what was put right before
     assert torch.equal(Recognizer(path).calibration.deviation, after.calibration.deviation)
 
 
 def test_too_few_images_calibrate_nothing(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="at least 50 images"):
-        calibrate(tmp_path / "w", tiny_dataset(tmp_path, 20))
+        calibrate(tmp_path / "w", [tiny_dataset(tmp_path, 20)])

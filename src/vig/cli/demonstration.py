@@ -19,6 +19,7 @@ from vig.cli.explaining import Explainer
 from vig.evaluation import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
 from vig.examples import Example, example_photos
 from vig.images import write_png
+from vig.synthesis.target import shape_vertices
 
 
 def demonstrate(out: Path, as_json: bool) -> int:
@@ -81,7 +82,9 @@ def _compared(
 ) -> dict[str, Any]:
     """Truth and estimate of one example as plain numbers."""
     truth, found = example.truth, explanation.latents
-    model = explainer.object_class.shape_model
+    object_class = explainer.object_class
+    vertices = shape_vertices(truth.shape[0].numpy(), example.design, object_class)
+    shape_error = shape_error_mm(object_class.shape_model.vertices(found.shape), vertices[None])
     visible = np.asarray(Image.open(example.visible_mask)) > 127
     return {
         "photo": example.name,
@@ -91,7 +94,7 @@ def _compared(
         "albedo": [truth.albedo[0].tolist(), described["albedo"]],
         "azimuth_error_deg": float(angle_error_deg(found.azimuth, truth.azimuth)[0]),
         "appearance_error": float(appearance_error(found.albedo, truth.albedo)[0]),
-        "shape_error_mm": float(shape_error_mm(model.vertices(found.shape), model.vertices(truth.shape))[0]),
+        "shape_error_mm": float(shape_error[0]),
         "segmentation_iou": float(segmentation_iou(explanation.mask.numpy()[None], visible[None])[0]),
         "verdict": described["verdict"],
         "light": [truth.light[0].tolist(), torch.as_tensor(described["light"]).tolist()],

@@ -8,6 +8,7 @@ import platform
 import time
 from collections.abc import Callable
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,21 +21,38 @@ PACKAGES = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safete
 def doctor() -> dict[str, Any]:
     """Collect versions and devices, and draw one triangle with the renderer's kernels.
 
-    Returns `{"vig", "python", "platform", "cpus", "packages": {name: version or None}, "cuda": {"torch":
-    [names], "warp": [names]}, "kernels": {"ok", "detail"}, "ok"}`, ready for JSON. Nothing is raised: what
-    fails is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
+    Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "kernels": {"ok",
+    "detail"}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the place of its result
+    ("cuda" entries are then `["failed: ..."]`).
     """
     kernels = check_kernels()
+    cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}
+    return machine() | {"cuda": cuda, "kernels": kernels, "ok": kernels["ok"]}
+
+
+def machine() -> dict[str, Any]:
+    """What vig runs on, as plain data.
+
+    `{"vig", "python", "platform", "processor", "cpus", "packages": {name: version or None}}`.
+    """
     return {
         "vig": vig.__version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
+        "processor": processor(),
         "cpus": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "packages": {name: _version(name) for name in PACKAGES},
-        "cuda": {"torch": _names(_torch_devices), "warp": _names(_warp_devices)},
-        "kernels": kernels,
-        "ok": kernels["ok"],
     }
+
+
+def processor() -> str:
+    """The processor's model, its architecture where the system does not tell."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
 
 
 def check_kernels() -> dict[str, Any]:
@@ -73,7 +91,7 @@ def report_lines(report: dict[str, Any]) -> str:
         ("vig", report["vig"]),
         ("python", report["python"]),
         ("platform", report["platform"]),
-        ("processors", str(report["cpus"])),
+        ("processor", f"{report['cpus']} x {report['processor']}"),
         *((name, version or "not installed") for name, version in report["packages"].items()),
         *((f"cuda in {name}", ", ".join(found) or "none") for name, found in report["cuda"].items()),
         ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
 from vig.cli.common import check_writable, progress_bar
 from vig.cli.main import Evaluate
-from vig.dataset import Dataset, read_dataset
+from vig.dataset import read_dataset
 from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig.evaluation import evaluate as run_methods
+from vig.evaluation.figures import draw_figures
 from vig.evaluation.protocol import LIKELIHOODS
 from vig.evaluation.table import check_limits
 from vig.files import atomic_write
@@ -29,7 +29,7 @@ def evaluate(settings: Evaluate) -> int:
     object_class = ObjectClass.load(settings.object_class)
     dataset = read_dataset(settings.dataset, settings.split)
     if settings.limit is not None:
-        dataset = _first(dataset, settings.limit)
+        dataset = dataset.first(settings.limit)
     check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
     tier = read_info(settings.dataset)["splits"][settings.split]["tier"]
     recognizer = Recognizer.of_class(object_class, settings.weights)
@@ -50,6 +50,8 @@ def evaluate(settings: Evaluate) -> int:
     save_table(settings.out / "table.json", table)
     with atomic_write(settings.out / "table.md") as temporary:
         Path(temporary).write_text(markdown_table(table))
+    if settings.figures:
+        draw_figures(dataset, object_class, recognizer, results, tier, settings.out)
     if settings.json:
         print(json.dumps(table, indent=2))
         return 0
@@ -58,12 +60,6 @@ def evaluate(settings: Evaluate) -> int:
         console.print(block.rich())
     print(settings.out)
     return 0
-
-
-def _first(dataset: Dataset, count: int) -> Dataset:
-    """The first images of a split, all when there are fewer."""
-    of_each = ("latents", "occlusion", "target_occlusion", "cause", "truncated", "design")
-    return replace(dataset, **{name: getattr(dataset, name)[:count] for name in of_each})
 
 
 def _check(settings: Evaluate) -> None:

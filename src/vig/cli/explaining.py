@@ -48,7 +48,7 @@ class Explainer:
         object_class: str,
         likelihood: str = "spatial",
         optimizer: str = "lm",
-        self_shadow: bool = False,
+        self_shadow: bool = True,
     ):
         self.object_class = ObjectClass.load(object_class)
         self.recognizer = Recognizer.of_class(self.object_class)

@@ -6,12 +6,14 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
 from vig.cli import dataset as dataset_verbs
 from vig.errors import UserError
+
+Stage = Literal["data", "train", "calibrate", "evaluate", "ablations", "figures", "page"]
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class Fit:
     optimizer: Literal["lm", "dogleg", "lbfgs", "bfgs", "cg", "gd"] = "lm"
     """Levenberg-Marquardt, Powell's dogleg, L-BFGS, BFGS, nonlinear conjugate gradient, gradient descent with
     momentum; docs/choosing.md compares them."""
-    self_shadow: bool = False
-    """Shade with what the object's parts take from and throw upon each other; see docs/self_shadow.md."""
+    no_self_shadow: bool = False
+    """Shade without what the object's parts take from and throw upon each other; docs/self_shadow.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"
     """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
     out: Path = Path("vig-fit")
@@ -65,6 +67,24 @@ class Train:
     """Passes over the data: 18 by default; with --net paper at most, 150 by default, for each network."""
     seed: int = 0
     """Seed of initial weights, order and augmentation."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Make stated uncertainties hold: learns, on photos that training never saw, how far off the network and
+    the fits are, and when a view is right. Writes into the weights, and calibration.json and reliability.png
+    beside them; a class pack's calibration.json is used by every fit."""
+
+    datasets: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of datasets; each counts alike, whatever its size."""
+    weights: Path
+    """The weights to calibrate; of a class pack, or a training run."""
+    split: Literal["train", "test", "validation"] = "validation"
+    """Which split of them."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
     json: bool = False
     """Print one JSON object at the end."""
 
@@ -108,6 +128,54 @@ class Evaluate:
 
 
 @dataclass(frozen=True)
+class Reproduce:
+    """The paper's section 5: data, training, every method on both tiers, Table 1 beside the paper's, figures,
+    ablations, and one page that shows it all. Goes on where it was stopped."""
+
+    scale: Literal["tiny", "small", "paper"]
+    """How much: tiny takes minutes, small an hour on two cores, paper is 10,000 training and 1,000 test
+    images in each tier. The options below change single numbers of it."""
+    out: Path
+    """Folder of the run."""
+    stages: tuple[Stage, ...] = get_args(Stage)
+    """What to do of it; what is done already is passed over."""
+    train_images: int | None = None
+    """Rasterised photos to train on."""
+    epochs: int | None = None
+    """Passes of the training over them."""
+    net: Literal["vig", "paper"] | None = None
+    """The recognition model: vig's, or the paper's own."""
+    weights: Path | None = None
+    """Recognition weights to use in place of training."""
+    validation_images: int | None = None
+    """Rasterised photos on which stated uncertainties are calibrated."""
+    test_images: int | None = None
+    """Rasterised photos to test on."""
+    cycles_images: int | None = None
+    """Path-traced photos to test on."""
+    ablation_images: int | None = None
+    """Rasterised test photos that are fitted with each part of the method switched off."""
+    methods: tuple[Literal["baseline", "rm", "gaussian", "robust", "spatial"], ...] | None = None
+    """What is compared; all by default."""
+    seed: int | None = None
+    """Of the data and the training; 0 by default."""
+    train: Path | None = None
+    """Folder of a dataset to train on, in place of making one."""
+    validation: Path | None = None
+    """Folder of a dataset with a validation split."""
+    test_raster: Path | None = None
+    """Folder of a rasterised dataset with a test split."""
+    test_cycles: Path | None = None
+    """Folder of a path-traced dataset with a test split."""
+    no_cycles: bool = False
+    """Leave the path-traced tier out, for now: the same command without this adds it."""
+    workers: int | None = None
+    """Processes and threads; all cores by default."""
+    json: bool = False
+    """Print one JSON object at the end, and no progress."""
+
+
+@dataclass(frozen=True)
 class Doctor:
     """Versions, devices, and a check of the kernels: what a bug report needs."""
 
@@ -115,7 +183,15 @@ class Doctor:
     """Print one JSON object."""
 
 
-VERBS = {Demo: "demo", Fit: "fit", Train: "train", Evaluate: "evaluate", Doctor: "doctor"}
+VERBS = {
+    Demo: "demo",
+    Fit: "fit",
+    Train: "train",
+    Calibrate: "calibrate",
+    Evaluate: "evaluate",
+    Reproduce: "reproduce",
+    Doctor: "doctor",
+}
 
 
 def main(arguments: list[str] | None = None) -> None:

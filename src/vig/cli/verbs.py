@@ -10,7 +10,7 @@ from typing import Any
 
 from vig.cli import dataset as dataset_verbs
 from vig.cli.common import check_writable
-from vig.cli.main import Demo, Doctor, Evaluate, Fit, Train
+from vig.cli.main import Calibrate, Demo, Doctor, Evaluate, Fit, Reproduce, Train
 from vig.errors import UserError
 
 
@@ -21,7 +21,9 @@ def run(settings: Any) -> int:
         Fit: fit,
         **dict.fromkeys(dataset_verbs.VERBS, dataset_verbs.run),
         Train: train,
+        Calibrate: calibrate,
         Evaluate: evaluate,
+        Reproduce: reproduce,
         Doctor: doctor,
     }
     return work[type(settings)](settings)
@@ -34,7 +36,7 @@ def fit(settings: Fit) -> int:
     box = None if settings.box is None else parse_box(settings.box)
     folders = result_folders(settings.images, settings.out)
     explainer = Explainer(
-        settings.object_class, settings.likelihood, settings.optimizer, settings.self_shadow
+        settings.object_class, settings.likelihood, settings.optimizer, not settings.no_self_shadow
     )
     results, failures = {}, 0
     for image, folder in zip(settings.images, folders, strict=True):
@@ -87,11 +89,25 @@ def train(settings: Train) -> int:
     return 0
 
 
+def calibrate(settings: Calibrate) -> int:
+    """`vig calibrate`."""
+    from vig.cli.calibrating import calibrate as run_calibration
+
+    return run_calibration(settings)
+
+
 def evaluate(settings: Evaluate) -> int:
     """`vig evaluate`."""
     from vig.cli.evaluating import evaluate as run_evaluation
 
     return run_evaluation(settings)
+
+
+def reproduce(settings: Reproduce) -> int:
+    """`vig reproduce`."""
+    from vig.cli.reproducing import reproduce_paper
+
+    return reproduce_paper(settings)
 
 
 def doctor(settings: Doctor) -> int:

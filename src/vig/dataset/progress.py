@@ -14,19 +14,20 @@ SECONDS, SHARE = 30.0, 0.1
 
 
 class Meter:
-    """Counts samples of a run of `total`, of which `done` were there at its start.
+    """Counts samples, or what `unit` names, of a run of `total`, of which `done` were there at its start.
 
     Use as a context. show: False says nothing. Everything goes to standard error.
     """
 
-    def __init__(self, total: int, done: int, show: bool = True) -> None:
+    def __init__(self, total: int, done: int, show: bool = True, unit: str = "samples") -> None:
+        self.unit = unit
         self.total, self.done, self.before = total, done, done
         self.started = self.said_at = time.monotonic()
         self.said = done
         self.bar: Progress | None = None
         self.show = show
         if show and sys.stderr.isatty():
-            columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TaskProgressColumn())
+            columns = (TextColumn(unit), BarColumn(), MofNCompleteColumn(), TaskProgressColumn())
             self.bar = Progress(*columns, TextColumn("{task.fields[pace]}"), console=Console(stderr=True))
             self.task = self.bar.add_task("", total=total, completed=done, pace="")
 
@@ -64,7 +65,7 @@ class Meter:
 
     def _say(self) -> None:
         self.said, self.said_at = self.done, time.monotonic()
-        print(f"{self.done} of {self.total} samples, {self.pace()}", file=sys.stderr, flush=True)
+        print(f"{self.done} of {self.total} {self.unit}, {self.pace()}", file=sys.stderr, flush=True)
 
 
 def _clock(seconds: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,11 @@ class Dataset:
     def __len__(self) -> int:
         return len(self.latents)
 
+    def first(self, count: int) -> Dataset:
+        """The first `count` samples, all when there are fewer."""
+        of_each = ("latents", "occlusion", "target_occlusion", "cause", "truncated", "design")
+        return replace(self, **{name: getattr(self, name)[:count] for name in of_each})
+
     def read(self, kind: str, indices: Iterable[int] | None = None) -> np.ndarray:
         """Pictures of one kind of the samples `indices` (all by default).
 
@@ -79,7 +84,8 @@ class Dataset:
         """The scene of every sample. Raises UserError when the file is missing or damaged."""
         path = self.folder / "specs.jsonl"
         try:
-            return [SceneSpec.from_json(line) for line in path.read_text().splitlines()]
+            lines = path.read_text().splitlines()[: len(self)]
+            return [SceneSpec.from_json(line) for line in lines]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise _damaged(path, error) from error
 

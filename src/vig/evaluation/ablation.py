@@ -70,9 +70,10 @@ def _by(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
 ABLATIONS: dict[str, Ablation] = {
     "silhouettes": Ablation("constant silhouettes", lambda s: replace(s, silhouette="paper")),
     "priors": Ablation(
-        "no word of the recognition model on latents",
-        lambda s: replace(s, belief_weight=0.0, view_weight=0.0),
+        "no word of the recognition model on latents, the class's counted once",
+        lambda s: replace(s, belief_weight=0.0, view_weight=0.0, prior_weight=1.0),
     ),
+    "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
     "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),
     "annealing": Ablation("no annealing", _in_each_stage(lambda stage: replace(stage, sigma=1.0))),
     "hypotheses": Ablation("one start", _in_each_stage(lambda stage: replace(stage, starts=1))),
@@ -179,7 +180,12 @@ def timed(
 
 
 def ablation_markdown(table: Mapping[str, Any]) -> str:
-    """What `run_ablations` found, in Markdown: a table of errors, and one of differences to the default."""
+    """What `run_ablations` found, in Markdown."""
+    return "\n".join(block.markdown() for block in ablation_blocks(table))
+
+
+def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
+    """What `run_ablations` found: a table of errors, and one of differences to the default."""
     rows = table["variants"]
     metrics = list(rows[DEFAULT]["metrics"])
     titles = [METRICS[metric] for metric in metrics]
@@ -203,7 +209,7 @@ def ablation_markdown(table: Mapping[str, Any]) -> str:
     if differences:
         title = "Less the default: difference of medians, its paired 95 % interval; p of Wilcoxon's test"
         blocks.append(Block(title, ["", *titles], differences))
-    return "\n".join(block.markdown() for block in blocks)
+    return blocks
 
 
 def _difference(test: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from safetensors.numpy import save_file
 from vig import __version__
 from vig.dataset.format import class_fingerprint
 from vig.files import atomic_write
-from vig.inference import ExplainSettings, Explanation, explain_one
+from vig.inference import ExplainSettings, Explanation, calibration_of, explain_one
 from vig.likelihood import load_kernels
 from vig.recognition import Prediction, Recognizer
 from vig.render import map_on_threads
@@ -31,12 +31,15 @@ class Fits:
     """N photos explained.
 
     latents, deviation (N, P) float32. masks (N, H, W) bool: the visible pixels, under a pixel model without
-    outliers the whole silhouette, as in the paper. verdicts: N names.
+    outliers the whole silhouette, as in the paper. clues (N, C), confidence (N,): see
+    `vig.inference.Explanation`. verdicts: N names.
     """
 
     latents: np.ndarray
     deviation: np.ndarray
     masks: np.ndarray
+    clues: np.ndarray
+    confidence: np.ndarray
     verdicts: tuple[str, ...]
 
     @staticmethod
@@ -46,6 +49,8 @@ class Fits:
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
             np.stack([fit.deviation.float().numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
+            np.stack([fit.clues.numpy() for fit in fits]),
+            np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
         )
 
@@ -56,6 +61,8 @@ class Fits:
             np.concatenate([part.latents for part in parts]),
             np.concatenate([part.deviation for part in parts]),
             np.concatenate([part.masks for part in parts]),
+            np.concatenate([part.clues for part in parts]),
+            np.concatenate([part.confidence for part in parts]),
             tuple(verdict for part in parts for verdict in part.verdicts),
         )
 
@@ -107,10 +114,15 @@ def fit_all(
 
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
     """A hash of all that a fit depends on but its photo and the code: weights, class, settings, version."""
-    digest = hashlib.sha256(f"{__version__} {class_fingerprint(object_class)} {settings!r}".encode())
+    plain = replace(settings, calibration=None)
+    digest = hashlib.sha256(f"{__version__} {class_fingerprint(object_class)} {plain!r}".encode())
     own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
     if settings.visible_prior is not None:
         own["visible_prior"] = settings.visible_prior  # whose repr leaves numbers out
+    own |= recognizer.calibration.tensors()
+    calibration = settings.calibration or calibration_of(object_class)
+    if calibration is not None and settings.calibrated:
+        digest.update(calibration.to_json().encode())
     for name, tensor in sorted((recognizer.network.state_dict() | own).items()):
         digest.update(name.encode())
         digest.update(tensor.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
@@ -133,6 +145,8 @@ def _read(path: Path, key: str) -> Fits | None:
                 file.get_tensor("latents"),
                 file.get_tensor("deviation"),
                 bits.astype(bool).reshape(size),
+                file.get_tensor("clues"),
+                file.get_tensor("confidence"),
                 tuple(json.loads(told["verdicts"])),
             )
     except (OSError, KeyError, TypeError, ValueError, SafetensorError):
@@ -144,6 +158,8 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "latents": fits.latents,
         "deviation": fits.deviation,
         "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
+        "clues": fits.clues,
+        "confidence": fits.confidence,
     }
     told = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
     with atomic_write(path) as temporary:

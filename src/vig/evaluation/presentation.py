@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich import box
+from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
 from vig.evaluation.protocol import MASK_HEAD
 from vig.evaluation.statistics import FAR_DEG, NEAR_DEG
@@ -26,21 +28,14 @@ class Block:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
-    def rich(self) -> Table:
+    def rich(self) -> Group:
         """For a terminal; the lines of a cell are kept."""
-        view = Table(
-            title=self.title,
-            title_justify="left",
-            title_style="bold",
-            box=box.SIMPLE_HEAD,
-            show_edge=False,
-            padding=(0, 0, 0, 1),
-        )
+        view = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
         for place, name in enumerate(self.header):
             view.add_column(name, justify="right" if place else "left", no_wrap=place > 0)
         for row in self.rows:
             view.add_row(*row)
-        return view
+        return Group(Text(self.title, "bold"), view, "")
 
     def markdown(self) -> str:
         """As Markdown, its title above it."""

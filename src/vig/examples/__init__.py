@@ -21,7 +21,9 @@ class Example:
     photo: 8-bit sRGB PNG, 150 x 150, taken with `Camera.standard` of the class. visible_mask, amodal_mask:
     8-bit grey PNGs, 255 where at least half of the pixel shows the object, and where it would without
     occluders. truth: one set of latents (B = 1); the light is what arrives at the object's place with the
-    object removed. occlusion: 1 - visible / amodal pixels, in [0, 1].
+    object removed, and the shape the model's nearest to the object's. design: number of the design whose
+    deviation from the model the object also has (`vig.synthesis.target.shape_vertices`), -1 for none.
+    occlusion: 1 - visible / amodal pixels, in [0, 1].
     """
 
     name: str
@@ -30,6 +32,7 @@ class Example:
     visible_mask: Path
     amodal_mask: Path
     truth: Latents
+    design: int
     occlusion: float
 
 
@@ -55,5 +58,6 @@ def _example(about: dict, class_name: str) -> Example:
         visible_mask=FOLDER / "masks" / f"{name}_visible.png",
         amodal_mask=FOLDER / "masks" / f"{name}_amodal.png",
         truth=truth,
+        design=about["design"],
         occlusion=about["occlusion"],
     )

@@ -2,6 +2,7 @@
 
 from vig.inference.annealing import Annealed
 from vig.inference.bfgs import BFGS
+from vig.inference.calibration import Calibration, calibration_of
 from vig.inference.closed_form import Alternating, ClosedForm
 from vig.inference.conjugate_gradient import ConjugateGradient
 from vig.inference.dogleg import Dogleg
@@ -24,6 +25,7 @@ __all__ = [
     "Annealed",
     "Belief",
     "Budget",
+    "Calibration",
     "ClosedForm",
     "ConjugateGradient",
     "Descent",
@@ -38,6 +40,7 @@ __all__ = [
     "Stage",
     "Valuation",
     "Verdict",
+    "calibration_of",
     "explain",
     "explain_one",
     "geometry_of",

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import torch
 
+from vig.inference.calibration import calibration_of
 from vig.inference.explanation import Explanation
 from vig.inference.judging import DISTINCT_AZIMUTH, judge, turn
 from vig.inference.posterior import objectives_of
@@ -78,8 +79,17 @@ def _explain_one(
         support = prediction.log_mass(objective.latents(points).azimuth)
         scores = descent.value + settings.view_weight * stage.scale**2 * support
         evaluations += int(descent.evaluations.sum())
-    guess = objective.point(prediction.best())
-    return judge(objective, points, descent.value, scores, guess, settings, evaluations)
+    calibration = calibration_of(object_class) if settings.calibration is None else settings.calibration
+    return judge(
+        objective,
+        points,
+        descent.value,
+        scores,
+        prediction,
+        settings,
+        evaluations,
+        calibration if settings.calibrated else None,
+    )
 
 
 def going_on(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.Tensor:

@@ -24,8 +24,10 @@ class Explanation:
     """One photo explained.
 
     latents: one (B = 1). framing (3,): shift of the image in widths and log magnification. deviation (P,):
-    one standard deviation of each latent from the curvature at the fit (optimistic: the noise of
-    neighbouring pixels is taken as independent). visible (H, W): posterior of each pixel showing the object;
+    one standard deviation of each latent, from the curvature at the fit, widened by the class's calibration;
+    without one optimistic, as the noise of neighbouring pixels is taken as independent. confidence:
+    probability that the view is right, NaN without a calibration; clues (C,): what it is judged by, see
+    `calibration.CLUES`. visible (H, W): posterior of each pixel showing the object;
     mask, amodal (H, W) bool: its visible pixels, and all that it covers. evidence, start_evidence: log
     posterior in nats at the fit and at the recognition model's guess. reason: one sentence. alternative: when
     ambiguous, the other explanation (B = 1). evaluations: of the objective, all starts together.
@@ -39,6 +41,8 @@ class Explanation:
     amodal: torch.Tensor
     verdict: Verdict
     reason: str
+    confidence: float
+    clues: torch.Tensor
     evidence: float
     start_evidence: float
     evaluations: int

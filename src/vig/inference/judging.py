@@ -6,16 +6,21 @@ import math
 
 import torch
 
+from vig.inference.calibration import Calibration
 from vig.inference.explanation import Explanation, Verdict
 from vig.inference.objective import Objective, Valuation
 from vig.inference.settings import ExplainSettings
-from vig.likelihood import FRAMING_COUNT, SpatialModel, spatial_posterior
+from vig.likelihood import FRAMING_COUNT, Evaluation, SpatialModel, spatial_posterior
+from vig.recognition import Prediction
+from vig.scene import Latents
 
 MASK_SIGMA = 0.1
 """Noise under which a pixel of the fit is judged visible, as in the paper."""
 
 DISTINCT_AZIMUTH = math.radians(25.0)
 AMBIGUOUS_NATS = 30.0
+MOST_LEAD = 3000.0
+"""Nats by which another view can lie behind, as far as clues go."""
 
 
 def judge(
@@ -23,63 +28,105 @@ def judge(
     points: torch.Tensor,
     values: torch.Tensor,
     scores: torch.Tensor,
-    guess: torch.Tensor,
+    prediction: Prediction,
     settings: ExplainSettings,
     evaluations: int,
+    calibration: Calibration | None,
 ) -> Explanation:
     """Choose the best end by score and say how far to trust it.
 
-    values (S,) is the evidence of the ends (S, P'), scores (S,) what they are compared by. An end is only
-    trusted when no other view comes near it and the recognition model's best guess is of the same view.
+    values (S,) is the evidence of the ends (S, P'), scores (S,) what they are compared by. With a
+    calibration, an end is trusted when the clues say that its view is right; without, when no other view
+    comes near it and the recognition model's best guess is of the same view.
     """
     best = int(scores.argmax())
-    zero = torch.zeros(1, dtype=torch.int32)
-    sigma = torch.tensor([settings.likelihood.sigma])
+    zero, sigma = torch.zeros(1, dtype=torch.int32), torch.tensor([settings.likelihood.sigma])
+    guess = objective.point(prediction.best())
     start_evidence = float(objective(guess, zero, sigma, derivatives=False).value)
-    verdict, reason, alternative = Verdict.TRUSTED, Verdict.TRUSTED.value, None
-    chosen = points[best : best + 1]
-    if float(values[best]) <= start_evidence:
-        verdict, reason, chosen = Verdict.REVERTED, Verdict.REVERTED.value, guess
-    else:
-        rival = _rival(objective, points, scores, best)
-        if rival is not None:
-            verdict, alternative = Verdict.AMBIGUOUS, objective.latents(points[rival : rival + 1])
-            degrees = math.degrees(abs(float(turn(alternative.azimuth, objective.latents(chosen).azimuth))))
-            gap = float(scores[best] - scores[rival])
-            reason = f"turned by {degrees:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
-        else:
-            other_view = math.degrees(
-                abs(float(turn(objective.latents(guess).azimuth, objective.latents(chosen).azimuth)))
-            )
-            if other_view > math.degrees(DISTINCT_AZIMUTH):
-                verdict, alternative = Verdict.AMBIGUOUS, objective.latents(guess)
-                reason = f"the recognition model sees it turned by {other_view:.0f} degrees"
+    reverted = float(values[best]) <= start_evidence
+    chosen = guess if reverted else points[best : best + 1]
     at_fit = objective(chosen, zero, sigma)
     shown = objective(chosen, zero, torch.tensor([MASK_SIGMA]), derivatives=False)
     seen = shown.evaluation
-    assert seen.coverage is not None and seen.posterior is not None
+    assert seen.coverage is not None and seen.posterior is not None and at_fit.normal is not None
     amodal = seen.coverage[0] >= 0.5
     if isinstance(settings.likelihood, SpatialModel):
         visible = _neighbourly(objective, chosen, shown, settings.likelihood)[0]
     else:
         visible = torch.where(amodal, seen.posterior[0], 0.0)
     mask = visible > 0.5
+    rival, gap = _rival(objective, points, scores, best)
+    alternative = objective.latents(guess if rival is None else points[rival : rival + 1])
+    found = objective.latents(chosen)
+    off = abs(math.degrees(float(turn(alternative.azimuth, found.azimuth))))
+    elsewhere = off > math.degrees(DISTINCT_AZIMUTH)
+    clues = _clues(objective, found, seen, mask, amodal, prediction, gap, reverted)
+    if calibration is None:
+        confidence, sure = math.nan, gap >= AMBIGUOUS_NATS and not elsewhere
+    else:
+        confidence = calibration.confidence(clues)
+        sure = confidence >= calibration.threshold
     if not mask.any():
-        verdict, reason, alternative = Verdict.FAILED, Verdict.FAILED.value, None
-    assert at_fit.normal is not None
+        verdict, reason = Verdict.FAILED, Verdict.FAILED.value
+    elif reverted:
+        verdict, reason = Verdict.REVERTED, Verdict.REVERTED.value
+    elif sure:
+        verdict, reason = Verdict.TRUSTED, Verdict.TRUSTED.value
+    elif rival is not None:
+        verdict = Verdict.AMBIGUOUS
+        reason = f"turned by {off:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
+    elif elsewhere:
+        verdict, reason = Verdict.AMBIGUOUS, f"the recognition model sees it turned by {off:.0f} degrees"
+    else:
+        verdict, reason = Verdict.AMBIGUOUS, "too little of the object is seen to be sure of its view"
+    deviation = _deviation(objective, chosen[0], at_fit.normal[0])
+    if calibration is not None:
+        deviation = calibration.widened(deviation, verdict is Verdict.TRUSTED)
     return Explanation(
-        latents=objective.latents(chosen),
+        latents=found,
         framing=chosen[0, -FRAMING_COUNT:],
-        deviation=_deviation(objective, chosen[0], at_fit.normal[0]),
+        deviation=deviation,
         visible=visible,
         mask=mask,
         amodal=amodal,
         verdict=verdict,
         reason=reason,
+        confidence=confidence,
+        clues=clues,
         evidence=float(at_fit.value),
         start_evidence=start_evidence,
         evaluations=evaluations,
-        alternative=alternative,
+        alternative=alternative if verdict is Verdict.AMBIGUOUS and elsewhere else None,
+    )
+
+
+def _clues(
+    objective: Objective,
+    found: Latents,
+    seen: Evaluation,
+    mask: torch.Tensor,
+    amodal: torch.Tensor,
+    prediction: Prediction,
+    gap: float,
+    reverted: bool,
+) -> torch.Tensor:
+    """What speaks for and against a fit, (C,) float64 in the order of `calibration.CLUES`."""
+    assert seen.irradiance is not None
+    rendered = seen.irradiance[0, ..., None] * found.albedo[0]
+    misfit = (rendered - objective.likelihood.observed.view(*mask.shape, 3))[mask]
+    pixels = int(mask.sum())
+    guess = prediction.best().azimuth
+    return torch.tensor(
+        [
+            0.0 if reverted else math.log1p(min(gap, MOST_LEAD)),
+            float(prediction.log_mass(found.azimuth)[0]),
+            float(abs(float(turn(guess, found.azimuth)[0])) < DISTINCT_AZIMUTH),
+            1 - pixels / max(1, int(amodal.sum())),
+            math.log1p(pixels),
+            math.log(max(1e-4, float(misfit.square().mean().sqrt()) if pixels else 1.0)),
+            math.sin(float(found.elevation[0])),
+        ],
+        dtype=torch.float64,
     )
 
 
@@ -100,12 +147,15 @@ def _neighbourly(
     )
 
 
-def _rival(objective: Objective, points: torch.Tensor, scores: torch.Tensor, best: int) -> int | None:
-    """The best end that is another view of the object and nearly as good, or None."""
+def _rival(
+    objective: Objective, points: torch.Tensor, scores: torch.Tensor, best: int
+) -> tuple[int | None, float]:
+    """The best end that is another view of the object, None if there is none near, and its gap in nats."""
     azimuth = objective.latents(points).azimuth
-    gaps = scores[best] - scores
-    near = (turn(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH) & (gaps < AMBIGUOUS_NATS)
-    return int(torch.where(near, gaps, math.inf).argmin()) if near.any() else None
+    other = turn(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
+    gaps = torch.where(other, scores[best] - scores, math.inf)
+    gap = float(gaps.min())
+    return (int(gaps.argmin()) if gap < AMBIGUOUS_NATS else None), gap
 
 
 def turn(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:

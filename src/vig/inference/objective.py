@@ -41,6 +41,7 @@ class Objective:
         object_class: ObjectClass,
         free_framing: bool = False,
         belief: Belief | None = None,
+        prior_weight: float = 1.0,
     ):
         self.likelihood, self.free_framing = likelihood, free_framing
         modes = object_class.shape_model.modes
@@ -53,7 +54,7 @@ class Objective:
         geometry = likelihood.geometry
         self.dtype, self.device = geometry.dtype, geometry.device
         place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
-        self.prior = Prior(object_class, belief, place)
+        self.prior = Prior(object_class, belief, place, prior_weight)
         self.lower, self.upper = torch.tensor(lower, **place), torch.tensor(upper, **place)
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 import torch
 
-from vig.errors import UserError
 from vig.inference.objective import Objective
 from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings
@@ -15,17 +14,11 @@ from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density, log_pr
 from vig.recognition import Prediction
 from vig.render import Geometry
 from vig.scene import Camera, ObjectClass
-from vig.scene.object_class import TRANSFER_FILE
 
 
 @functools.lru_cache(maxsize=8)
 def geometry_of(object_class: ObjectClass, self_shadow: bool = False, device: str = "cpu") -> Geometry:
-    """The renderer's matrices of a class, made once. UserError for self-shadow without a table of it."""
-    if self_shadow and object_class.transfer is None:
-        raise UserError(
-            f"expected a class with {TRANSFER_FILE} to fit self-shadow; '{object_class.name}' has none."
-            " Fit without self-shadow, or make it by `python -m vig.synthesis.transfer`"
-        )
+    """The renderer's matrices of a class, made once; with self-shadow where the class has a table of it."""
     transfer = object_class.transfer if self_shadow else None
     return Geometry(object_class.shape_model, torch.float32, device, transfer)
 
@@ -60,7 +53,9 @@ def objectives_of(
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
-        objectives[scale] = Objective(likelihood, object_class, settings.free_framing, belief)
+        objectives[scale] = Objective(
+            likelihood, object_class, settings.free_framing, belief, settings.prior_weight
+        )
     return objectives
 
 

@@ -30,10 +30,12 @@ class Prior:
     """log p(z) of points (B, P') up to a constant, and its derivatives.
 
     Shape coefficients are N(0, 1), light has the class's Gaussian in the world frame, framing is Gaussian;
-    a belief multiplies these.
+    a belief multiplies these. All but the framing's is raised to the power `weight`.
     """
 
-    def __init__(self, object_class: ObjectClass, belief: Belief | None, place: dict[str, Any]):
+    def __init__(
+        self, object_class: ObjectClass, belief: Belief | None, place: dict[str, Any], weight: float = 1.0
+    ):
         modes = object_class.shape_model.modes
         size = modes + 14 + FRAMING_COUNT
         mean = torch.zeros(size, dtype=torch.float64)
@@ -43,17 +45,18 @@ class Prior:
         mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
         covariance = torch.from_numpy(object_class.light_prior_covariance)
         precision[self.light, self.light] = torch.linalg.inv(covariance)
+        precision *= weight
         framing = range(modes + 14, size)
         precision[framing, framing] = torch.tensor(FRAMING_SD, dtype=torch.float64) ** -2
         self.heading_mean: torch.Tensor | None = None
         if belief is not None:
             first = modes + 5
-            added = belief.precision[:first].double()
+            added = weight * belief.precision[:first].double()
             total = precision.diagonal()[:first] + added
             mean[:first] = added * belief.mean[:first].double() / total.clamp_min(1e-12)
             precision[range(first), range(first)] = total
             self.heading_mean = belief.mean[first:].to(**place)
-            self.heading_precision = belief.precision[first:].to(**place)
+            self.heading_precision = (weight * belief.precision[first:]).to(**place)
         self.mean, self.precision = mean.to(**place), precision.to(**place)
         places = [self.azimuth, *range(self.light.start, self.light.stop)]
         self._places = torch.tensor(places, device=place.get("device"))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import torch
 
+from vig.inference.calibration import Calibration
 from vig.inference.levenberg_marquardt import LevenbergMarquardt
 from vig.inference.optimizer import Budget, Optimizer
 from vig.likelihood import SPATIAL, PixelModel
@@ -42,11 +43,14 @@ class ExplainSettings:
     surroundings: how far the photo's own colours outside the object replace the uniform density, 0 to 1.
     belief_weight: how far the recognition model's word on all latents but azimuth enters the prior; 1 takes
     the variances that it states.
+    prior_weight: power to which the prior of all latents is raised, the recognition model's word included:
+    evidence counts pixels as independent, which they are not.
     view_weight: nats for each nat of the recognition model's log probability of a view (azimuth) when ends of
-    descents are compared: evidence counts pixels as independent, which they are not.
-    self_shadow: shade with the class's transfer table: what its parts take from and throw upon each other.
-    Photographs and path-traced images gain, images of our rasteriser, which has no such shadows, lose.
+    descents are compared, for the same reason.
+    self_shadow: shade with the class's transfer table, where it has one: what its parts take from and throw
+    upon each other.
     free_framing: also fit the image's shift and magnification, for photos that were cropped by hand.
+    calibrated: whether verdict and deviations are what `calibration` makes of them, the class's by default.
     silhouette: "exact", or "paper" for the authors' constant mask.
     """
 
@@ -61,11 +65,14 @@ class ExplainSettings:
     mask_weight: float = 1.0
     surroundings: float = 1.0
     belief_weight: float = 1.0
+    prior_weight: float = 100.0
     view_weight: float = 300.0
-    self_shadow: bool = False
+    self_shadow: bool = True
     free_framing: bool = False
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
+    calibrated: bool = True
+    calibration: Calibration | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.stages or (self.stages[-1].sigma, self.stages[-1].scale) != (1.0, 1.0):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
@@ -15,7 +15,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.recognition.calibration import PREFIX, Calibration, temperature, widening
 from vig.recognition.examples import Examples
-from vig.recognition.network import bfloat16
+from vig.recognition.network import Heads, RecognitionNetwork, bfloat16
 from vig.recognition.prediction import Recognizer
 from vig.recognition.targets import azimuth_labels
 
@@ -23,14 +23,20 @@ LEAST = 50
 """Images below which a calibration means nothing."""
 
 
-def calibrate(path: Path, dataset: Dataset, say: Callable[[str], None] = print) -> None:
-    """Write a calibration on a dataset into the weights at `path`, and `reliability.png` beside them.
+def calibrate(path: Path, datasets: Sequence[Dataset], say: Callable[[str], None] = print) -> None:
+    """Write a calibration on datasets into the weights at `path`, and `reliability.png` beside them.
 
-    Raises UserError for fewer than `LEAST` images and for weights that cannot be read.
+    Raises UserError for fewer than `LEAST` images, for weights that cannot be read, and for the paper's
+    networks, which state nothing that could be calibrated.
     """
-    if len(dataset) < LEAST:
-        raise UserError(f"calibration needs at least {LEAST} images; '{dataset.folder}' has {len(dataset)}")
-    recognizer, examples = Recognizer(path), Examples.of(dataset)
+    count = sum(len(dataset) for dataset in datasets)
+    if count < LEAST:
+        raise UserError(f"calibration needs at least {LEAST} images; got {count}")
+    recognizer, examples = Recognizer(path), Examples.joined([Examples.of(dataset) for dataset in datasets])
+    if not isinstance(recognizer.network, RecognitionNetwork):
+        raise UserError(
+            f"expected weights of vig's network; '{path}' holds the paper's, which states nothing"
+        )
     azimuth, mean, deviation, mask = _heads(recognizer, examples)
     labels = azimuth_labels(examples.azimuth, azimuth.shape[1])
     error = mean - examples.numbers
@@ -47,7 +53,7 @@ def calibrate(path: Path, dataset: Dataset, say: Callable[[str], None] = print) 
     within = (error.abs() < 1.6449 * deviation).float().mean(0)
     _plot(path.parent / "reliability.png", azimuth, error / deviation, examples.azimuth, made)
     say(
-        f"calibrated on {len(dataset)} images: temperature of azimuth {made.azimuth_temperature:.2f}"
+        f"calibrated on {count} images: temperature of azimuth {made.azimuth_temperature:.2f}"
         f" (90 % regions of {bins} bins hold {before:.1%} before, {after:.1%} after), of the mask"
         f" {made.mask_temperature:.2f}; 90 % intervals held {within.min():.1%} to {within.max():.1%} of the"
         f" numbers, deviations are multiplied by {made.deviation.min():.2f} to {made.deviation.max():.2f}"
@@ -64,6 +70,7 @@ def _heads(
         pixels = images.permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
         with bfloat16(pixels.device):
             heads = recognizer.network(pixels)
+        assert isinstance(heads, Heads)
         numbers = heads.mean * recognizer.deviation + recognizer.mean
         deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
         found.append((heads.azimuth, numbers, deviation, heads.mask))

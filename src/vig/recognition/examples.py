@@ -39,6 +39,12 @@ class Examples:
             masks.append((mask_labels(amodal, visible) * 255).round().to(torch.uint8))
         return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), torch.cat(masks))
 
+    @staticmethod
+    def joined(parts: list[Examples]) -> Examples:
+        """One after another."""
+        columns = zip(*[(p.images, p.azimuth, p.numbers, p.mask) for p in parts], strict=True)
+        return Examples(*(torch.cat(column) for column in columns))
+
     def __len__(self) -> int:
         return len(self.azimuth)
 

@@ -105,6 +105,7 @@ class Recognizer:
                 raise ValueError(f"it is of a network that is not known, '{kind}'")
             if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
                 raise ValueError("the weights are not finite")
+            self.calibration = Calibration.of(tensors, self.network.settings.modes + 13)
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             came = "nothing" if isinstance(error, FileNotFoundError) else f"a file of no use ({reason})"
@@ -124,7 +125,6 @@ class Recognizer:
         self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
         if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
             raise ValueError("the scale does not fit the network")
-        self.calibration = Calibration.of(tensors, len(self.mean))
 
     @staticmethod
     def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:

@@ -57,6 +57,7 @@ def describe(
         "class": object_class.name,
         "verdict": explanation.verdict.name.lower(),
         "reason": explanation.reason,
+        "confidence": None if math.isnan(explanation.confidence) else _rounded(explanation.confidence),
         **describe_latents(latents),
         "alternative": explanation.alternative and describe_latents(explanation.alternative),
         "deviation": {

@@ -1,6 +1,6 @@
 """Stochastic worlds: object designs, furnished rooms, props, textures and light, from (seed, index)."""
 
-from vig.synthesis.build import Instance, build, export
+from vig.synthesis.build import Instance, build
 from vig.synthesis.library import Library, OwnAssets
 from vig.synthesis.panoramas import grey_light, local_light, panorama
 from vig.synthesis.picture import Picture
@@ -27,7 +27,6 @@ __all__ = [
     "Split",
     "Surface",
     "build",
-    "export",
     "grey_light",
     "local_light",
     "panorama",

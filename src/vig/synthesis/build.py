@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
 
-from vig.files import atomic_write
-from vig.scene import Camera, Mesh, ObjectClass, vertex_normals
+from vig.scene import Mesh, ObjectClass, vertex_normals
 from vig.synthesis.library import Library
 from vig.synthesis.props.material import Material
 from vig.synthesis.spec import SceneSpec
@@ -120,45 +115,3 @@ def _joined(meshes: list[Mesh]) -> Mesh:
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     return Mesh(vertices, np.concatenate(faces).astype(np.int32), np.concatenate(uvs))
-
-
-def export(library: Library, spec: SceneSpec, object_class: ObjectClass, path: Path) -> None:
-    """Write a scene for a path tracer: `path`.npz with the arrays and `path`.json with the rest.
-
-    The npz holds `N_vertices`, `N_faces`, `N_uv`, `N_normals` and `N_texture` of instance N, and `panorama`
-    (H, W, 3), linear radiance at the paper's exposure but not yet turned by the spec's panorama_angle. The
-    json holds the list of instances (name, kind, roughness, emission), the camera (K and camera_from_world,
-    OpenCV) and the spec.
-    """
-    instances = build(library, spec, object_class)
-    arrays: dict[str, Any] = {"panorama": library.radiance(spec.panorama)}
-    for number, instance in enumerate(instances):
-        vertices, normals = instance.world()
-        for key, value in (
-            ("vertices", vertices),
-            ("faces", instance.mesh.faces),
-            ("uv", instance.mesh.uv),
-            ("normals", normals.astype(np.float32)),
-            ("texture", instance.texture),
-        ):
-            arrays[f"{number}_{key}"] = value
-    camera = Camera.standard(target_height=object_class.target_height)
-    rotation, translation = camera.pose(torch.tensor([spec.azimuth]), torch.tensor([spec.elevation]))
-    described = {
-        "instances": [
-            {"name": i.name, "kind": i.kind, "roughness": i.roughness, "emission": i.emission}
-            for i in instances
-        ],
-        "camera": {
-            "width": camera.width,
-            "height": camera.height,
-            "K": [[camera.focal, 0, camera.cx], [0, camera.focal, camera.cy], [0, 0, 1]],
-            "rotation": rotation[0].tolist(),
-            "translation": translation[0].tolist(),
-        },
-        "spec": json.loads(spec.to_json()),
-    }
-    with atomic_write(path.with_suffix(".npz")) as temporary:
-        np.savez(temporary, **arrays)
-    with atomic_write(path.with_suffix(".json")) as temporary:
-        temporary.write_text(json.dumps(described))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.synthesis.footprint import Footprints
+from vig.synthesis.footprint import Footprint
 from vig.synthesis.furniture import Support
 from vig.synthesis.occluders import draw_prop, placed
 from vig.synthesis.rotations import about_z, turned_about_z
@@ -82,7 +82,7 @@ class _Proposals:
     """
 
     parts: list[Placed]
-    footprints: Footprints
+    footprints: Footprint
     touch: np.ndarray
     crosses: np.ndarray
     fit: list[int]
@@ -111,13 +111,14 @@ class _Proposals:
         positions = (rotations @ spots[..., None])[..., 0] + origins
         clouds += positions[:, None]
 
-        footprints = Footprints.of(clouds, view.forward)
+        footprints = Footprint.of(clouds, view.forward)
         before = footprints.depths[:, 0] >= view.forward @ view.eye + NEAREST
         top, bottom, left, right = view.windows(clouds)
         cover = (bottom - top) * (right - left) / stage.actor.depth.size
         sums = stage.actor.sums
         shown = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-        free_of_others = (footprints.gaps([stage.actor.body, *stage.solids]) >= MARGIN).all(1)
+        pairwise = footprints[:, None]
+        free_of_others = (pairwise.gap(stage.obstacles()) >= MARGIN).all(1)
         unfit: Counter[str] = Counter()
         fit = np.ones(count, bool)
         for reason, passes in (
@@ -135,7 +136,7 @@ class _Proposals:
                 for name, position, angle in zip(names, positions, angles.tolist(), strict=True)
             ],
             footprints=footprints,
-            touch=footprints.gaps([footprints[number] for number in range(count)]) < MARGIN,
+            touch=pairwise.gap(footprints) < MARGIN,
             crosses=(footprints.depths[:, 0] < stage.actor.body.depths[1]) & (shown > 0),
             fit=np.flatnonzero(fit).tolist(),
             unfit=unfit,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -37,70 +39,45 @@ def extreme_points(vertices: np.ndarray) -> np.ndarray:
 class Footprint:
     """A bound of a solid: its shadow on the ground, its heights, its depths along one axis.
 
-    outline: (N, 2) points whose convex hull is its shadow. support: (16,) extents of the outline along
-    sixteen directions. heights: lowest and highest z. depths: least and greatest coordinate along the axis.
+    outline: (..., P, 2) points whose convex hull is its shadow. support: (..., 16) extents of the outline
+    along sixteen directions. heights: (..., 2) lowest and highest z. depths: (..., 2) least and greatest
+    coordinate along the axis. Leading axes hold many solids at once.
     """
 
     outline: np.ndarray
-    support: np.ndarray
-    heights: tuple[float, float]
-    depths: tuple[float, float]
-
-    @staticmethod
-    def of(points: np.ndarray, axis: np.ndarray) -> Footprint:
-        """The footprint of world points (N, 3); `axis` (3,) a unit vector, such as the direction of view."""
-        depth, height = points @ axis, points[:, 2]
-        return Footprint(
-            points[:, :2],
-            (points[:, :2] @ _AXES.T).max(0),
-            (float(height.min()), float(height.max())),
-            (float(depth.min()), float(depth.max())),
-        )
-
-    def gap(self, other: Footprint) -> float:
-        """At least this many metres lie between the two along one of the axes; may be too small."""
-        gap = -float((self.support + other.support[_OPPOSITE]).min())
-        gap = max(gap, self.heights[0] - other.heights[1], other.heights[0] - self.heights[1])
-        return max(gap, self.depths[0] - other.depths[1], other.depths[0] - self.depths[1])
-
-    def clear_of(self, other: Footprint, margin: float) -> bool:
-        """Whether `margin` metres lie between the two; may say no too often."""
-        return self.gap(other) >= margin
-
-
-@dataclass(frozen=True)
-class Footprints:
-    """Those of N solids: outlines (N, P, 2), support (N, 16), heights (N, 2), depths (N, 2)."""
-
-    outlines: np.ndarray
     support: np.ndarray
     heights: np.ndarray
     depths: np.ndarray
 
     @staticmethod
-    def of(clouds: np.ndarray, axis: np.ndarray) -> Footprints:
-        """The footprints of clouds of world points (N, P, 3); see `Footprint.of`."""
-        depth, height = clouds @ axis, clouds[..., 2]
-        return Footprints(
-            clouds[..., :2],
-            (clouds[..., :2] @ _AXES.T).max(1),
-            np.stack([height.min(1), height.max(1)], axis=1),
-            np.stack([depth.min(1), depth.max(1)], axis=1),
-        )
+    def of(points: np.ndarray, axis: np.ndarray) -> Footprint:
+        """Of world points (..., P, 3); `axis` (3,) a unit vector, such as the direction of view."""
+        level = points[..., :2]
+        return Footprint(level, (level @ _AXES.T).max(-2), _extent(points[..., 2]), _extent(points @ axis))
 
-    def __getitem__(self, number: int) -> Footprint:
-        low, high = self.heights[number].tolist()
-        near, far = self.depths[number].tolist()
-        return Footprint(self.outlines[number], self.support[number], (low, high), (near, far))
+    @staticmethod
+    def stacked(footprints: Sequence[Footprint]) -> Footprint:
+        """Those of N solids, with as many points each, as one of shape (N, ...)."""
+        return Footprint(*(np.stack([getattr(each, name) for each in footprints]) for name in _FIELDS))
 
-    def gaps(self, others: list[Footprint]) -> np.ndarray:
-        """`Footprint.gap` between each of these and each of M others: (N, M)."""
-        support = np.array([other.support[_OPPOSITE] for other in others])
-        gaps = -(self.support[:, None] + support).min(2)
-        for own, theirs in (
-            (self.heights, np.array([other.heights for other in others])),
-            (self.depths, np.array([other.depths for other in others])),
-        ):
-            gaps = np.maximum(gaps, own[:, None, 0] - theirs[:, 1])
-            gaps = np.maximum(gaps, theirs[:, 0] - own[:, None, 1])
-        return gaps
+    def __getitem__(self, index: Any) -> Footprint:
+        return Footprint(*(getattr(self, name)[index] for name in _FIELDS))
+
+    def gap(self, other: Footprint) -> np.ndarray:
+        """At least so many metres lie between the two along one of the axes; may be too small.
+
+        Leading axes broadcast: `many[:, None].gap(others)` is (N, M).
+        """
+        gap = -(self.support + other.support[..., _OPPOSITE]).min(-1)
+        for own, theirs in ((self.heights, other.heights), (self.depths, other.depths)):
+            gap = np.maximum(gap, own[..., 0] - theirs[..., 1])
+            gap = np.maximum(gap, theirs[..., 0] - own[..., 1])
+        return gap
+
+
+_FIELDS = tuple(field.name for field in fields(Footprint))
+
+
+def _extent(values: np.ndarray) -> np.ndarray:
+    """Least and greatest of values (..., P): (..., 2)."""
+    return np.stack([values.min(-1), values.max(-1)], axis=-1)

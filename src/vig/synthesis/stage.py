@@ -127,8 +127,11 @@ class Stage:
         """Why a solid cannot be there: `collision`, `eye` or an empty string."""
         if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + NEAREST:
             return "eye"
-        clear = all(footprint.clear_of(solid, MARGIN) for solid in [self.actor.body, *self.solids])
-        return "" if clear else "collision"
+        return "" if (footprint.gap(self.obstacles()) >= MARGIN).all() else "collision"
+
+    def obstacles(self) -> Footprint:
+        """Bounds of the object and of the props so far, as one of shape (N, ...)."""
+        return Footprint.stacked([self.actor.body, *self.solids])
 
     def carried(
         self, support: Support, clouds: np.ndarray, motions: np.ndarray

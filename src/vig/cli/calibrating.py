@@ -1,0 +1,41 @@
+"""`vig calibrate`: uncertainties of a network and of fits, made to hold on validation photos."""
+
+from __future__ import annotations
+
+import json
+
+from vig.cli.common import check_writable, progress_bar
+from vig.cli.main import Calibrate
+from vig.dataset import read_dataset
+from vig.errors import UserError
+from vig.evaluation.calibration import calibrate_fits, describe
+from vig.inference.calibration import FILE
+from vig.recognition import Recognizer
+from vig.recognition import calibrate as calibrate_network
+from vig.scene import ObjectClass
+
+
+def calibrate(settings: Calibrate) -> int:
+    """Calibrate the weights in place, then fits that start from them; returns the exit code."""
+    if not settings.datasets:
+        raise UserError("expected at least one dataset to calibrate on; got none")
+    object_class = ObjectClass.load(settings.object_class)
+    datasets = [read_dataset(path, settings.split) for path in settings.datasets]
+    Recognizer.of_class(object_class, settings.weights)  # refuses what is of no use
+    folder = settings.weights.parent
+    check_writable(folder)
+    lines: list[str] = []
+    calibrate_network(settings.weights, datasets, lines.append)
+    recognizer = Recognizer.of_class(object_class, settings.weights)
+    with progress_bar(settings.json) as progress:
+        task = progress.add_task("fits", total=sum(len(dataset) for dataset in datasets))
+        calibration, lessons = calibrate_fits(
+            datasets, object_class, recognizer, advance=lambda done: progress.advance(task, done)
+        )
+    calibration.save(folder / FILE)
+    lines += describe(calibration, lessons)
+    if settings.json:
+        print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
+    else:
+        print("\n".join([*lines, str(folder)]))
+    return 0

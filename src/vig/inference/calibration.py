@@ -1,0 +1,85 @@
+"""What was learned on validation photos about when fits are right, and how far they are off.
+
+A fit leaves clues: how far other views lie behind, what the recognition model thinks of the view, how much
+is seen. A logistic regression turns them into the probability that the view is right. The curvature at the
+fit states deviations as if the model were exact and pixels independent; for each latent they are widened to
+`sqrt((scale d)^2 + floor^2)`, apart for fits that are trusted and for others, so that 90 % intervals hold.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.scene import ObjectClass
+
+FILE = "calibration.json"
+CLUES = ("lead", "support", "agreement", "hidden", "seen", "misfit", "height")
+"""lead: log nats to the best fit of another view; support: log probability of the view; agreement: 1 when the
+recognition model's best guess is of the same view; hidden: share of the object; seen: log pixels; misfit: log
+of the residual's root mean square where the object is seen; height: sine of the elevation."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What to make of clues and curvature; K modes, P = K + 14 latents.
+
+    weights (C,), bias: of the logistic regression on the clues. threshold: confidence from
+    which a fit is trusted. scale, floor (2, P): of deviations, row 0 for fits that are trusted, 1 for others.
+    """
+
+    weights: torch.Tensor
+    bias: float
+    threshold: float
+    scale: torch.Tensor
+    floor: torch.Tensor
+
+    def confidence(self, clues: torch.Tensor) -> float:
+        """Probability that the view of a fit with clues (C,) is right."""
+        return 1 / (1 + math.exp(-float(self.weights @ clues.double()) - self.bias))
+
+    def widened(self, deviation: torch.Tensor, trusted: bool) -> torch.Tensor:
+        """Standard deviations (P,) from those of the curvature."""
+        row = 0 if trusted else 1
+        return torch.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
+
+    def to_json(self) -> str:
+        """As it is written."""
+        told = {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in vars(self).items()}
+        return json.dumps({"format": 1, "clues": CLUES} | told, indent=1) + "\n"
+
+    def save(self, path: Path) -> None:
+        """Write as JSON."""
+        with atomic_write(path) as temporary:
+            Path(temporary).write_text(self.to_json())
+
+    @staticmethod
+    def load(path: Path) -> Calibration:
+        """Read what `save` wrote. Raises UserError when there is none or it is of no use."""
+        try:
+            told = json.loads(path.read_text())
+            if tuple(told["clues"]) != CLUES:
+                raise ValueError("it is for other clues")
+            tensors = {n: torch.tensor(told[n], dtype=torch.float64) for n in ("weights", "scale", "floor")}
+            if tensors["weights"].shape != (len(CLUES),) or tensors["scale"].shape != tensors["floor"].shape:
+                raise ValueError("its sizes do not fit")
+            return Calibration(bias=float(told["bias"]), threshold=float(told["threshold"]), **tensors)
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise UserError(
+                f"expected a calibration at '{path}'; got {type(error).__name__}: {error}."
+                " Make it again with `vig calibrate`."
+            ) from error
+
+
+@functools.lru_cache(maxsize=8)
+def calibration_of(object_class: ObjectClass) -> Calibration | None:
+    """A class's own calibration; None when it has none."""
+    path = (object_class.folder or Path()) / FILE
+    return Calibration.load(path) if object_class.folder and path.is_file() else None

@@ -1,0 +1,277 @@
+"""What each stage of a run does. Every stage can be killed and begun again."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from vig.dataset import Dataset, contact_sheet, make_dataset, read_dataset
+from vig.dataset.format import complete_split, read_info
+from vig.dataset.progress import Meter
+from vig.errors import UserError
+from vig.evaluation import (
+    MethodResult,
+    figures,
+    markdown_table,
+    save_table,
+    summarise,
+    write_csv,
+)
+from vig.evaluation import evaluate as run_methods
+from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
+from vig.evaluation.calibration import calibrate_fits, describe
+from vig.evaluation.protocol import LIKELIHOODS
+from vig.evaluation.statistics import within
+from vig.evaluation.table import BASELINE
+from vig.files import atomic_write
+from vig.inference import Calibration, ExplainSettings
+from vig.inference.calibration import FILE
+from vig.recognition import PaperTrainingSettings, Recognizer, TrainingSettings, train_paper
+from vig.recognition import calibrate as calibrate_network
+from vig.recognition import train as train_network
+from vig.recognition.calibrating import LEAST
+from vig.reproduction.comparison import comparison_block
+from vig.reproduction.folder import DATASETS, TIERS, RunFolder
+from vig.reproduction.scales import Settings
+from vig.scene import ObjectClass, linear_from_srgb
+
+LIMITS = {"table": (0.0, 0.75), "table-75-90": (0.75, 0.9)}
+"""The tables of a tier, and how much of the object is hidden in the photos of each, at least and at most."""
+SHEET, WORST = 48, 12
+"""Test photos that are shown, and those whose azimuth is most wrong."""
+LEAST_BATCHES = 8
+"""A small training set is trained on in smaller batches, so that an epoch has so many."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run: where it lies, what it is made of, and how it is carried out.
+
+    cycles: whether the path-traced tier is wanted. workers: processes and threads; all cores by default. say:
+    takes a line on what is done. progress: a bar on a terminal, a line now and then in a log.
+    """
+
+    folder: RunFolder
+    settings: Settings
+    cycles: bool = True
+    workers: int | None = None
+    say: Callable[[str], None] = print
+    progress: bool = True
+
+    @property
+    def threads(self) -> int:
+        """As many as there are to be workers."""
+        return self.workers or os.cpu_count() or 1
+
+    @cached_property
+    def object_class(self) -> ObjectClass:
+        """The paper's class."""
+        return ObjectClass.load("teapot")
+
+    def dataset_folder(self, name: str) -> Path:
+        """Where one of `DATASETS` lies: the folder that the settings name, or the run's own."""
+        return getattr(self.settings, name) or self.folder.data(name)
+
+    def dataset(self, name: str) -> Dataset:
+        """One of `DATASETS`. Raises UserError when it is not there, not complete or damaged."""
+        return read_dataset(self.dataset_folder(name), DATASETS[name][0])
+
+    def recognizer(self) -> Recognizer:
+        """The run's recognition model. Raises UserError when it is not there or of no use."""
+        return Recognizer.of_class(self.object_class, self.folder.weights)
+
+    def explain_settings(self) -> ExplainSettings:
+        """How photos are fitted: calibrated as the run has learned, or as its weights came."""
+        if self.folder.calibration.exists():
+            return ExplainSettings(calibration=Calibration.load(self.folder.calibration))
+        return ExplainSettings(calibrated=False)
+
+    def tiers(self) -> tuple[str, ...]:
+        """The tiers that are evaluated; says so when the path-traced one is left out.
+
+        It is left out when it is not wanted, and when there is neither a Blender nor the finished photos.
+        """
+        if not self.cycles:
+            self.say("the path-traced tier is left out, as --no-cycles asks")
+            return ("raster",)
+        try:
+            complete_split(self.dataset_folder("test_cycles"), "test")
+        except UserError:
+            from vig.synthesis.cycles.renderer import find_python  # only when asked for
+
+            try:
+                find_python()
+            except UserError as error:
+                self.say(f"the path-traced tier is left out: {error}")
+                return ("raster",)
+        return tuple(TIERS)
+
+
+def make_data(run: Run, name: str) -> None:
+    """Make one of `DATASETS`, or look at the one that is to be used."""
+    split, tier = DATASETS[name]
+    folder = run.dataset_folder(name)
+    if getattr(run.settings, name) is not None:
+        info = read_info(folder)["splits"][complete_split(folder, split)]
+        if info["tier"] != tier:
+            raise UserError(
+                f"expected {tier} photos in '{folder}'; got {info['tier']}. Name another dataset."
+            )
+        return
+    counts = {
+        "train": run.settings.train_images,
+        "validation": run.settings.validation_images,
+        "test_raster": run.settings.test_images,
+        "test_cycles": run.settings.cycles_images,
+    }
+    # One seed for all: the splits' scenes differ all the same, and both tiers show the same scenes.
+    make_dataset(
+        folder,
+        counts[name],
+        run.settings.seed,
+        tier,
+        split,
+        run.workers,
+        run.progress,
+        run.object_class,
+    )
+
+
+def train(run: Run) -> None:
+    """Train the recognition model on the training photos."""
+    dataset = run.dataset("train")
+    chosen: dict[str, Any] = {
+        "epochs": run.settings.epochs,
+        "seed": run.settings.seed,
+        "threads": run.threads,
+    }
+    batch = len(dataset) // LEAST_BATCHES
+    if run.settings.net == "paper":
+        paper = PaperTrainingSettings(**chosen)
+        train_paper(dataset, run.folder.recognition, replace(paper, batch=min(paper.batch, batch)), run.say)
+    else:
+        own = TrainingSettings(**chosen)
+        train_network(dataset, run.folder.recognition, replace(own, batch=min(own.batch, batch)), run.say)
+
+
+def take_weights(run: Run) -> None:
+    """Copy the weights that the settings name, and their calibration, so that the run keeps what made it."""
+    weights = run.settings.weights
+    assert weights is not None
+    Recognizer.of_class(run.object_class, weights)  # refuses what is of no use
+    for path, kept in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
+        if path.exists():
+            with atomic_write(kept) as temporary:
+                shutil.copyfile(path, temporary)
+
+
+def calibrate(run: Run) -> None:
+    """Make stated uncertainties hold on the validation photos: the network's, then those of the fits.
+
+    The network's goes into its weights' file, the fits' into calibration.json beside it; too few photos teach
+    nothing.
+    """
+    dataset = run.dataset("validation")
+    if len(dataset) < LEAST:
+        run.say(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are stated")
+        return
+    if run.settings.net == "vig":  # the paper's nets state what was seen on held-out photos
+        calibrate_network(run.folder.weights, [dataset], run.say)
+    with Meter(len(dataset), 0, run.progress, "fits") as meter:
+        learned, lessons = calibrate_fits(
+            [dataset],
+            run.object_class,
+            run.recognizer(),
+            threads=run.threads,
+            advance=meter.advance,
+            cache=run.folder.fits("validation"),
+        )
+    learned.save(run.folder.calibration)
+    for line in describe(learned, lessons):
+        run.say(f"calibrate: {line}")
+
+
+def evaluate(run: Run, tier: str) -> None:
+    """Run the methods over a tier's test photos: errors.csv, and a table for each of `LIMITS`."""
+    dataset = run.dataset(TIERS[tier])
+    results = _results(run, tier, dataset)
+    folder = run.folder.tables(tier)
+    write_csv(folder / "errors.csv", dataset, results)
+    for name, (least, most) in LIMITS.items():
+        if not within(dataset.occlusion, least, most).any():
+            run.say(f"evaluate {tier}: no photo has {least:.0%} to {most:.0%} of the object hidden")
+            continue
+        table = summarise(results, dataset, tier, least, most, run.settings.seed)
+        save_table(folder / f"{name}.json", table)
+        with atomic_write(folder / f"{name}.md") as temporary:
+            text = markdown_table(table)
+            if name == "table":
+                text = comparison_block(table).markdown() + "\n" + text
+            temporary.write_text(text)
+
+
+def ablate(run: Run) -> None:
+    """Fit the first rasterised test photos with each part of the method switched off: ablations.json, .md."""
+    dataset = run.dataset("test_raster").first(run.settings.ablation_images)
+    with Meter(len(variants()) * len(dataset), 0, run.progress, "fits") as meter:
+        table = run_ablations(
+            dataset,
+            run.object_class,
+            run.recognizer(),
+            run.folder.fits("ablations"),
+            threads=run.threads,
+            advance=meter.advance,
+            settings=run.explain_settings(),
+        )
+    save_table(run.folder.ablations, table)
+    with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
+        temporary.write_text(ablation_markdown(table))
+
+
+def draw_figures(run: Run, tier: str) -> None:
+    """Draw a tier's figures: photos, Figures 3 to 5, reliability, the worst photos, and a fit as it moves."""
+    dataset = run.dataset(TIERS[tier])
+    results = _results(run, tier, dataset)
+    folder = run.folder.figures(tier)
+    contact_sheet(dataset, folder / "photos.png", SHEET)
+    figures.figure3(results, dataset.occlusion, tier, folder / "figure3.png")
+    figures.figure3(results, dataset.occlusion, tier, folder / "figure3-bins.png", cumulative=False)
+    figures.reliability_figure(results, dataset.latents, folder / "reliability.png")
+    answering = [method for method in run.settings.methods if method != BASELINE]
+    if not answering:
+        return
+    method = answering[-1]
+    chosen = figures.choose(results, dataset, method)
+    figures.figure4(dataset, run.object_class, results, chosen, folder / "figure4.png")
+    figures.figure5(dataset, results, chosen, folder / "figure5.png")
+    worst = figures.worst(results, method, WORST)
+    figures.figure4(dataset, run.object_class, results, worst, folder / "worst.png")
+    if method in LIKELIHOODS:
+        middle = chosen[len(chosen) // 2]
+        photo = torch.from_numpy(linear_from_srgb(dataset.read("rgb", [middle]) / 255)).float()
+        settings = replace(run.explain_settings(), likelihood=LIKELIHOODS[method])
+        prediction = run.recognizer()(photo)
+        figures.fit_animation(photo[0], prediction, run.object_class, settings, folder / "fit.webp")
+
+
+def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
+    """What the methods say of a tier's photos; fits that were made before are taken from their folder."""
+    fitted = [method for method in run.settings.methods if method in LIKELIHOODS]
+    with Meter(len(dataset) * len(fitted), 0, run.progress, "fits") as meter:
+        return run_methods(
+            dataset,
+            run.object_class,
+            run.recognizer(),
+            run.settings.methods,
+            run.explain_settings(),
+            threads=run.threads,
+            advance=meter.advance,
+            cache=run.folder.fits(tier),
+        )

@@ -1,0 +1,87 @@
+"""Trust is learned from clues, and deviations are widened until nine in ten intervals hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from vig.errors import UserError
+from vig.evaluation.calibration import PRECISION, Lessons, describe, learn, least_threshold, widening
+from vig.inference import Calibration
+from vig.inference.calibration import CLUES
+
+ALIKE = np.full(4000, 1 / 4000)
+
+
+@pytest.fixture(scope="module")
+def lessons() -> Lessons:
+    """Fits whose view is right as one clue says, and whose errors are thrice what the curvature states."""
+    rng = np.random.default_rng(0)
+    clues = rng.normal(size=(4000, len(CLUES)))
+    right = rng.random(4000) < 1 / (1 + np.exp(-3 * clues[:, 0] - 2))
+    deviation = np.exp(rng.normal(0, 0.5, (4000, 5)))
+    return Lessons(clues, right, 3 * deviation * rng.normal(size=(4000, 5)), deviation, ALIKE)
+
+
+def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons: Lessons) -> None:
+    learned = learn(lessons)
+    assert learned.weights[0] == pytest.approx(3, rel=0.15)
+    assert learned.weights[1:].abs().max() < 0.2
+    confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
+    for low, high in ((0.1, 0.3), (0.4, 0.6), (0.8, 0.95)):
+        here = (confidence > low) & (confidence < high)
+        assert lessons.right[here].mean() == pytest.approx(confidence[here].mean(), abs=0.06)
+
+
+def test_what_is_trusted_is_as_often_right_as_was_asked(lessons: Lessons) -> None:
+    learned = learn(lessons)
+    confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
+    trusted = confidence >= learned.threshold
+    assert 0.3 < trusted.mean() < 0.8
+    assert lessons.right[trusted].mean() == pytest.approx(PRECISION, abs=0.01)
+    assert "are right" in describe(learned, lessons)[0]
+
+
+def test_nine_in_ten_intervals_hold_in_either_group(lessons: Lessons) -> None:
+    learned = learn(lessons)
+    confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
+    for trusted in (True, False):
+        group = (confidence >= learned.threshold) == trusted
+        wide = torch.stack([learned.widened(torch.from_numpy(d), trusted) for d in lessons.deviation[group]])
+        held = np.abs(lessons.error[group]) <= 1.6449 * wide.numpy()
+        assert held.mean(0) == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_floor_is_found_where_small_deviations_mean_nothing() -> None:
+    rng = np.random.default_rng(1)
+    deviation = 10 ** rng.uniform(-4, 0, 4000)
+    error = rng.normal(size=4000) * np.hypot(deviation, 0.5)
+    scale, floor = widening(error, deviation, ALIKE)
+    assert 0.3 < floor < 0.7
+    held = np.abs(error) <= 1.6449 * np.hypot(scale * deviation, floor)
+    assert held.mean() == pytest.approx(0.9, abs=0.005)
+    small = deviation < 0.01
+    assert held[small].mean() == pytest.approx(0.9, abs=0.05)
+
+
+def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
+    right = np.zeros(100, dtype=bool)
+    assert least_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
+
+
+def test_a_calibration_is_read_as_it_was_written(lessons: Lessons, tmp_path: Path) -> None:
+    learned = learn(lessons)
+    learned.save(tmp_path / "calibration.json")
+    read = Calibration.load(tmp_path / "calibration.json")
+    assert read.threshold == learned.threshold and torch.equal(read.scale, learned.scale)
+    assert torch.equal(read.weights, learned.weights) and read.to_json() == learned.to_json()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"clues": ["lead"]}'])
+def test_a_calibration_of_no_use_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "calibration.json").write_text(text)
+    with pytest.raises(UserError, match="expected a calibration at"):
+        Calibration.load(tmp_path / "calibration.json")
