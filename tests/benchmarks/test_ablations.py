@@ -39,6 +39,7 @@ def test_the_command_writes_what_it_prints(
         assert (len(dataset), cache, names) == (2, tmp_path / "r" / "fits", ["cg"])
         return {"variants": {DEFAULT: {}}}
 
+    monkeypatch.setattr(ablations.Recognizer, "of_class", staticmethod(lambda *given: None))
     monkeypatch.setattr(ablations, "run_ablations", run)
     monkeypatch.setattr(ablations, "ablation_markdown", lambda table: f"{len(table['variants'])} row\n")
     out = tmp_path / "r"

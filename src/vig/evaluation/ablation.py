@@ -70,9 +70,10 @@ def _by(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
 ABLATIONS: dict[str, Ablation] = {
     "silhouettes": Ablation("constant silhouettes", lambda s: replace(s, silhouette="paper")),
     "priors": Ablation(
-        "no word of the recognition model on latents",
-        lambda s: replace(s, belief_weight=0.0, view_weight=0.0),
+        "no word of the recognition model on latents, the class's counted once",
+        lambda s: replace(s, belief_weight=0.0, view_weight=0.0, prior_weight=1.0),
     ),
+    "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
     "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),
     "annealing": Ablation("no annealing", _in_each_stage(lambda stage: replace(stage, sigma=1.0))),
     "hypotheses": Ablation("one start", _in_each_stage(lambda stage: replace(stage, starts=1))),
