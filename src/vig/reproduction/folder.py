@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vig.inference.calibration import FILE
+
 DATASETS = {
     "train": ("train", "raster"),
     "validation": ("validation", "raster"),
@@ -48,7 +50,7 @@ class RunFolder:
     @property
     def calibration(self) -> Path:
         """What was learned of fits on the validation photos."""
-        return self.recognition / "calibration.json"
+        return self.recognition / FILE
 
     @property
     def ablations(self) -> Path:
