@@ -30,7 +30,7 @@ def folder(tmp_path: Path) -> RunFolder:
             pass
     sizes = {"baseline": 100.0, "rm": 90.0, "robust": 0.001}
     results = {method: {metric: np.full(8, size) for metric in METRICS} for method, size in sizes.items()}
-    for name, limits in (("table", (0.0, 0.75)), ("table-75-90", (0.75, 0.9))):
+    for name, limits in (("table", (0.0, 0.75)), ("table_75_90", (0.75, 0.9))):
         middle = np.full(8, sum(limits) / 2)
         table = build_table(
             results, middle, "raster", np.random.default_rng(0), limits[1], 10, min_occlusion=limits[0]

@@ -142,7 +142,7 @@ class Reproduce:
     train_images: int | None = None
     """Rasterised photos to train on."""
     epochs: int | None = None
-    """Passes of the training over them."""
+    """Passes of the training over them, at most; at the paper's scale as many as `vig train` does."""
     net: Literal["vig", "paper"] | None = None
     """The recognition model: vig's, or the paper's own."""
     weights: Path | None = None

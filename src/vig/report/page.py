@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vig.dataset.format import read_info
+from vig.errors import UserError
 from vig.evaluation import METRICS
 from vig.evaluation.ablation import ablation_blocks
 from vig.evaluation.paper import compare
 from vig.evaluation.presentation import Block, blocks
 from vig.report.html import Cell, listing, paragraph, picture, table, write_html
-from vig.reproduction import LIMITS, TIERS, RunFolder, duration, read_json, read_record
+from vig.reproduction import DATASETS, LIMITS, TIERS, RunFolder, duration, read_json, read_record
 from vig.reproduction.comparison import Entry, comparison, comparison_title
 
 TITLE = "Overcoming Occlusion with Inverse Graphics, reproduced"
@@ -20,15 +22,19 @@ TIER_TITLES = {"raster": "Rasterised photos", "cycles": "Path-traced photos"}
 PICTURES = {
     "photos.png": "Test photos, from freely seen to hidden; the object's hidden part is tinted.",
     "figure3.png": "Figure 3: median errors over all photos with at most so much of the object hidden.",
-    "figure3-bins.png": "The same over separate ranges of occlusion.",
+    "figure3_bins.png": "The same over separate ranges of occlusion.",
     "figure4.png": "Figure 4: photos and what is made of them; of each range of occlusion the one that"
     " stands in the middle by its errors.",
     "figure5.png": "Figure 5: the light of the same photos, in truth and as fitted.",
-    "worst.png": "The photos whose azimuth is most wrong, the worst first.",
+    "figure4_worst.png": "The photos whose azimuth is most wrong, the worst first.",
     "reliability.png": "How often the truth lies within stated intervals: on the diagonal they hold as"
     " often as they say.",
     "fit.webp": "A fit as it moves.",
 }
+
+
+COUNTS = ("train_images", "validation_images", "test_images", "cycles_images")
+"""Settings that are told by the photos that there are."""
 
 
 def write_page(root: Path) -> Path:
@@ -49,7 +55,7 @@ def write_page(root: Path) -> Path:
             *tiers,
             ("ablations", "Ablations", _ablations(folder)),
             ("training", "Training", _training(folder)),
-            ("making", "How it was made", _making(record)),
+            ("making", "How it was made", _making(folder, record)),
         ],
     )
     return folder.page
@@ -128,8 +134,8 @@ def _training(folder: RunFolder) -> str:
     return html
 
 
-def _making(record: Mapping[str, Any]) -> str:
-    """The command, the machine, the settings, and how long each step took."""
+def _making(folder: RunFolder, record: Mapping[str, Any]) -> str:
+    """The command, the machine, the photos, the settings, and how long each step took."""
     machine = record["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine.get("packages", {}).items())
     html = listing([record["command"]])
@@ -143,10 +149,23 @@ def _making(record: Mapping[str, Any]) -> str:
         for name, step in done.items()
     ]
     steps.append(("all", [duration(sum(step["seconds"] for step in done.values())), "", ""]))
+    html += table("Photos", ["", "split", "renderer", "photos", "seed"], _photos(folder, record))
     html += table("Steps", ["", "time", "sittings", "finished (UTC)"], steps)
     settings = [
         (name.replace("_", " "), [", ".join(value) if isinstance(value, list) else str(value)])
         for name, value in record["settings"].items()
-        if value is not None
+        if value is not None and name not in COUNTS
     ]
     return html + table("Settings", ["", ""], settings)
+
+
+def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Of each dataset that is there: split, renderer, count and seed."""
+    rows = []
+    for name, (split, _) in DATASETS.items():
+        try:
+            held = read_info(Path(record["settings"][name] or folder.data(name)))["splits"][split]
+        except (UserError, KeyError):
+            continue
+        rows.append((name.replace("_", " "), [split, *(str(held[key]) for key in ("tier", "count", "seed"))]))
+    return rows

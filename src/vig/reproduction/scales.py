@@ -21,16 +21,17 @@ class Settings:
     """What a run's numbers depend on: the same settings give the same tables.
 
     train_images, validation_images, test_images, cycles_images: samples of each dataset, the last of the
-    path-traced test set. ablation_images: so many of the raster test set are fitted once for each thing
-    switched off. weights: recognition weights to use in place of training. train, validation, test_raster,
-    test_cycles: folders of datasets to use in place of making them; their count and seed are their own.
+    path-traced test set. epochs: passes of the training, at most; None: as many as the net's training takes
+    by default. ablation_images: so many of the raster test set are fitted once for each thing switched off.
+    weights: recognition weights to use in place of training. train, validation, test_raster, test_cycles:
+    folders of datasets to use in place of making them; their count and seed are their own.
 
     Raises UserError for a number out of range, and for no methods.
     """
 
     scale: Scale
     train_images: int
-    epochs: int
+    epochs: int | None
     validation_images: int
     test_images: int
     cycles_images: int
@@ -48,9 +49,10 @@ class Settings:
         least = {"train_images": LEAST_TRAINING, "epochs": 1, "seed": 0}
         least |= dict.fromkeys(("validation_images", "test_images", "cycles_images", "ablation_images"), 1)
         for name, smallest in least.items():
-            if getattr(self, name) < smallest:
+            value = getattr(self, name)
+            if value is not None and value < smallest:
                 option = "--" + name.replace("_", "-")
-                raise UserError(f"expected {option} of at least {smallest}; got {getattr(self, name)}")
+                raise UserError(f"expected {option} of at least {smallest}; got {value}")
         unknown = [method for method in self.methods if method not in METHODS]
         if unknown or not self.methods:
             came = ", ".join(unknown) or "none"
@@ -70,6 +72,6 @@ class Settings:
 SCALES: dict[Scale, Settings] = {
     "tiny": Settings("tiny", 200, 2, 50, 20, 6, 2),
     "small": Settings("small", 6000, 12, 500, 200, 40, 50),
-    "paper": Settings("paper", 10000, 60, 1000, 1000, 1000, 200),
+    "paper": Settings("paper", 10000, None, 1000, 1000, 1000, 200),
 }
 """tiny is for a machine's own test of itself, small for an hour on two cores, paper is the paper's."""

@@ -10,15 +10,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from vig.dataset import Dataset, contact_sheet, make_dataset, read_dataset
 from vig.dataset.format import complete_split, read_info
 from vig.dataset.progress import Meter
 from vig.errors import UserError
 from vig.evaluation import (
     MethodResult,
-    figures,
     markdown_table,
     save_table,
     summarise,
@@ -27,9 +24,9 @@ from vig.evaluation import (
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
 from vig.evaluation.calibration import calibrate_fits, describe
-from vig.evaluation.protocol import LIKELIHOODS, fitted
+from vig.evaluation.figures import draw_figures as draw_all
+from vig.evaluation.protocol import fitted
 from vig.evaluation.statistics import within
-from vig.evaluation.table import BASELINE
 from vig.files import atomic_write
 from vig.inference import Calibration, ExplainSettings
 from vig.inference.calibration import FILE
@@ -40,12 +37,12 @@ from vig.recognition.calibrating import LEAST
 from vig.reproduction.comparison import comparison_block
 from vig.reproduction.folder import DATASETS, TIERS, RunFolder
 from vig.reproduction.scales import Settings
-from vig.scene import ObjectClass, linear_from_srgb
+from vig.scene import ObjectClass
 
-LIMITS = {"table": (0.0, 0.75), "table-75-90": (0.75, 0.9)}
+LIMITS = {"table": (0.0, 0.75), "table_75_90": (0.75, 0.9)}
 """The tables of a tier, and how much of the object is hidden in the photos of each, at least and at most."""
-SHEET, WORST = 48, 12
-"""Test photos that are shown, and those whose azimuth is most wrong."""
+SHEET = 48
+"""Test photos that are shown of a tier."""
 LEAST_BATCHES = 8
 """A small training set is trained on in smaller batches, so that an epoch has so many."""
 
@@ -147,11 +144,9 @@ def make_data(run: Run, name: str) -> None:
 def train(run: Run) -> None:
     """Train the recognition model on the training photos."""
     dataset = run.dataset("train")
-    chosen: dict[str, Any] = {
-        "epochs": run.settings.epochs,
-        "seed": run.settings.seed,
-        "threads": run.threads,
-    }
+    chosen: dict[str, Any] = {"seed": run.settings.seed, "threads": run.threads}
+    if run.settings.epochs is not None:
+        chosen["epochs"] = run.settings.epochs
     batch = len(dataset) // LEAST_BATCHES
     if run.settings.net == "paper":
         paper = PaperTrainingSettings(**chosen)
@@ -220,7 +215,8 @@ def evaluate(run: Run, tier: str) -> None:
 def ablate(run: Run) -> None:
     """Fit the first rasterised test photos with each part of the method switched off: ablations.json, .md."""
     dataset = run.dataset("test_raster").first(run.settings.ablation_images)
-    with Meter(len(variants()) * len(dataset), 0, run.progress, "fits") as meter:
+    settings = run.explain_settings()
+    with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
         table = run_ablations(
             dataset,
             run.object_class,
@@ -228,7 +224,7 @@ def ablate(run: Run) -> None:
             run.folder.fits("ablations"),
             threads=run.threads,
             advance=meter.advance,
-            settings=run.explain_settings(),
+            settings=settings,
         )
     save_table(run.folder.ablations, table)
     with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
@@ -236,29 +232,12 @@ def ablate(run: Run) -> None:
 
 
 def draw_figures(run: Run, tier: str) -> None:
-    """Draw a tier's figures: photos, Figures 3 to 5, reliability, the worst photos, and a fit as it moves."""
+    """Draw a tier's figures: photos, and what `vig.evaluation.figures` makes of the results."""
     dataset = run.dataset(TIERS[tier])
     results = _results(run, tier, dataset)
     folder = run.folder.figures(tier)
     contact_sheet(dataset, folder / "photos.png", SHEET)
-    figures.figure3(results, dataset.occlusion, tier, folder / "figure3.png")
-    figures.figure3(results, dataset.occlusion, tier, folder / "figure3-bins.png", cumulative=False)
-    figures.reliability_figure(results, dataset.latents, folder / "reliability.png")
-    answering = [method for method in run.settings.methods if method != BASELINE]
-    if not answering:
-        return
-    method = answering[-1]
-    chosen = figures.choose(results, dataset, method)
-    figures.figure4(dataset, run.object_class, results, chosen, folder / "figure4.png")
-    figures.figure5(dataset, results, chosen, folder / "figure5.png")
-    worst = figures.worst(results, method, WORST)
-    figures.figure4(dataset, run.object_class, results, worst, folder / "worst.png")
-    if method in LIKELIHOODS:
-        middle = chosen[len(chosen) // 2]
-        photo = torch.from_numpy(linear_from_srgb(dataset.read("rgb", [middle]) / 255)).float()
-        settings = replace(run.explain_settings(), likelihood=LIKELIHOODS[method])
-        prediction = run.recognizer()(photo)
-        figures.fit_animation(photo[0], prediction, run.object_class, settings, folder / "fit.webp")
+    draw_all(dataset, run.object_class, run.recognizer(), results, tier, folder, run.explain_settings())
 
 
 def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:

@@ -32,8 +32,9 @@ def draw_figures(
     results: Mapping[str, MethodResult],
     tier: str,
     folder: Path,
+    settings: ExplainSettings | None = None,
 ) -> list[Path]:
-    """Write what the results allow; returns the paths.
+    """Write what the results allow; returns the paths. settings: how the photos were fitted.
 
     figure3.png, figure3_bins.png: errors against occlusion, cumulative and in bins. figure4.png, figure5.png:
     the last fit's median image of each bin of occlusion, see `choose`; fit.webp moves for the middle one.
@@ -56,6 +57,8 @@ def draw_figures(
     if method in LIKELIHOODS:
         image = dataset.read("rgb", [chosen[len(chosen) // 2]])
         photo = torch.from_numpy(linear_from_srgb(image.astype(np.float32) / 255)).float()
-        settings = replace(ExplainSettings(), likelihood=LIKELIHOODS[method])
-        paths.append(fit_animation(photo[0], recognizer(photo), object_class, settings, folder / "fit.webp"))
+        chosen_fit = replace(settings or ExplainSettings(), likelihood=LIKELIHOODS[method])
+        paths.append(
+            fit_animation(photo[0], recognizer(photo), object_class, chosen_fit, folder / "fit.webp")
+        )
     return paths
