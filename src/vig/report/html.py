@@ -123,6 +123,6 @@ td.fail { background: var(--fail); } td.fail b { color: var(--fail-ink); }
 figure { margin: 1.2rem 0; }
 img { display: block; max-width: 100%; height: auto; border-radius: 4px; background: #fff; }
 figcaption { margin-top: .4rem; max-width: 46rem; }
-pre { overflow-x: auto; padding: .7rem .9rem; background: var(--shade); border-radius: 4px;
+pre { white-space: pre-wrap; padding: .7rem .9rem; background: var(--shade); border-radius: 4px;
   font-size: .86rem; }
 """

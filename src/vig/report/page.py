@@ -130,7 +130,9 @@ def _training(folder: RunFolder) -> str:
     if log.exists():
         with open(log, newline="") as file:
             names, *_, last = csv.reader(file)
-        html += table("The last line of its log", names, [(last[0], last[1:])])
+        html += table(
+            "The last line of its log", [name.replace("_", " ") for name in names], [(last[0], last[1:])]
+        )
     return html
 
 
