@@ -53,8 +53,9 @@ class Fits:
         """
         photos = Photos(self.photos[which], self.log_prior[which])
         camera = Camera.standard(self.photos.shape[1], self.object_class.target_height)
-        likelihood = Likelihood(geometry_of(self.object_class), camera, photos, self.settings.silhouette)
-        objective = Objective(likelihood, self.object_class)
+        geometry = geometry_of(self.object_class, self.settings.self_shadow)
+        likelihood = Likelihood(geometry, camera, photos, self.settings.silhouette)
+        objective = Objective(likelihood, self.object_class, prior_weight=self.settings.prior_weight)
         framing = torch.zeros(len(which), objective.size - self.guesses.shape[1])
         starts = torch.cat([self.guesses[which], framing], 1)
         return objective, starts.clamp(objective.lower, objective.upper)

@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
+from torch.nn import functional
 
 from vig.dataset import Dataset
 from vig.errors import UserError
@@ -17,7 +18,6 @@ from vig.recognition.calibration import PREFIX, Calibration, temperature, wideni
 from vig.recognition.examples import Examples
 from vig.recognition.network import Heads, RecognitionNetwork, bfloat16
 from vig.recognition.prediction import Recognizer
-from vig.recognition.targets import azimuth_labels
 
 LEAST = 50
 """Images below which a calibration means nothing."""
@@ -38,7 +38,7 @@ def calibrate(path: Path, datasets: Sequence[Dataset], say: Callable[[str], None
             f"expected weights of vig's network; '{path}' holds the paper's, which states nothing"
         )
     azimuth, mean, deviation, mask = _heads(recognizer, examples)
-    labels = azimuth_labels(examples.azimuth, azimuth.shape[1])
+    labels = functional.one_hot(bins_of(examples.azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
     error = mean - examples.numbers
     cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::7]  # cells lie too close to need them all
     shares = (examples.mask.float() / 255).movedim(1, -1).reshape(-1, mask.shape[1])[::7]
@@ -78,12 +78,16 @@ def _heads(
     return azimuth, numbers, deviation, mask
 
 
+def bins_of(azimuth: torch.Tensor, bins: int) -> torch.Tensor:
+    """The bin (N,) that each azimuth (N,) in [0, 2 pi) lies in."""
+    return (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
+
+
 def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
     """The smallest region's probability (N,) that reaches the true azimuth, bins taken in order of theirs."""
     bins = logits.shape[1]
     probability = logits.softmax(1)
-    true = (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
-    own = probability.gather(1, true[:, None])
+    own = probability.gather(1, bins_of(azimuth, bins)[:, None])
     # Half of the true bin's own share counts: it lies anywhere within it.
     return (probability * (probability > own)).sum(1) + 0.5 * own[:, 0]
 

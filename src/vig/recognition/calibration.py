@@ -10,6 +10,7 @@ from torch.nn import functional
 PREFIX = "calibration."
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""
+LEAST_FACTOR = 0.5
 
 
 @dataclass(frozen=True)
@@ -53,5 +54,8 @@ def temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
 
 
 def widening(error: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
-    """Factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals."""
-    return torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90
+    """Factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals.
+
+    At least `LEAST_FACTOR`: what never varies, as L00 at a set exposure, is not known infinitely well.
+    """
+    return (torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90).clamp_min(LEAST_FACTOR)

@@ -105,7 +105,7 @@ class Library:
         self.split = split
         self.own = own or OwnAssets()
         self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
-        self.prop = lru_cache(maxsize=128)(self._prop)
+        self.prop = lru_cache(maxsize=2048)(self._prop)  # 0.1 MB each, looked at long before they are packed
         self.packed = lru_cache(maxsize=4096)(self._packed)
         self.extremes = lru_cache(maxsize=4096)(self._extremes)
         self.sizes = lru_cache(maxsize=4096)(self._sizes)

@@ -47,8 +47,8 @@ def measured(plan: Plan, support: Support) -> Support:
 
 def _under(bodies: list[Body], support: Support) -> float:
     """Free height over a support under bodies that are all above it."""
-    own = _rectangle(support)
-    lows = [b.low for b in bodies if replace(own, low=b.low, high=b.high).meets(b)]
+    own = replace(_rectangle(support), low=-np.inf, high=np.inf)
+    lows = [b.low for b in bodies if own.meets(b)]
     return min(lows, default=float("inf")) - support.centre[2] - 0.005
 
 
@@ -111,6 +111,8 @@ def _largest(free: Array) -> tuple[int, int, int, int]:
     heights = np.zeros(free.shape[1], int)
     for row in range(free.shape[0]):
         heights = np.where(free[row], heights + 1, 0)
+        if row + 1 < len(free) and not (free[row] & ~free[row + 1]).any():
+            continue  # whatever ends here is larger one row on
         stack: list[tuple[int, int]] = []
         for column, height in enumerate([*heights.tolist(), 0]):
             start = column
