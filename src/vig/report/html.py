@@ -68,6 +68,11 @@ def paragraph(text: str, kind: str = "") -> str:
     return f"<p{f' class={kind!r}' if kind else ''}>{escape(text)}</p>\n"
 
 
+def heading(text: str) -> str:
+    """A heading within a section."""
+    return f"<h3>{escape(text)}</h3>\n"
+
+
 def listing(lines: Iterable[str]) -> str:
     """Lines one below the other, as a terminal shows them."""
     return f"<pre>{escape(chr(10).join(lines))}</pre>\n"
