@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.images import write_png
-from vig.report.html import Cell, listing, paragraph, picture, table, write_html
+from vig.report.html import Cell, heading, listing, paragraph, picture, table, write_html
 
 VOID = {"meta", "img", "br"}
 
@@ -48,6 +48,7 @@ def test_text_is_escaped_everywhere() -> None:
         table(rude, ["", rude], [(rude, [rude])]),
         paragraph(rude),
         listing([rude]),
+        heading(rude),
     ):
         assert "<b>&" not in html and "&lt;b&gt;&amp;" in html
 

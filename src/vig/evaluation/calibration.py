@@ -116,10 +116,10 @@ def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
     clues = torch.from_numpy(lessons.clues)
     confidence = np.array([calibration.confidence(each) for each in clues])
     trusted = confidence >= calibration.threshold
+    right = f", of which {lessons.right[trusted].mean():.1%} are right" if trusted.any() else ""
     lines = [
         f"{len(trusted)} fits, {lessons.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
-        f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}, of which"
-        f" {lessons.right[trusted].mean():.1%} are right"
+        f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
     ]
     for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
         here = (confidence >= low) & (confidence < high)

@@ -68,6 +68,11 @@ def paragraph(text: str, kind: str = "") -> str:
     return f"<p{f' class={kind!r}' if kind else ''}>{escape(text)}</p>\n"
 
 
+def heading(text: str) -> str:
+    """A heading within a section."""
+    return f"<h3>{escape(text)}</h3>\n"
+
+
 def listing(lines: Iterable[str]) -> str:
     """Lines one below the other, as a terminal shows them."""
     return f"<pre>{escape(chr(10).join(lines))}</pre>\n"
@@ -123,6 +128,6 @@ td.fail { background: var(--fail); } td.fail b { color: var(--fail-ink); }
 figure { margin: 1.2rem 0; }
 img { display: block; max-width: 100%; height: auto; border-radius: 4px; background: #fff; }
 figcaption { margin-top: .4rem; max-width: 46rem; }
-pre { overflow-x: auto; padding: .7rem .9rem; background: var(--shade); border-radius: 4px;
+pre { white-space: pre-wrap; padding: .7rem .9rem; background: var(--shade); border-radius: 4px;
   font-size: .86rem; }
 """

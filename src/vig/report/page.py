@@ -13,7 +13,7 @@ from vig.evaluation import METRICS
 from vig.evaluation.ablation import ablation_blocks
 from vig.evaluation.paper import compare
 from vig.evaluation.presentation import Block, blocks
-from vig.report.html import Cell, listing, paragraph, picture, table, write_html
+from vig.report.html import Cell, heading, listing, paragraph, picture, table, write_html
 from vig.reproduction import DATASETS, LIMITS, TIERS, RunFolder, duration, read_json, read_record
 from vig.reproduction.comparison import Entry, comparison, comparison_title
 
@@ -90,10 +90,13 @@ def _tier(folder: RunFolder, tier: str, found: Mapping[str, Any]) -> str:
     html = table(comparison_title(found), ["", *methods], cells)
     for block in blocks(found)[1:]:  # the first is Table 1 without the paper's numbers
         html += _block(block)
-    for name in LIMITS:
+    for name, (least, most) in LIMITS.items():
         hidden = folder.read_table(tier, name) if name != "table" else None
         if hidden is not None:
-            html += _block(blocks(hidden)[0])
+            html += heading(f"{least:.0%} to {most:.0%} hidden")
+            html += "".join(_block(block) for block in blocks(hidden))
+    if folder.figures(tier).exists():
+        html += heading("Figures")
     return html + "".join(picture(folder.figures(tier) / name, said) for name, said in PICTURES.items())
 
 
@@ -130,7 +133,9 @@ def _training(folder: RunFolder) -> str:
     if log.exists():
         with open(log, newline="") as file:
             names, *_, last = csv.reader(file)
-        html += table("The last line of its log", names, [(last[0], last[1:])])
+        html += table(
+            "The last line of its log", [name.replace("_", " ") for name in names], [(last[0], last[1:])]
+        )
     return html
 
 
