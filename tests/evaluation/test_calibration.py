@@ -9,7 +9,15 @@ import pytest
 import torch
 
 from vig.errors import UserError
-from vig.evaluation.calibration import PRECISION, Lessons, describe, learn, least_threshold, widening
+from vig.evaluation.calibration import (
+    PRECISION,
+    Lessons,
+    describe,
+    learn,
+    least_threshold,
+    logistic,
+    widening,
+)
 from vig.inference import Calibration
 from vig.inference.calibration import CLUES
 
@@ -23,7 +31,8 @@ def lessons() -> Lessons:
     clues = rng.normal(size=(4000, len(CLUES)))
     right = rng.random(4000) < 1 / (1 + np.exp(-3 * clues[:, 0] - 2))
     deviation = np.exp(rng.normal(0, 0.5, (4000, 5)))
-    return Lessons(clues, right, 3 * deviation * rng.normal(size=(4000, 5)), deviation, ALIKE)
+    noise = np.exp(clues[:, [CLUES.index("misfit")]])
+    return Lessons(clues, right, 3 * noise * deviation * rng.normal(size=(4000, 5)), deviation, ALIKE)
 
 
 def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons: Lessons) -> None:
@@ -34,6 +43,14 @@ def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons:
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.8, 0.95)):
         here = (confidence > low) & (confidence < high)
         assert lessons.right[here].mean() == pytest.approx(confidence[here].mean(), abs=0.06)
+
+
+def test_a_worse_fit_is_never_trusted_more() -> None:
+    rng = np.random.default_rng(2)
+    clues = rng.normal(size=(2000, len(CLUES)))
+    right = rng.random(2000) < 1 / (1 + np.exp(-3 * clues[:, CLUES.index("misfit")]))
+    weights, _ = logistic(clues, right, np.full(2000, 1 / 2000))
+    assert weights[CLUES.index("misfit")] == 0
 
 
 def test_what_is_trusted_is_as_often_right_as_was_asked(lessons: Lessons) -> None:
@@ -50,7 +67,8 @@ def test_nine_in_ten_intervals_hold_in_either_group(lessons: Lessons) -> None:
     confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
     for trusted in (True, False):
         group = (confidence >= learned.threshold) == trusted
-        wide = torch.stack([learned.widened(torch.from_numpy(d), trusted) for d in lessons.deviation[group]])
+        pairs = zip(lessons.deviation[group], lessons.clues[group], strict=True)
+        wide = torch.stack([learned.widened(*map(torch.from_numpy, pair), trusted) for pair in pairs])
         held = np.abs(lessons.error[group]) <= 1.6449 * wide.numpy()
         assert held.mean(0) == pytest.approx(0.9, abs=0.02)
 

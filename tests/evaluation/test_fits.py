@@ -48,7 +48,7 @@ def run(
 def test_nothing_is_fitted_twice_and_the_answer_is_the_same(run, tmp_path: Path) -> None:
     assert run() == 4
     first = run.found
-    assert {path.name for path in (tmp_path / "robust").iterdir()} == {
+    assert {path.name for path in (tmp_path / "spatial").iterdir()} == {
         "000000.safetensors",
         "000002.safetensors",
     }
@@ -61,12 +61,12 @@ def test_nothing_is_fitted_twice_and_the_answer_is_the_same(run, tmp_path: Path)
 
 def test_a_chunk_that_is_lost_or_damaged_is_fitted_again(run, tmp_path: Path) -> None:
     run()
-    (tmp_path / "robust" / "000000.safetensors").unlink()
+    (tmp_path / "spatial" / "000000.safetensors").unlink()
     assert run() == 2
-    whole = (tmp_path / "robust" / "000002.safetensors").read_bytes()
-    (tmp_path / "robust" / "000002.safetensors").write_bytes(whole[: len(whole) // 2])
+    whole = (tmp_path / "spatial" / "000002.safetensors").read_bytes()
+    (tmp_path / "spatial" / "000002.safetensors").write_bytes(whole[: len(whole) // 2])
     assert run() == 2
-    (tmp_path / "robust" / "000002.safetensors").write_text("none of ours")
+    (tmp_path / "spatial" / "000002.safetensors").write_text("none of ours")
     assert run() == 2
 
 

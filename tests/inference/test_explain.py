@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from vig.inference import Budget, Descent, ExplainSettings, Objective, Verdict, explain, explain_one
+from vig.inference.calibration import CLUES, Calibration
 from vig.inference.judging import AMBIGUOUS_NATS
 from vig.inference.posterior import belief_of, objective_of, objectives_of, pixel_prior
 from vig.inference.settings import Stage
@@ -18,7 +19,8 @@ from vig.recognition import Prediction
 from vig.recognition.targets import azimuth_labels, numbers_of
 from vig.scene import Latents, ObjectClass
 
-SETTINGS = ExplainSettings()
+SETTINGS = ExplainSettings(self_shadow=False, calibrated=False)
+"""The studio's photos have no self-shadow, and its predictions are made by hand."""
 BINS = 72
 
 
@@ -86,14 +88,15 @@ def ending_at(*ends: Latents) -> ExplainSettings:
     """Settings under which every search ends at the same points."""
     joined = Latents.from_vector(torch.cat([end.to_vector() for end in ends]))
     optimizer = Answers(lambda objective, starts: objective.point(joined))
-    return ExplainSettings(stages=(Stage(len(ends), 1),), optimizer=optimizer)
+    return replace(SETTINGS, stages=(Stage(len(ends), 1),), optimizer=optimizer)
 
 
 @pytest.mark.parametrize("name", ["whole", "occluded"])
 def test_a_known_photo_is_explained(name: str, request, teapot: ObjectClass) -> None:
     given: Case = request.getfixturevalue(name)
     assert azimuth_off(given.prediction.best(), given.truth) == pytest.approx(8.0, abs=0.5)
-    found = explain_one(given.photo, given.prediction, teapot, SETTINGS)
+    # The prediction is wrong by hand, not as a network is: the evidence is asked without its weighed word.
+    found = explain_one(given.photo, given.prediction, teapot, replace(SETTINGS, prior_weight=1.0))
     assert found.verdict is Verdict.TRUSTED and found.alternative is None
     assert azimuth_off(found.latents, given.truth) < 0.5
     assert math.degrees((found.latents.elevation - given.truth.elevation).abs()) < 1.0
@@ -197,6 +200,23 @@ def test_a_much_worse_end_from_another_side_is_no_rival(whole: Case, teapot: Obj
     rival = replace(whole.truth, azimuth=whole.truth.azimuth + math.radians(60))
     found = explain_one(whole.photo, whole.prediction, teapot, ending_at(rival, whole.truth))
     assert found.verdict is Verdict.TRUSTED
+
+
+@pytest.mark.parametrize(("bias", "verdict"), [(8.0, Verdict.TRUSTED), (-8.0, Verdict.AMBIGUOUS)])
+def test_a_calibration_decides_the_verdict_and_widens_deviations(
+    bias: float, verdict: Verdict, whole: Case, teapot: ObjectClass
+) -> None:
+    scale = torch.stack([torch.full((24,), 2.0), torch.full((24,), 3.0)]).double()
+    said = Calibration(torch.zeros(len(CLUES)).double(), bias, 0.9, scale, torch.zeros(2, 24).double())
+    plain = explain_one(whole.photo, whole.prediction, teapot, ending_at(whole.truth))
+    assert math.isnan(plain.confidence)
+    given = replace(ending_at(whole.truth), calibrated=True, calibration=said)
+    found = explain_one(whole.photo, whole.prediction, teapot, given)
+    assert found.verdict is verdict and found.confidence == pytest.approx(1 / (1 + math.exp(-bias)))
+    factor = (2.0 if bias > 0 else 3.0) * found.clues[CLUES.index("misfit")].exp()
+    torch.testing.assert_close(found.deviation, (factor * plain.deviation).clamp_min(1e-3))
+    flat = replace(given, likelihood=GAUSSIAN)  # of which nothing was learned
+    assert math.isnan(explain_one(whole.photo, whole.prediction, teapot, flat).confidence)
 
 
 def test_nothing_to_be_seen_is_a_failure(whole: Case, teapot: ObjectClass) -> None:
@@ -303,7 +323,9 @@ def test_belief_weight_takes_the_recognizers_word_on_elevation_shape_and_albedo(
     torch.testing.assert_close(belief.precision[said], torch.full((14,), weight / 0.3**2))
     assert belief.precision[10] == 0  # azimuth has peaks, not a Gaussian
     plain, believing = (
-        objective_of(whole.photo, whole.prediction, teapot, replace(SETTINGS, belief_weight=w))
+        objective_of(
+            whole.photo, whole.prediction, teapot, replace(SETTINGS, belief_weight=w, prior_weight=7.0)
+        )
         for w in (0.0, weight)
     )
     here = plain.point(whole.prediction.best())
@@ -312,7 +334,8 @@ def test_belief_weight_takes_the_recognizers_word_on_elevation_shape_and_albedo(
     drop = (believing.prior.value(here) - believing.prior.value(there)) - (
         plain.prior.value(here) - plain.prior.value(there)
     )
-    assert drop.item() == pytest.approx(0.5 * weight, abs=1e-3)  # one deviation off costs half a nat
+    # One deviation off costs half a nat, and the prior is raised to a power.
+    assert drop.item() == pytest.approx(7.0 * 0.5 * weight, abs=1e-2)
 
 
 def test_a_smaller_photo_holds_the_same_information_per_cell(whole: Case, teapot: ObjectClass) -> None:

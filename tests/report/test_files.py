@@ -40,9 +40,12 @@ def explanation() -> Explanation:
         deviation=torch.arange(1, 25) / 100,
         visible=mask.float(),
         mask=mask,
+        mask_by_pixel=mask,
         amodal=amodal,
         verdict=Verdict.TRUSTED,
         reason=Verdict.TRUSTED.value,
+        confidence=0.9,
+        clues=torch.zeros(7),
         evidence=123.456789,
         start_evidence=-1.0,
         evaluations=77,
@@ -72,7 +75,18 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = write_explanation(tmp_path, photo, Window.of(150, 150), explanation, teapot)
     assert set(said) == {
-        *("vig", "class", "verdict", "reason", "azimuth_deg", "elevation_deg", "albedo", "light", "shape"),
+        *(
+            "vig",
+            "class",
+            "verdict",
+            "reason",
+            "confidence",
+            "azimuth_deg",
+            "elevation_deg",
+            "albedo",
+            "light",
+            "shape",
+        ),
         *("alternative", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
         *("evaluations", "window", "framing"),
     }

@@ -19,6 +19,8 @@ from vig.evaluation.figures import draw_figures
 from vig.evaluation.protocol import fitted
 from vig.evaluation.table import check_limits
 from vig.files import atomic_write
+from vig.inference import Calibration, ExplainSettings
+from vig.inference.calibration import FILE
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 
@@ -33,6 +35,11 @@ def evaluate(settings: Evaluate) -> int:
     check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
     tier = read_info(settings.dataset)["splits"][settings.split]["tier"]
     recognizer = Recognizer.of_class(object_class, settings.weights)
+    explaining = ExplainSettings()
+    if settings.weights is not None:  # their own calibration, not the class's
+        path = settings.weights.with_name(FILE)
+        own = Calibration.load(path) if path.exists() else None
+        explaining = ExplainSettings(calibrated=own is not None, calibration=own)
     check_writable(settings.out)
     with progress_bar(settings.json) as progress:
         fits = len(dataset) * len(fitted(settings.methods))
@@ -42,6 +49,7 @@ def evaluate(settings: Evaluate) -> int:
             object_class,
             recognizer,
             settings.methods,
+            explaining,
             advance=lambda done: progress.advance(task, done),
             cache=settings.out / "fits",
         )
@@ -51,7 +59,7 @@ def evaluate(settings: Evaluate) -> int:
     with atomic_write(settings.out / "table.md") as temporary:
         Path(temporary).write_text(markdown_table(table))
     if settings.figures:
-        draw_figures(dataset, object_class, recognizer, results, tier, settings.out)
+        draw_figures(dataset, object_class, recognizer, results, tier, settings.out, explaining)
     if settings.json:
         print(json.dumps(table, indent=2))
         return 0

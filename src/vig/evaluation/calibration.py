@@ -16,14 +16,17 @@ from scipy.optimize import minimize
 from vig.dataset import Dataset
 from vig.evaluation.fits import Fits, fit_all, key_of
 from vig.inference import Calibration, ExplainSettings
+from vig.inference.calibration import CLUES, residual
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 
 RIGHT = math.radians(15.0)
 """A view is right within this."""
-PRECISION = 0.97
+PRECISION = 0.98
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
 WITHIN_90 = 1.6449
+SIGNS = tuple(-1 if clue in ("hidden", "misfit", "height") else 1 for clue in CLUES)
+"""Which way each clue may speak: trust must not grow with a worse fit, whatever a sample of photos says."""
 LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 LEAST = 40
 """Fits below which a group is not told apart from all."""
@@ -100,11 +103,12 @@ def learn(fits: Lessons) -> Calibration:
         confidence[~away] = 1 / (1 + np.exp(-(fits.clues[~away] @ w) - b))
     threshold = least_threshold(confidence, fits.right, fits.weight)
     trusted = confidence >= threshold
+    noise = residual(torch.from_numpy(fits.clues)).numpy()
     scale, floor = np.empty((2, 2, fits.error.shape[1]))
     for row, group in enumerate((trusted, ~trusted)):
         chosen = group if group.sum() >= LEAST else np.ones_like(group)
         for latent in range(fits.error.shape[1]):
-            error, deviation = fits.error[chosen, latent], fits.deviation[chosen, latent]
+            error, deviation = fits.error[chosen, latent] / noise[chosen], fits.deviation[chosen, latent]
             scale[row, latent], floor[row, latent] = widening(error, deviation, fits.weight[chosen])
     return Calibration(
         torch.from_numpy(weights), bias, threshold, torch.from_numpy(scale), torch.from_numpy(floor)
@@ -132,7 +136,7 @@ def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
 
 
 def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float]:
-    """Weights (C,) and bias of a ridge logistic regression of right (N,) on clues (N, C)."""
+    """Weights (C,), of the signs `SIGNS`, and bias of a ridge logistic regression of right (N,) on clues."""
     mean, deviation = clues.mean(0), clues.std(0) + 1e-6
     standard, sign = (clues - mean) / deviation, np.where(right, 1.0, -1.0)
 
@@ -143,7 +147,8 @@ def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[
         penalty = 0.5e-3 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
         return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
 
-    found = minimize(loss, np.zeros(clues.shape[1] + 1), jac=True, method="L-BFGS-B").x
+    bounds = [(0.0, None) if side > 0 else (None, 0.0) for side in SIGNS] + [(None, None)]
+    found = minimize(loss, np.zeros(clues.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
     weights = found[:-1] / deviation
     return weights, float(found[-1] - weights @ mean)
 

@@ -3,7 +3,8 @@
 A fit leaves clues: how far other views lie behind, what the recognition model thinks of the view, how much
 is seen. A logistic regression turns them into the probability that the view is right. The curvature at the
 fit states deviations as if the model were exact and pixels independent; for each latent they are widened to
-`sqrt((scale d)^2 + floor^2)`, apart for fits that are trusted and for others, so that 90 % intervals hold.
+`r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, apart for fits that are trusted and for
+others, so that 90 % intervals hold.
 """
 
 from __future__ import annotations
@@ -27,6 +28,15 @@ recognition model's best guess is of the same view; hidden: share of the object;
 of the residual's root mean square where the object is seen; height: sine of the elevation."""
 
 
+LEAST_DEVIATION = 1e-3
+"""Of any latent: what never varies, as L00 at a set exposure, is not known infinitely well."""
+
+
+def residual(clues: torch.Tensor) -> torch.Tensor:
+    """Root mean square (...) of the residual where the object is seen, from clues (..., C)."""
+    return clues[..., CLUES.index("misfit")].exp()
+
+
 @dataclass(frozen=True)
 class Calibration:
     """What to make of clues and curvature; K modes, P = K + 14 latents.
@@ -45,10 +55,11 @@ class Calibration:
         """Probability that the view of a fit with clues (C,) is right."""
         return 1 / (1 + math.exp(-float(self.weights @ clues.double()) - self.bias))
 
-    def widened(self, deviation: torch.Tensor, trusted: bool) -> torch.Tensor:
-        """Standard deviations (P,) from those of the curvature."""
+    def widened(self, deviation: torch.Tensor, clues: torch.Tensor, trusted: bool) -> torch.Tensor:
+        """Standard deviations (P,) from those of the curvature, for a fit with clues (C,)."""
         row = 0 if trusted else 1
-        return torch.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
+        wide = torch.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
+        return (residual(clues) * wide).clamp_min(LEAST_DEVIATION)
 
     def to_json(self) -> str:
         """As it is written."""

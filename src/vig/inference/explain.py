@@ -88,7 +88,8 @@ def _explain_one(
         prediction,
         settings,
         evaluations,
-        calibration if settings.calibrated else None,
+        # Learned of fits with outliers: without them the evidence means something else.
+        calibration if settings.calibrated and settings.likelihood.alpha < 1 else None,
     )
 
 

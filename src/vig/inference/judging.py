@@ -81,7 +81,7 @@ def judge(
         verdict, reason = Verdict.AMBIGUOUS, "too little of the object is seen to be sure of its view"
     deviation = _deviation(objective, chosen[0], at_fit.normal[0])
     if calibration is not None:
-        deviation = calibration.widened(deviation, verdict is Verdict.TRUSTED)
+        deviation = calibration.widened(deviation, clues, verdict is Verdict.TRUSTED)
     return Explanation(
         latents=found,
         framing=chosen[0, -FRAMING_COUNT:],
