@@ -78,11 +78,11 @@ class Calibrate:
     beside them; a class pack's calibration.json is used by every fit."""
 
     datasets: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of datasets; each counts alike, whatever its size."""
+    """Folders of datasets; for the fits each counts alike, whatever its size."""
     weights: Path
     """The weights to calibrate; of a class pack, or a training run."""
-    split: Literal["train", "test", "validation"] = "validation"
-    """Which split of them."""
+    split: Literal["train", "validation"] = "validation"
+    """Which split of them; what is tested on is not to be learned from."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     json: bool = False
