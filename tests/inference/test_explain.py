@@ -21,6 +21,18 @@ from vig.scene import Latents, ObjectClass
 
 SETTINGS = ExplainSettings(self_shadow=False, calibrated=False)
 """The studio's photos have no self-shadow, and its predictions are made by hand."""
+
+THOROUGH = replace(
+    SETTINGS,
+    stages=(
+        Stage(16, 8, sigma=4.0, scale=0.5, tolerance=20.0),
+        Stage(6, 10, sigma=4.0, scale=0.5, tolerance=5.0),
+        Stage(4, 12, sigma=2.0, tolerance=5.0),
+        Stage(3, 30, tolerance=0.5),
+    ),
+    prior_weight=1.0,
+)
+"""For predictions that are farther off than a network's: more starts, and evidence against an unweighed prior."""
 BINS = 72
 
 
@@ -95,9 +107,9 @@ def ending_at(*ends: Latents) -> ExplainSettings:
 def test_a_known_photo_is_explained(name: str, request, teapot: ObjectClass) -> None:
     given: Case = request.getfixturevalue(name)
     assert azimuth_off(given.prediction.best(), given.truth) == pytest.approx(8.0, abs=0.5)
-    found = explain_one(given.photo, given.prediction, teapot, SETTINGS)
+    found = explain_one(given.photo, given.prediction, teapot, THOROUGH)
     assert found.verdict is Verdict.TRUSTED and found.alternative is None
-    assert azimuth_off(found.latents, given.truth) < 1.0
+    assert azimuth_off(found.latents, given.truth) < 0.5
     assert math.degrees((found.latents.elevation - given.truth.elevation).abs()) < 1.0
     # Brightness trades with the light, which the hand-made prediction knows little of; hue does not.
     ratio = found.latents.albedo.double() / given.truth.albedo
@@ -109,7 +121,7 @@ def test_a_known_photo_is_explained(name: str, request, teapot: ObjectClass) -> 
     assert not (found.mask & ~found.amodal).any()
     assert found.deviation.shape == (24,) and (found.deviation > 0).all()
     assert math.degrees(found.deviation[10]) < 1.0
-    assert found.evaluations > sum(stage.starts for stage in SETTINGS.stages)
+    assert found.evaluations > sum(stage.starts for stage in THOROUGH.stages)
 
 
 def test_what_is_hidden_is_left_out_of_the_mask(occluded: Case, teapot: ObjectClass) -> None:
@@ -334,7 +346,7 @@ def test_belief_weight_takes_the_recognizers_word_on_elevation_shape_and_albedo(
         plain.prior.value(here) - plain.prior.value(there)
     )
     # One deviation off costs half a nat, and the prior is raised to a power.
-    assert drop.item() == pytest.approx(7.0 * 0.5 * weight, abs=1e-2)
+    assert drop.item() == pytest.approx(7.0 * 0.5 * weight, abs=7e-3)
 
 
 def test_a_smaller_photo_holds_the_same_information_per_cell(whole: Case, teapot: ObjectClass) -> None:
