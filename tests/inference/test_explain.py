@@ -32,7 +32,8 @@ THOROUGH = replace(
     ),
     prior_weight=1.0,
 )
-"""For predictions that are farther off than a network's: more starts, and evidence against an unweighed prior."""
+"""For predictions farther off than a network's: more starts, and evidence against an unweighed prior."""
+
 BINS = 72
 
 
