@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 import torch
 
+from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.evaluation.calibration import (
     PRECISION,
@@ -16,6 +21,7 @@ from vig.evaluation.calibration import (
     learn,
     least_threshold,
     logistic,
+    turned,
     widening,
 )
 from vig.inference import Calibration
@@ -32,7 +38,15 @@ def lessons() -> Lessons:
     right = rng.random(4000) < 1 / (1 + np.exp(-3 * clues[:, 0] - 2))
     deviation = np.exp(rng.normal(0, 0.5, (4000, 5)))
     noise = np.exp(clues[:, [CLUES.index("misfit")]])
-    return Lessons(clues, right, 3 * noise * deviation * rng.normal(size=(4000, 5)), deviation, ALIKE)
+    error = 3 * noise * deviation * rng.normal(size=(4000, 5))
+    return Lessons(clues, right, error, deviation, ALIKE, clues[:0])
+
+
+def strange(lessons: Lessons, off: float) -> Lessons:
+    """The same, and photos of another kind, about which the recognition model is more in doubt."""
+    clues = lessons.clues[:1000].copy()
+    clues[:, CLUES.index("shape_doubt")] += off
+    return replace(lessons, strange=clues)
 
 
 def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons: Lessons) -> None:
@@ -43,6 +57,24 @@ def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons:
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.8, 0.95)):
         here = (confidence > low) & (confidence < high)
         assert lessons.right[here].mean() == pytest.approx(confidence[here].mean(), abs=0.06)
+
+
+def test_photos_of_another_kind_are_not_trusted(lessons: Lessons) -> None:
+    given = strange(lessons, off=6.0)
+    learned = learn(given)
+    assert learned.kind_weights[CLUES.index("shape_doubt")] < 0
+    assert learned.kind_weights[CLUES.index("lead")] == 0, "says nothing of the kind of photo"
+    known = np.array([learned.known(clues) for clues in torch.from_numpy(given.clues)])
+    other = np.array([learned.known(clues) for clues in torch.from_numpy(given.strange)])
+    assert (known > 0.5).mean() > 0.99 and (other < 0.5).mean() > 0.99
+    confidence = [learned.confidence(clues) for clues in torch.from_numpy(given.strange)]
+    assert np.mean(np.array(confidence) >= learned.threshold) < 0.01
+    assert "fits of turned photos, of which 0" in describe(learned, given)[1]
+
+
+def test_without_photos_of_another_kind_all_are_of_the_known_one(lessons: Lessons) -> None:
+    learned = learn(lessons)
+    assert all(learned.known(clues) > 0.999 for clues in torch.from_numpy(lessons.clues[:50]))
 
 
 def test_a_worse_fit_is_never_trusted_more() -> None:
@@ -103,3 +135,14 @@ def test_a_calibration_of_no_use_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "calibration.json").write_text(text)
     with pytest.raises(UserError, match="expected a calibration at"):
         Calibration.load(tmp_path / "calibration.json")
+
+
+def test_photos_are_turned_but_those_from_above() -> None:
+    """From above a turned photo is a photo of another azimuth, and nothing is wrong with it."""
+    images = np.random.default_rng(0).integers(0, 256, (9, 4, 4, 3), np.uint8)
+    latents = np.zeros((9, 24), np.float32)
+    latents[[0, 4], 11] = math.radians(80)
+    strange = turned(cast(Dataset, SimpleNamespace(images=images, latents=latents)))
+    chosen = [1, 3, 6, 8]  # every second of those that are left
+    expected = [np.rot90(images[index], turn) for index, turn in zip(chosen, (1, 2, 3, 1), strict=True)]
+    np.testing.assert_array_equal(strange, expected)

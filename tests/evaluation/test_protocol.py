@@ -67,10 +67,26 @@ def test_the_baseline_stands_at_azimuth_zero_and_the_mean_shape(
 def test_images_are_not_mixed_up_by_threads(
     results, dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings
 ) -> None:
-    alone = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, threads=1)["robust"]
+    alone = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=1)["robust"]
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(alone.errors[metric], values)
     assert alone.verdicts == results["robust"].verdicts
+
+
+@pytest.mark.slow
+def test_processes_fit_as_threads_do(
+    results,
+    dataset: Dataset,
+    weights: Path,
+    teapot: ObjectClass,
+    quick: ExplainSettings,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("vig.evaluation.fits.LEAST_APART", 2)
+    apart = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=2, processes=True)
+    for metric, values in results["robust"].errors.items():
+        np.testing.assert_array_equal(apart["robust"].errors[metric], values)
+    assert apart["robust"].verdicts == results["robust"].verdicts
 
 
 def test_silhouettes_of_the_truth_are_nearly_the_datasets_masks(

@@ -219,7 +219,7 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
     bias: float, verdict: Verdict, whole: Case, teapot: ObjectClass
 ) -> None:
     scale = torch.stack([torch.full((24,), 2.0), torch.full((24,), 3.0)]).double()
-    said = Calibration(torch.zeros(len(CLUES)).double(), bias, 0.9, scale, torch.zeros(2, 24).double())
+    said = saying(bias, 20.0, scale)
     plain = explain_one(whole.photo, whole.prediction, teapot, ending_at(whole.truth))
     assert math.isnan(plain.confidence)
     given = replace(ending_at(whole.truth), calibrated=True, calibration=said)
@@ -229,6 +229,21 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
     torch.testing.assert_close(found.deviation, (factor * plain.deviation).clamp_min(1e-3))
     flat = replace(given, likelihood=GAUSSIAN)  # of which nothing was learned
     assert math.isnan(explain_one(whole.photo, whole.prediction, teapot, flat).confidence)
+
+
+def saying(bias: float, kind_bias: float, scale: torch.Tensor) -> Calibration:
+    """What says the same of every fit."""
+    nothing = torch.zeros(len(CLUES)).double()
+    return Calibration(nothing, bias, nothing, kind_bias, 0.9, scale, torch.zeros(2, 24).double())
+
+
+def test_a_photo_of_an_unknown_kind_is_not_trusted(whole: Case, teapot: ObjectClass) -> None:
+    """However sure of the view all else is."""
+    said = saying(8.0, -2.0, torch.ones(2, 24).double())
+    settings = replace(ending_at(whole.truth), calibrated=True, calibration=said)
+    found = explain_one(whole.photo, whole.prediction, teapot, settings)
+    assert found.verdict is Verdict.AMBIGUOUS and "unlike those" in found.reason
+    assert found.confidence == pytest.approx(2 / (1 + math.exp(2)), rel=1e-3)
 
 
 def test_nothing_to_be_seen_is_a_failure(whole: Case, teapot: ObjectClass) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 from vig.cli.common import check_writable, progress_bar
 from vig.cli.main import Calibrate
 from vig.dataset import read_dataset
 from vig.errors import UserError
-from vig.evaluation.calibration import calibrate_fits, describe
+from vig.evaluation.calibration import calibrate_fits, describe, fits_of
 from vig.inference.calibration import FILE
 from vig.recognition import Recognizer
 from vig.recognition import calibrate as calibrate_network
@@ -27,12 +28,19 @@ def calibrate(settings: Calibrate) -> int:
     lines: list[str] = []
     calibrate_network(settings.weights, datasets, lines.append)
     recognizer = Recognizer.of_class(object_class, settings.weights)
+    fits = folder / "calibration_fits"  # so that a run that is stopped does not begin anew
     with progress_bar(settings.json) as progress:
-        task = progress.add_task("fits", total=sum(len(dataset) for dataset in datasets))
+        task = progress.add_task("fits", total=sum(map(fits_of, datasets)))
         calibration, lessons = calibrate_fits(
-            datasets, object_class, recognizer, advance=lambda done: progress.advance(task, done)
+            datasets,
+            object_class,
+            recognizer,
+            advance=lambda done: progress.advance(task, done),
+            cache=fits,
+            processes=True,
         )
     calibration.save(folder / FILE)
+    shutil.rmtree(fits, ignore_errors=True)
     lines += describe(calibration, lessons)
     if settings.json:
         print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))

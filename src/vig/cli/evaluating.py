@@ -52,6 +52,7 @@ def evaluate(settings: Evaluate) -> int:
             explaining,
             advance=lambda done: progress.advance(task, done),
             cache=settings.out / "fits",
+            processes=True,
         )
     write_csv(settings.out / "errors.csv", dataset, results)
     table = summarise(results, dataset, tier, settings.min_occlusion, settings.max_occlusion)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 import traceback
 from collections import Counter, deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from vig.dataset.job import Advance, Job, Maker, store
 from vig.errors import UserError
+from vig.processes import one_thread_in_children, without_interrupts
 
 CHUNK = 8
 """Samples a worker is given at a time."""
@@ -46,7 +44,7 @@ def make_in_processes(job: Job, folder: Path, missing: list[int], workers: int, 
     """
     pool = _Pool(job, folder, missing, advance)
     try:
-        with _one_thread_in_children():
+        with one_thread_in_children():
             pool.run(workers)
     finally:
         pool.stop()
@@ -59,7 +57,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process: BaseProcess = context.Process(target=_work, args=(theirs, job, folder), daemon=False)
-        with _without_interrupts():
+        with without_interrupts():
             self.process.start()
         theirs.close()
         self.waiting: deque[int] = deque()
@@ -175,29 +173,3 @@ def _work(connection: Connection, job: Job, folder: Path) -> None:
         pass
     finally:
         maker.close()
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """A process started inside never hears of Ctrl-C, not even while it starts; here it comes later."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _one_thread_in_children() -> Iterator[None]:
-    """Processes started inside get one thread for linear algebra: the workers fill the CPUs already."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

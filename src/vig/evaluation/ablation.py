@@ -111,13 +111,13 @@ def run_ablations(
     recognizer: Recognizer,
     cache: Path | None = None,
     names: Iterable[str] | None = None,
-    threads: int | None = None,
+    workers: int | None = None,
     advance: Callable[[int], None] = lambda done: None,
     settings: ExplainSettings | None = None,
 ) -> dict[str, Any]:
     """Fit every photo by the default (`settings`) and by each ablation of it; compare them photo by photo.
 
-    cache, threads, advance: see `evaluate`; names: see `variants`. Fits are timed on their own, since those
+    cache, workers, advance: see `evaluate`; names: see `variants`. Fits are timed on their own, since those
     in the cache took their time in another run.
 
     Returns plain numbers, ready for JSON: "count", "max_occlusion", and "variants": name to "title",
@@ -129,7 +129,7 @@ def run_ablations(
     for name, each in chosen.items():
         method = next(method for method, model in LIKELIHOODS.items() if model == each.likelihood)
         folder = None if cache is None else cache / name
-        found = evaluate(dataset, object_class, recognizer, (method,), each, threads, advance, folder)
+        found = evaluate(dataset, object_class, recognizer, (method,), each, workers, advance, folder)
         results[name] = found[method]
     milliseconds = timed(dataset, object_class, recognizer, chosen)
     drawn = resampled(len(dataset), np.random.default_rng(0))

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import torch
 from scipy.optimize import minimize
+from scipy.special import expit
 
 from vig.dataset import Dataset
 from vig.evaluation.fits import Fits, fit_all, key_of
 from vig.inference import Calibration, ExplainSettings
-from vig.inference.calibration import CLUES, residual
+from vig.inference.calibration import CLUES, KIND, residual
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 
@@ -25,22 +26,39 @@ RIGHT = math.radians(15.0)
 PRECISION = 0.98
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
 WITHIN_90 = 1.6449
-SIGNS = tuple(-1 if clue in ("hidden", "misfit", "height") else 1 for clue in CLUES)
+AGAINST = ("hidden", "misfit", "height", "spread", "elevation_doubt", "shape_doubt")
+SIGNS = tuple(-1 if clue in AGAINST else 1 for clue in CLUES)
 """Which way each clue may speak: trust must not grow with a worse fit, whatever a sample of photos says."""
+FOLDS = 5
 LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 LEAST = 40
 """Fits below which a group is not told apart from all."""
+ALWAYS = 20.0
+"""Log odds of a photo being of the known kind where no other kind was seen."""
+TURNED_EVERY = 2
+"""Of the photos that can be, one in so many is turned, too: a photo of an unknown kind."""
+HIGHEST_TURNED = math.radians(50.0)
+"""Elevation of the eye up to which a turned photo is wrong: from above, it is one of another azimuth."""
 
 
 @dataclass(frozen=True)
 class Lessons:
-    """Fits of validation photos: clues (N, C), right (N,) bool, errors and deviations (N, P), weight (N,)."""
+    """Fits of validation photos: clues (N, C), right (N,) bool, errors and deviations (N, P), weight (N,).
+
+    strange (M, C): clues of fits of photos of an unknown kind, there being none when M is 0.
+    """
 
     clues: np.ndarray
     right: np.ndarray
     error: np.ndarray
     deviation: np.ndarray
     weight: np.ndarray
+    strange: np.ndarray
+
+    def without(self, fold: int) -> Lessons:
+        """The same less a fold: every `FOLDS`-th fit, from number `fold` on."""
+        kept = {name: np.delete(all_, np.s_[fold::FOLDS], 0) for name, all_ in vars(self).items()}
+        return Lessons(**kept)
 
 
 def calibrate_fits(
@@ -48,59 +66,70 @@ def calibrate_fits(
     object_class: ObjectClass,
     recognizer: Recognizer,
     settings: ExplainSettings | None = None,
-    threads: int | None = None,
+    workers: int | None = None,
     advance: Callable[[int], None] = lambda done: None,
     cache: Path | None = None,
+    processes: bool = False,
 ) -> tuple[Calibration, Lessons]:
     """Fit all photos of datasets, each of which counts alike whatever its size, and learn from them.
 
-    cache: keeps the fits, see `fit_all`.
+    workers, cache, processes: see `vig.evaluation.evaluate`.
     """
     plain = replace(settings or ExplainSettings(), calibrated=False)
+    workers = workers or os.cpu_count() or 1
+    key = key_of(recognizer, object_class, plain)
+
+    def fitted(images: np.ndarray, name: str) -> Fits:
+        photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
+        folder = None if cache is None else cache / name
+        said = recognizer(photos)
+        return fit_all(images, photos, said, object_class, plain, workers, advance, folder, key, processes)
+
     parts = []
     for dataset in datasets:
-        photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
-        folder = (
-            None if cache is None else cache / f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
-        )
-        fits = fit_all(
-            dataset.images,
-            photos,
-            recognizer(photos),
-            object_class,
-            plain,
-            threads or os.cpu_count() or 1,
-            advance,
-            folder,
-            key_of(recognizer, object_class, plain),
-        )
-        parts.append(lessons_of(fits, dataset))
+        name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
+        fits, strange = fitted(dataset.images, name), turned(dataset)
+        clues = fitted(strange, name + "_turned").clues if len(strange) else fits.clues[:0]
+        parts.append(lessons_of(fits, dataset, clues))
     lessons = Lessons(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
     return learn(lessons), lessons
 
 
-def lessons_of(fits: Fits, dataset: Dataset) -> Lessons:
-    """What fits of a whole dataset, not calibrated, teach."""
+def turned(dataset: Dataset) -> np.ndarray:
+    """Photos (M, H, W, 3) uint8 of a dataset turned by a quarter, a half, three quarters: of unknown kind."""
+    elevation = dataset.latents[:, dataset.latents.shape[1] - 13]
+    chosen = np.flatnonzero(elevation < HIGHEST_TURNED)[::TURNED_EVERY]
+    images = [np.rot90(dataset.images[index], 1 + number % 3) for number, index in enumerate(chosen)]
+    return np.stack(images) if images else dataset.images[:0]
+
+
+def fits_of(dataset: Dataset) -> int:
+    """How many fits `calibrate_fits` makes of a dataset."""
+    return len(dataset) + len(turned(dataset))
+
+
+def lessons_of(fits: Fits, dataset: Dataset, strange: np.ndarray) -> Lessons:
+    """What fits of a whole dataset, not calibrated, teach; strange (M, C): clues of its turned photos."""
     error = fits.latents.astype(np.float64) - dataset.latents
     azimuth = error.shape[1] - 14
     error[:, azimuth] = (error[:, azimuth] + np.pi) % (2 * np.pi) - np.pi
     right = np.abs(error[:, azimuth]) < RIGHT
-    return Lessons(
-        fits.clues, right, error, fits.deviation.astype(np.float64), np.full(len(right), 1 / len(right))
-    )
+    weight = np.full(len(right), 1 / len(right))
+    return Lessons(fits.clues, right, error, fits.deviation.astype(np.float64), weight, strange)
 
 
 def learn(fits: Lessons) -> Calibration:
-    """The calibration that holds on fits; the threshold is chosen out of sample, by five folds."""
+    """The calibration that holds on fits; the threshold is chosen out of sample, by folds."""
     weights, bias = logistic(fits.clues, fits.right, fits.weight)
-    folds = np.arange(len(fits.right)) % 5
-    confidence = np.empty(len(folds))
-    for fold in range(5):
-        away = folds != fold
-        w, b = logistic(fits.clues[away], fits.right[away], fits.weight[away])
-        confidence[~away] = 1 / (1 + np.exp(-(fits.clues[~away] @ w) - b))
+    kind_weights, kind_bias = _kind(fits)
+    confidence = np.empty(len(fits.right))
+    for fold in range(FOLDS):
+        others, clues = fits.without(fold), fits.clues[fold::FOLDS]
+        w, b = logistic(others.clues, others.right, others.weight)
+        k, c = _kind(others)
+        confidence[fold::FOLDS] = expit(clues @ w + b) * np.minimum(1, 2 * expit(clues @ k + c))
     threshold = least_threshold(confidence, fits.right, fits.weight)
     trusted = confidence >= threshold
     noise = residual(torch.from_numpy(fits.clues)).numpy()
@@ -111,8 +140,28 @@ def learn(fits: Lessons) -> Calibration:
             error, deviation = fits.error[chosen, latent] / noise[chosen], fits.deviation[chosen, latent]
             scale[row, latent], floor[row, latent] = widening(error, deviation, fits.weight[chosen])
     return Calibration(
-        torch.from_numpy(weights), bias, threshold, torch.from_numpy(scale), torch.from_numpy(floor)
+        torch.from_numpy(weights),
+        bias,
+        torch.from_numpy(kind_weights),
+        kind_bias,
+        threshold,
+        torch.from_numpy(scale),
+        torch.from_numpy(floor),
     )
+
+
+def _kind(fits: Lessons) -> tuple[np.ndarray, float]:
+    """Weights (C,) and bias for a photo being of the known kind; either kind counts alike."""
+    weights = np.zeros(len(CLUES))
+    if not len(fits.strange):
+        return weights, ALWAYS
+    used = [CLUES.index(clue) for clue in KIND]
+    clues = np.concatenate([fits.clues, fits.strange])[:, used]
+    known = np.arange(len(clues)) < len(fits.clues)
+    share = np.full(len(fits.strange), 1 / len(fits.strange))
+    weight = np.concatenate([fits.weight / fits.weight.sum(), share])
+    weights[used], bias = logistic(clues, known, weight, [SIGNS[index] for index in used])
+    return weights, bias
 
 
 def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
@@ -121,10 +170,14 @@ def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
     confidence = np.array([calibration.confidence(each) for each in clues])
     trusted = confidence >= calibration.threshold
     right = f", of which {lessons.right[trusted].mean():.1%} are right" if trusted.any() else ""
+    strange = np.array([calibration.confidence(each) for each in torch.from_numpy(lessons.strange)])
     lines = [
         f"{len(trusted)} fits, {lessons.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
         f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
     ]
+    if len(strange):
+        share = (strange >= calibration.threshold).mean()
+        lines.append(f"{len(strange)} fits of turned photos, of which {share:.1%} are trusted")
     for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
         here = (confidence >= low) & (confidence < high)
         if here.any():
@@ -135,8 +188,10 @@ def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
     return lines
 
 
-def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float]:
-    """Weights (C,), of the signs `SIGNS`, and bias of a ridge logistic regression of right (N,) on clues."""
+def logistic(
+    clues: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
+) -> tuple[np.ndarray, float]:
+    """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on clues."""
     mean, deviation = clues.mean(0), clues.std(0) + 1e-6
     standard, sign = (clues - mean) / deviation, np.where(right, 1.0, -1.0)
 
@@ -147,7 +202,7 @@ def logistic(clues: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[
         penalty = 0.5e-3 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
         return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
 
-    bounds = [(0.0, None) if side > 0 else (None, 0.0) for side in SIGNS] + [(None, None)]
+    bounds = [(0.0, None) if side > 0 else (None, 0.0) for side in signs] + [(None, None)]
     found = minimize(loss, np.zeros(clues.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
     weights = found[:-1] / deviation
     return weights, float(found[-1] - weights @ mean)
@@ -166,7 +221,7 @@ def widening(error: np.ndarray, deviation: np.ndarray, weight: np.ndarray) -> tu
     needed = np.abs(error) / WITHIN_90
     best = (math.inf, 1.0, 0.0)
     for level in np.linspace(0, 0.85, 18):
-        floor = float(np.quantile(needed, level)) if level else 0.0
+        floor = _quantile(needed, weight, level) if level else 0.0
         squares = np.maximum(0.0, needed**2 - floor**2) / np.maximum(deviation, 1e-12) ** 2
         scale = math.sqrt(_quantile(squares, weight, 0.9))
         width = float(np.average(np.sqrt((scale * deviation) ** 2 + floor**2), weights=weight))

@@ -56,15 +56,17 @@ def evaluate(
     recognizer: Recognizer,
     methods: tuple[str, ...] = METHODS,
     settings: ExplainSettings | None = None,
-    threads: int | None = None,
+    workers: int | None = None,
     advance: Callable[[int], None] = lambda done: None,
     cache: Path | None = None,
+    processes: bool = False,
 ) -> dict[str, MethodResult]:
-    """Run methods over all images, `threads` fits at a time, one per CPU by default.
+    """Run methods over all images, `workers` fits at a time, one per CPU by default.
 
     `advance` is told how many were fitted since the last call. cache: a folder that keeps fits, so that they
     are not made again; fits of other photos, weights, settings or class there are replaced. Those of other
-    code are not told apart: remove the folder after a change of it.
+    code are not told apart: remove the folder after a change of it. processes: workers may be processes in
+    place of threads, see `fit_all`; a script must then guard what it runs by `if __name__ == "__main__"`.
 
     "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
     silhouette as mask (as in the paper; the mask that it predicts is listed as a method of its own),
@@ -83,7 +85,7 @@ def evaluate(
     if unknown:
         raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
     settings = settings or ExplainSettings()
-    threads = threads or os.cpu_count() or 1
+    workers = workers or os.cpu_count() or 1
     truth = Truth.of(dataset, object_class)
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
     prediction = recognizer(photos)
@@ -107,7 +109,16 @@ def evaluate(
             key = key_of(recognizer, object_class, chosen)
             if same not in done:
                 done[same] = fit_all(
-                    dataset.images, photos, prediction, object_class, chosen, threads, advance, folder, key
+                    dataset.images,
+                    photos,
+                    prediction,
+                    object_class,
+                    chosen,
+                    workers,
+                    advance,
+                    folder,
+                    key,
+                    processes,
                 )
             fits = done[same]
             masks = fits.masks_by_pixel if method == "robust" else fits.masks

@@ -1,17 +1,17 @@
 """What was learned on validation photos about when fits are right, and how far they are off.
 
 A fit leaves clues: how far other views lie behind, what the recognition model thinks of the view, how much
-is seen. A logistic regression turns them into the probability that the view is right. The curvature at the
-fit states deviations as if the model were exact and pixels independent; for each latent they are widened to
-`r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, apart for fits that are trusted and for
-others, so that 90 % intervals hold.
+is seen. A logistic regression turns them into the probability that the view is right; another, which knows
+photos turned upside down or on their side, into the probability that the photo is of the known kind, without
+which the first means nothing. The curvature at the fit states deviations as if the model were exact and
+pixels independent; for each latent they are widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root
+mean square, apart for fits that are trusted and for others, so that 90 % intervals hold.
 """
 
 from __future__ import annotations
 
 import functools
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +22,27 @@ from vig.files import atomic_write
 from vig.scene import ObjectClass
 
 FILE = "calibration.json"
-CLUES = ("lead", "support", "agreement", "hidden", "seen", "misfit", "height")
+CLUES = (
+    "lead",
+    "support",
+    "agreement",
+    "hidden",
+    "seen",
+    "misfit",
+    "height",
+    "accord",
+    "spread",
+    "elevation_doubt",
+    "shape_doubt",
+)
 """lead: log nats to the best fit of another view; support: log probability of the view; agreement: 1 when the
 recognition model's best guess is of the same view; hidden: share of the object; seen: log pixels; misfit: log
-of the residual's root mean square where the object is seen; height: sine of the elevation."""
+of the residual's root mean square where the object is seen; height: sine of the elevation; accord: mean log
+probability that the recognition model gives to what the fit says of the object's pixels; spread: log entropy
+of its azimuth; elevation_doubt, shape_doubt: log of its deviation of elevation, mean of those of shape."""
+
+KIND = ("accord", "spread", "elevation_doubt", "shape_doubt")
+"""Clues to a photo's being of the known kind."""
 
 
 LEAST_DEVIATION = 1e-3
@@ -41,19 +58,29 @@ def residual(clues: torch.Tensor) -> torch.Tensor:
 class Calibration:
     """What to make of clues and curvature; K modes, P = K + 14 latents.
 
-    weights (C,), bias: of the logistic regression on the clues. threshold: confidence from
-    which a fit is trusted. scale, floor (2, P): of deviations, row 0 for fits that are trusted, 1 for others.
+    weights (C,), bias: of the logistic regression on the clues for the view; kind_weights (C,), kind_bias:
+    for the kind of photo. threshold: confidence from which a fit is trusted. scale, floor (2, P): of
+    deviations, row 0 for fits that are trusted, 1 for others.
     """
 
     weights: torch.Tensor
     bias: float
+    kind_weights: torch.Tensor
+    kind_bias: float
     threshold: float
     scale: torch.Tensor
     floor: torch.Tensor
 
     def confidence(self, clues: torch.Tensor) -> float:
-        """Probability that the view of a fit with clues (C,) is right."""
-        return 1 / (1 + math.exp(-float(self.weights @ clues.double()) - self.bias))
+        """Probability that the view of a fit with clues (C,) is right.
+
+        Where the photo is as likely of another kind as of the known one, or likelier, it fades to zero.
+        """
+        return _logistic(self.weights, self.bias, clues) * min(1.0, 2 * self.known(clues))
+
+    def known(self, clues: torch.Tensor) -> float:
+        """Probability that a photo with clues (C,) is of the kind this was learned on, 1 / 2 a priori."""
+        return _logistic(self.kind_weights, self.kind_bias, clues)
 
     def widened(self, deviation: torch.Tensor, clues: torch.Tensor, trusted: bool) -> torch.Tensor:
         """Standard deviations (P,) from those of the curvature, for a fit with clues (C,)."""
@@ -64,7 +91,7 @@ class Calibration:
     def to_json(self) -> str:
         """As it is written."""
         told = {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in vars(self).items()}
-        return json.dumps({"format": 1, "clues": CLUES} | told, indent=1) + "\n"
+        return json.dumps({"format": 2, "clues": CLUES} | told, indent=1) + "\n"
 
     def save(self, path: Path) -> None:
         """Write as JSON."""
@@ -78,15 +105,26 @@ class Calibration:
             told = json.loads(path.read_text())
             if tuple(told["clues"]) != CLUES:
                 raise ValueError("it is for other clues")
-            tensors = {n: torch.tensor(told[n], dtype=torch.float64) for n in ("weights", "scale", "floor")}
-            if tensors["weights"].shape != (len(CLUES),) or tensors["scale"].shape != tensors["floor"].shape:
+            names = "weights", "kind_weights", "scale", "floor"
+            tensors = {name: torch.tensor(told[name], dtype=torch.float64) for name in names}
+            shapes = {tensors[name].shape for name in names[:2]}
+            if shapes != {(len(CLUES),)} or tensors["scale"].shape != tensors["floor"].shape:
                 raise ValueError("its sizes do not fit")
-            return Calibration(bias=float(told["bias"]), threshold=float(told["threshold"]), **tensors)
+            return Calibration(
+                bias=float(told["bias"]),
+                kind_bias=float(told["kind_bias"]),
+                threshold=float(told["threshold"]),
+                **tensors,
+            )
         except (OSError, KeyError, TypeError, ValueError) as error:
             raise UserError(
                 f"expected a calibration at '{path}'; got {type(error).__name__}: {error}."
                 " Make it again with `vig calibrate`."
             ) from error
+
+
+def _logistic(weights: torch.Tensor, bias: float, clues: torch.Tensor) -> float:
+    return float(torch.sigmoid(weights @ clues.double() + bias))
 
 
 @functools.lru_cache(maxsize=8)

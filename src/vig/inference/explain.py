@@ -79,7 +79,8 @@ def _explain_one(
         support = prediction.log_mass(objective.latents(points).azimuth)
         scores = descent.value + settings.view_weight * stage.scale**2 * support
         evaluations += int(descent.evaluations.sum())
-    calibration = calibration_of(object_class) if settings.calibration is None else settings.calibration
+    # Learned of fits with outliers: without them the evidence means something else.
+    calibrated = settings.calibrated and settings.likelihood.alpha < 1
     return judge(
         objective,
         points,
@@ -88,8 +89,7 @@ def _explain_one(
         prediction,
         settings,
         evaluations,
-        # Learned of fits with outliers: without them the evidence means something else.
-        calibration if settings.calibrated and settings.likelihood.alpha < 1 else None,
+        (settings.calibration or calibration_of(object_class)) if calibrated else None,
     )
 
 

@@ -19,6 +19,7 @@ MASK_SIGMA = 0.1
 
 DISTINCT_AZIMUTH = math.radians(25.0)
 AMBIGUOUS_NATS = 30.0
+LEAST_VISIBLE, LEAST_ACCORD = 0.3, 1e-3
 MOST_LEAD = 3000.0
 """Nats by which another view can lie behind, as far as clues go."""
 
@@ -67,11 +68,14 @@ def judge(
         confidence = calibration.confidence(clues)
         sure = confidence >= calibration.threshold
     if not mask.any():
+        confidence = math.nan if calibration is None else 0.0
         verdict, reason = Verdict.FAILED, Verdict.FAILED.value
     elif reverted:
         verdict, reason = Verdict.REVERTED, Verdict.REVERTED.value
     elif sure:
         verdict, reason = Verdict.TRUSTED, Verdict.TRUSTED.value
+    elif calibration is not None and calibration.known(clues) < 0.5:
+        verdict, reason = Verdict.AMBIGUOUS, "the photo is unlike those that the recognition model knows"
     elif rival is not None:
         verdict = Verdict.AMBIGUOUS
         reason = f"turned by {off:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
@@ -117,6 +121,9 @@ def _clues(
     misfit = (rendered - objective.likelihood.observed.view(*mask.shape, 3))[mask]
     pixels = int(mask.sum())
     guess = prediction.best().azimuth
+    chances = prediction.azimuth[0].double()
+    entropy = float(-(chances * chances.clamp_min(1e-12).log()).sum())
+    modes = found.shape.shape[1]
     return torch.tensor(
         [
             0.0 if reverted else math.log1p(min(gap, MOST_LEAD)),
@@ -126,9 +133,24 @@ def _clues(
             math.log1p(pixels),
             math.log(max(1e-4, float(misfit.square().mean().sqrt()) if pixels else 1.0)),
             math.sin(float(found.elevation[0])),
+            _accord(prediction.mask[0], mask, amodal),
+            math.log(max(entropy, 1e-3)),
+            math.log(max(float(prediction.deviation[0, 0]), 1e-4)),
+            float(prediction.deviation[0, 1 : 1 + modes].mean()),
         ],
         dtype=torch.float64,
     )
+
+
+def _accord(said: torch.Tensor, mask: torch.Tensor, amodal: torch.Tensor) -> float:
+    """Mean log probability, in what was said (H, W, 3) of each pixel, of what a fit says of the object's.
+
+    The object's pixels are those that the fit covers, and those that may well show it by what was said.
+    """
+    visible, hidden, _ = said.unbind(-1)
+    same = torch.where(mask, visible, torch.where(amodal, hidden, 1 - visible))
+    about = amodal | (visible > LEAST_VISIBLE)
+    return float(same.clamp_min(LEAST_ACCORD).log()[about].mean()) if about.any() else math.log(LEAST_ACCORD)
 
 
 def _neighbourly(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 import torch
+import warp as wp
 
 from vig.likelihood.kernels import likelihood_kernels, load_kernels
 from vig.likelihood.passes import Pass
@@ -17,6 +18,9 @@ from vig.scene import Camera, Latents
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
+
+FREE_PASSES = 16
+"""Passes that a geometry keeps while nobody uses them."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +105,11 @@ class Likelihood:
         self.background = self.log_prior[..., 2].double().sum(1)
         load_kernels(geometry.dtype, geometry.layout.modes, geometry.device)
         k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
-        self.observed_wp = warp_array(self.observed, k.vec3)
-        self.log_prior_wp = warp_array(self.log_prior, k.vec3)
-        self._free: dict[int, list[Pass]] = {}
+        self.photo_arrays = {
+            "observed": warp_array(self.observed, k.vec3),
+            "log_prior": warp_array(self.log_prior, k.vec3),
+            "background": warp_array(self.background, wp.float64),
+        }
 
     def __call__(
         self,
@@ -202,13 +208,27 @@ class Likelihood:
 
     @contextmanager
     def _pass(self, count: int) -> Iterator[Pass]:
-        """A pass over `count` points that nobody else has, made when there is none."""
-        free = self._free.setdefault(count, [])
-        try:
-            borrowed = free.pop()
-        except IndexError:
+        """A pass over `count` points that nobody else has: one of ours, one of other photos, or a new one.
+
+        To record launches takes longer than to run them all once, so passes outlive a likelihood.
+        """
+        free = self.geometry.kept.setdefault("passes", [])
+        kind = count, self.camera, self.silhouette, self.stride
+        fitting = [run for run in list(free) if run.kind == kind]
+        borrowed = None
+        for run in sorted(fitting, key=lambda run: run.likelihood is not self):
+            with suppress(ValueError):
+                free.remove(run)
+                borrowed = run
+                break
+        if borrowed is None:
             borrowed = Pass(self, count)
+        elif borrowed.likelihood is not self:
+            borrowed.look_at(self)
         try:
             yield borrowed
         finally:
             free.append(borrowed)
+            with suppress(IndexError):
+                while len(free) > FREE_PASSES:
+                    free.pop(0)

@@ -12,7 +12,7 @@ import warp as wp
 
 from vig.likelihood.kernels import PARTS, likelihood_kernels
 from vig.render import NOTHING, warp_array
-from vig.render.device import prepared
+from vig.render.device import Prepared
 from vig.render.raster import KEYS_MARGIN
 from vig.render.surface import LANES
 from vig.scene.light import L_COUNT
@@ -30,8 +30,14 @@ BOUNDARY_CURVATURE = 0.5
 """Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
 
 
+PHOTOS = ("observed", "log_prior", "background")
+"""Arguments of kernels that are a likelihood's own; all else is the same for any photos of one size."""
+
+
 class Pass:
-    """Evaluates B points of one `Likelihood` in buffers of its own; launches are recorded at their first use.
+    """Evaluates B points of a `Likelihood` in buffers of its own; launches are recorded at their first use.
+
+    The same pass serves other photos of the same geometry, camera and settings: see `look_at`.
 
     value (B,) float64, gradient (B, P'), normal (B, P', P') and images (posterior, coverage, irradiance, each
     (B, H * W)) hold the last results; the next call overwrites them. So do all other buffers, by the names
@@ -42,6 +48,7 @@ class Pass:
     def __init__(self, likelihood: Likelihood, count: int):
         geometry, camera = likelihood.geometry, likelihood.camera
         self.geometry, self.count, self.silhouette = geometry, count, likelihood.silhouette
+        self.kind = count, camera, likelihood.silhouette, likelihood.stride
         self.layout, dtype = geometry.layout, geometry.dtype
         self._kernels = k = likelihood_kernels(dtype, self.layout.modes)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
@@ -64,10 +71,9 @@ class Pass:
             "ring_start": geometry.ring_start_wp,
             "ring": geometry.ring_wp,
             "basis": geometry.basis_wp,
-            "observed": likelihood.observed_wp,
-            "log_prior": likelihood.log_prior_wp,
-            "background": warp_array(likelihood.background, wp.float64),
         }
+        self._launches: list[tuple[Prepared, list[str]]] = []
+        self.look_at(likelihood)
         made = self._buffer
         self.points = made("points", k.real, 1 + self.layout.size)
         self.points[:, 0] = 1.0
@@ -104,10 +110,18 @@ class Pass:
         self.shadow_rates = made("shadow_rates", k.real, self.layout.modes + 1, shadowed)
         self.on_light = made("on_light", k.real, shadowed)
         self._cleared.append(self.on_light)
-        self._commands: list[wp.Launch] = []
         self._look = self._record("look", count)
         self._assemble = self._record("assemble", (count, self.layout.size))
         self._program = functools.cache(self._recorded)
+
+    def look_at(self, likelihood: Likelihood) -> None:
+        """Take the photos of a likelihood, which differs from the one before in nothing else."""
+        self.likelihood = likelihood
+        self._arguments |= likelihood.photo_arrays
+        for launch, names in self._launches:
+            for index, name in enumerate(names):
+                if name in PHOTOS:
+                    launch.exchange(index, self._arguments[name])
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: int, images: bool
@@ -188,10 +202,11 @@ class Pass:
         known |= values or {}
         if shared_out is not None:
             known["chunk"] = -(-self._parts[shared_out] // PARTS)
-        arguments = [known[argument] for argument in inspect.signature(kernel.func).parameters]
-        command = wp.launch(kernel, dim, arguments, device=self.geometry.device, record_cmd=True)
-        self._commands.append(command)
-        return prepared(command)
+        names = list(inspect.signature(kernel.func).parameters)
+        arguments = [known[name] for name in names]
+        launch = Prepared(wp.launch(kernel, dim, arguments, device=self.geometry.device, record_cmd=True))
+        self._launches.append((launch, names))
+        return launch
 
     def _buffer(self, name: str, kind: Any, *shape: int) -> torch.Tensor:
         """A kept tensor (B, *shape), with the kind's own axes behind, that kernels know by its name."""

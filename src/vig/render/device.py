@@ -59,16 +59,30 @@ def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array:
     return cast(wp.array, wp.from_torch(tensor, dtype=dtype, requires_grad=False))
 
 
-def prepared(command: wp.Launch) -> Callable[[], object]:
-    """A recorded launch as a call that costs as little as may be.
+class Prepared:
+    """A recorded launch as a call that costs as little as may be, and whose arrays can be exchanged.
 
     On the CPU Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs;
-    here they are packed once. The caller keeps the launch, and what its arguments point to.
+    here they are packed once. The launch is kept; what its arguments point to, the caller keeps.
     """
-    hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
-    if not command.device.is_cpu or hooks is None or parameters is None:
-        return command.launch
-    bounds, *arguments = parameters
-    fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
-    packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
-    return functools.partial(hooks.forward, ctypes.byref(bounds), ctypes.byref(packed))
+
+    def __init__(self, command: wp.Launch):
+        self._command, self._packed = command, None
+        hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
+        self._launch: Callable[[], object] = command.launch
+        if command.device.is_cpu and hooks is not None and parameters is not None:
+            bounds, *arguments = parameters
+            fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
+            self._packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
+            self._launch = functools.partial(hooks.forward, ctypes.byref(bounds), ctypes.byref(self._packed))
+
+    def __call__(self) -> object:
+        """Launch."""
+        return self._launch()
+
+    def exchange(self, index: int, array: wp.array) -> None:
+        """From now on argument `index` is another array of the same type and number of axes."""
+        if self._packed is None:
+            self._command.set_param_at_index(index, array)
+        else:
+            setattr(self._packed, f"argument_{index}", array.__ctype__())

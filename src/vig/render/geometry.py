@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 import warp as wp
@@ -19,6 +21,7 @@ class Geometry:
     faces (F, 3), edges (E, 5), ring_start (V + 1,) and ring (R, 3), all int32: see `edges_of`, `rings_of`.
     basis (V, 3, padded K): the components again, one row per vertex and axis. transfer (K + 1, V * 9) or
     None: what self-shadow and bounces add to the lobes A_l Y_lm of each vertex, see `ObjectClass.transfer`.
+    kept: what others made for this geometry and may use again, for as long as it lives.
     """
 
     def __init__(
@@ -53,6 +56,7 @@ class Geometry:
         self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
         self.ring_start_wp = warp_array(self.ring_start, wp.int32)
         self.ring_wp = warp_array(self.ring, wp.int32)
+        self.kept: dict[str, list[Any]] = {}
 
     @property
     def vertex_count(self) -> int:

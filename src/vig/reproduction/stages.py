@@ -23,7 +23,7 @@ from vig.evaluation import (
 )
 from vig.evaluation import evaluate as run_methods
 from vig.evaluation.ablation import ablation_markdown, run_ablations, variants
-from vig.evaluation.calibration import calibrate_fits, describe
+from vig.evaluation.calibration import calibrate_fits, describe, fits_of
 from vig.evaluation.figures import draw_figures as draw_all
 from vig.evaluation.protocol import fitted
 from vig.evaluation.statistics import within
@@ -179,14 +179,15 @@ def calibrate(run: Run) -> None:
         return
     if run.settings.net == "vig":  # the paper's nets state what was seen on held-out photos
         calibrate_network(run.folder.weights, [dataset], run.say)
-    with Meter(len(dataset), 0, run.progress, "fits") as meter:
+    with Meter(fits_of(dataset), 0, run.progress, "fits") as meter:
         learned, lessons = calibrate_fits(
             [dataset],
             run.object_class,
             run.recognizer(),
-            threads=run.threads,
+            workers=run.threads,
             advance=meter.advance,
             cache=run.folder.fits("validation"),
+            processes=True,
         )
     learned.save(run.folder.calibration)
     for line in describe(learned, lessons):
@@ -222,7 +223,7 @@ def ablate(run: Run) -> None:
             run.object_class,
             run.recognizer(),
             run.folder.fits("ablations"),
-            threads=run.threads,
+            workers=run.threads,
             advance=meter.advance,
             settings=settings,
         )
@@ -249,7 +250,8 @@ def _results(run: Run, tier: str, dataset: Dataset) -> dict[str, MethodResult]:
             run.recognizer(),
             run.settings.methods,
             run.explain_settings(),
-            threads=run.threads,
+            workers=run.threads,
             advance=meter.advance,
             cache=run.folder.fits(tier),
+            processes=True,
         )

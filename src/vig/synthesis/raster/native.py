@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from vig.render.device import initialise, prepared
+from vig.render.device import Prepared, initialise
 from vig.synthesis.raster.encoding import encode_image
 from vig.synthesis.raster.fragments import collect_fragments
 from vig.synthesis.raster.records import address
@@ -108,7 +108,7 @@ class Workspace(threading.local):
                 device="cpu",
                 record_cmd=True,
             )
-            self._launches[key] = prepared(command)
+            self._launches[key] = Prepared(command)
         self._launches[key]()
 
 

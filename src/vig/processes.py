@@ -1,0 +1,112 @@
+"""Work shared out to processes of this machine: where Python's lock would keep threads waiting."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any, TypeVar
+
+from vig.errors import UserError
+
+Given = TypeVar("Given")
+Result = TypeVar("Result")
+
+AHEAD = 4
+"""Items handed out at once for each process: enough that none waits, and few copies of what they hold."""
+
+_work: Callable[[Any], Any] | None = None
+
+
+def map_in_processes(
+    prepare: Callable[[Any], Callable[[Given], Result]], shared: Any, items: Iterable[Given], processes: int
+) -> Iterator[Result]:
+    """work(item) of each item in order, work being `prepare(shared)`, which each process calls once.
+
+    Processes are new ones that import what `prepare` needs: its module's functions, no closures, and a script
+    that comes here without `if __name__ == "__main__"` fails as with any such pool. Each has one thread for
+    linear algebra, is deaf to Ctrl-C, and ends when this process dies. When the consumer stops early, items
+    that were not begun are dropped.
+
+    Raises:
+        UserError: a process was killed.
+        Exception: what work raised.
+    """
+    context = multiprocessing.get_context("spawn")
+    told = pickle.dumps((prepare, shared))
+    left = iter(items)
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(told,))
+    waiting: list[Future[Result]] = []
+
+    def hand_out(count: int) -> None:
+        # Pickled here: torch would send its tensors through files of shared memory.
+        with one_thread_in_children(), without_interrupts():
+            waiting.extend(pool.submit(_do, pickle.dumps(item)) for item in islice(left, count))
+
+    try:
+        hand_out(processes * AHEAD)
+        while waiting:
+            result = waiting.pop(0).result()
+            hand_out(1)
+            yield result
+    except BrokenProcessPool as error:
+        raise UserError(
+            "a worker process was killed, perhaps for want of memory; what is done stays. Run the same"
+            " command again, with fewer workers."
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin(told: bytes) -> None:
+    global _work
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+    prepare, shared = pickle.loads(told)
+    _work = prepare(shared)
+
+
+def _follow(parent: Any) -> None:
+    """A pool's processes hold each other's queue open: they would wait for a killed parent for ever."""
+    parent.join()
+    os._exit(1)
+
+
+def _do(item: bytes) -> Any:
+    assert _work is not None
+    return _work(pickle.loads(item))
+
+
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """A process started inside never hears of Ctrl-C, not even while it starts; here it comes later."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def one_thread_in_children() -> Iterator[None]:
+    """Processes started inside get one thread for linear algebra: the workers fill the CPUs already."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
