@@ -117,6 +117,8 @@ def test_coverage_of_honest_and_of_boastful_deviations() -> None:
         "albedo",
         "light",
         *(f"shape_{k}" for k in range(10)),
+        *(f"albedo_{k}" for k in range(3)),
+        *(f"light_{k}" for k in range(9)),
     }
 
 

@@ -95,11 +95,19 @@ def _fits(table: Mapping[str, Any]) -> Block:
 
 
 def _coverage(table: Mapping[str, Any]) -> Block:
-    lines = [
-        [method, *(f"{shares[group]:.1%}" for group in GROUPS)]
-        for method, shares in table.get("coverage", {}).items()
-    ]
-    return Block("Truths within the stated 90 % interval", ["", *GROUPS], lines)
+    lines = []
+    for method, shares in table.get("coverage", {}).items():
+        # A group of several latents is pooled: its parts tell more.
+        single = {name: share for name, share in shares.items() if f"{name}_0" not in shares}
+        ends = min(single, key=single.__getitem__), max(single, key=single.__getitem__)
+        lines.append(
+            [
+                method,
+                *(f"{shares[group]:.1%}" for group in GROUPS),
+                *(f"{single[name]:.1%} ({name})" for name in ends),
+            ]
+        )
+    return Block("Truths within the stated 90 % interval", ["", *GROUPS, "least", "most"], lines)
 
 
 def _tests(table: Mapping[str, Any]) -> Block:

@@ -109,7 +109,7 @@ def paired_tests(
 
 
 def latent_groups(count: int) -> dict[str, list[int]]:
-    """Columns of a latent vector of `count` numbers, by group; each shape component is one, too."""
+    """Columns of a latent vector of `count` numbers, by group; each number is one, too, as `albedo_0`."""
     modes = count - 14
     groups = {
         "azimuth": [modes],
@@ -118,7 +118,8 @@ def latent_groups(count: int) -> dict[str, list[int]]:
         "albedo": list(range(modes + 2, modes + 5)),
         "light": list(range(modes + 5, count)),
     }
-    return groups | {f"shape_{mode}": [mode] for mode in range(modes)}
+    several = {name: columns for name, columns in groups.items() if len(columns) > 1}
+    return groups | {f"{name}_{i}": [each] for name, own in several.items() for i, each in enumerate(own)}
 
 
 def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
