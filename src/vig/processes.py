@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 import pickle
@@ -32,12 +33,12 @@ def map_in_processes(
 
     Processes are new ones that import what `prepare` needs: its module's functions, no closures, and a script
     that comes here without `if __name__ == "__main__"` fails as with any such pool. Each has one thread for
-    linear algebra, is deaf to Ctrl-C, and ends when this process dies. When the consumer stops early, items
-    that were not begun are dropped.
+    linear algebra, is deaf to Ctrl-C, and ends when this process dies. When the consumer stops early, what no
+    process was given yet is dropped: at most `AHEAD` items for each are finished.
 
     Raises:
         UserError: a process was killed.
-        Exception: what work raised.
+        Exception: what `prepare` or work raised.
     """
     context = multiprocessing.get_context("spawn")
     told = pickle.dumps((prepare, shared))
@@ -58,8 +59,8 @@ def map_in_processes(
             yield result
     except BrokenProcessPool as error:
         raise UserError(
-            "a worker process was killed, perhaps for want of memory; what is done stays. Run the same"
-            " command again, with fewer workers."
+            f"one of {processes} worker processes was killed, perhaps for want of memory; what is done stays."
+            " Run it again with fewer workers."
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
@@ -71,8 +72,15 @@ def _begin(told: bytes) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()
-    prepare, shared = pickle.loads(told)
-    _work = prepare(shared)
+    try:
+        prepare, shared = pickle.loads(told)
+        _work = prepare(shared)
+    except Exception as error:  # raised here it would end the process, and nobody would hear why
+        _work = functools.partial(_refuse, error)
+
+
+def _refuse(error: Exception, item: Any) -> None:
+    raise error
 
 
 def _follow(parent: Any) -> None:

@@ -21,7 +21,8 @@ from vig.evaluation.calibration import (
     learn,
     least_threshold,
     logistic,
-    turned,
+    rolled,
+    to_roll,
     widening,
 )
 from vig.inference import Calibration
@@ -39,14 +40,15 @@ def lessons() -> Lessons:
     deviation = np.exp(rng.normal(0, 0.5, (4000, 5)))
     noise = np.exp(clues[:, [CLUES.index("misfit")]])
     error = 3 * noise * deviation * rng.normal(size=(4000, 5))
-    return Lessons(clues, right, error, deviation, ALIKE, clues[:0])
+    fold = np.arange(4000) % 5
+    return Lessons(clues, right, error, deviation, ALIKE, fold, clues[:0], fold[:0])
 
 
 def strange(lessons: Lessons, off: float) -> Lessons:
     """The same, and photos of another kind, about which the recognition model is more in doubt."""
     clues = lessons.clues[:1000].copy()
     clues[:, CLUES.index("shape_doubt")] += off
-    return replace(lessons, strange=clues)
+    return replace(lessons, strange=clues, strange_fold=lessons.fold[:1000])
 
 
 def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons: Lessons) -> None:
@@ -69,7 +71,7 @@ def test_photos_of_another_kind_are_not_trusted(lessons: Lessons) -> None:
     assert (known > 0.5).mean() > 0.99 and (other < 0.5).mean() > 0.99
     confidence = [learned.confidence(clues) for clues in torch.from_numpy(given.strange)]
     assert np.mean(np.array(confidence) >= learned.threshold) < 0.01
-    assert "fits of turned photos, of which 0" in describe(learned, given)[1]
+    assert "fits of rolled photos, of which 0" in describe(learned, given)[1]
 
 
 def test_without_photos_of_another_kind_all_are_of_the_known_one(lessons: Lessons) -> None:
@@ -137,12 +139,29 @@ def test_a_calibration_of_no_use_is_refused(text: str, tmp_path: Path) -> None:
         Calibration.load(tmp_path / "calibration.json")
 
 
-def test_photos_are_turned_but_those_from_above() -> None:
-    """From above a turned photo is a photo of another azimuth, and nothing is wrong with it."""
-    images = np.random.default_rng(0).integers(0, 256, (9, 4, 4, 3), np.uint8)
+def test_photos_are_rolled_but_those_from_above() -> None:
+    """From above a rolled photo is a photo of another azimuth, and nothing is wrong with it."""
     latents = np.zeros((9, 24), np.float32)
     latents[[0, 4], 11] = math.radians(80)
-    strange = turned(cast(Dataset, SimpleNamespace(images=images, latents=latents)))
-    chosen = [1, 3, 6, 8]  # every second of those that are left
-    expected = [np.rot90(images[index], turn) for index, turn in zip(chosen, (1, 2, 3, 1), strict=True)]
-    np.testing.assert_array_equal(strange, expected)
+    assert to_roll(cast(Dataset, SimpleNamespace(latents=latents))).tolist() == [1, 3, 6, 8]
+
+
+def test_a_rolled_photo_is_the_photo_turned_by_a_good_angle_about_its_centre() -> None:
+    y, x = np.mgrid[:61, :61] - 30.0
+    spot = np.exp(-((x - 12) ** 2 + y**2) / 8)  # at the right, 12 pixels from the centre
+    images = np.repeat((255 * spot).astype(np.uint8)[None, :, :, None], 40, 0).repeat(3, 3)
+    found = rolled(images)
+    assert found.shape == images.shape and found.dtype == np.uint8
+    mass = found[..., 0].astype(float)
+    to = np.degrees(np.arctan2((mass * y).sum((1, 2)), (mass * x).sum((1, 2))))
+    away = np.hypot((mass * y).sum((1, 2)), (mass * x).sum((1, 2))) / mass.sum((1, 2))
+    np.testing.assert_allclose(away, 12, atol=0.3)
+    assert (np.abs(to) > 19).all()
+    assert np.histogram(to % 360, bins=8, range=(0, 360))[0].min() >= 2, "all round"
+
+
+def test_a_rolled_photo_is_in_the_fold_of_the_photo_it_was(lessons: Lessons) -> None:
+    given = strange(lessons, off=1.0)
+    left = given.without(2)
+    assert set(left.fold) == set(left.strange_fold) == {0, 1, 3, 4}
+    assert len(left.strange) == 800 and len(left.clues) == len(left.weight) == 3200

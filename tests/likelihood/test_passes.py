@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import torch
 
 from vig.likelihood import Likelihood, Photos
-from vig.likelihood.evaluate import FREE_PASSES
+from vig.likelihood.evaluate import FREE_POINTS
 from vig.render import Geometry
 from vig.scene import Camera
 
@@ -53,7 +56,17 @@ def test_likelihoods_of_one_geometry_share_passes_and_keep_few(studio) -> None:
         value_of(Likelihood(geometry, studio.camera, photos_of(studio, seed)), points)
     assert len(geometry.kept["passes"]) == 1
     given = photos_of(studio, 0)
-    for number in range(FREE_PASSES + 3):
+    for number in range(FREE_POINTS + 3):
         camera = Camera(**{**vars(studio.camera), "focal": studio.camera.focal + number + 1})
         value_of(Likelihood(geometry, camera, given), points)
-    assert len(geometry.kept["passes"]) == FREE_PASSES
+    assert len(geometry.kept["passes"]) == FREE_POINTS
+
+
+def test_photos_are_gone_when_their_likelihood_is(studio) -> None:
+    geometry = Geometry(studio.geometry.model, torch.float64)
+    likelihood = Likelihood(geometry, studio.camera, photos_of(studio, 0))
+    value_of(likelihood, points_of(studio, 0, 1))
+    photos, array = weakref.ref(likelihood.observed), weakref.ref(likelihood.photo_arrays["observed"])
+    del likelihood
+    gc.collect()
+    assert photos() is None and array() is None and len(geometry.kept["passes"]) == 1

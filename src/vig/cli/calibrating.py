@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 
-from vig.cli.common import check_writable, progress_bar
+from vig.cli.common import check_workers, check_writable, progress_bar
 from vig.cli.main import Calibrate
 from vig.dataset import read_dataset
 from vig.errors import UserError
@@ -20,6 +20,7 @@ def calibrate(settings: Calibrate) -> int:
     """Calibrate the weights in place, then fits that start from them; returns the exit code."""
     if not settings.datasets:
         raise UserError("expected at least one dataset to calibrate on; got none")
+    check_workers(settings.workers)
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split) for path in settings.datasets]
     Recognizer.of_class(object_class, settings.weights)  # refuses what is of no use
@@ -35,6 +36,7 @@ def calibrate(settings: Calibrate) -> int:
             datasets,
             object_class,
             recognizer,
+            workers=settings.workers,
             advance=lambda done: progress.advance(task, done),
             cache=fits,
             processes=True,

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
+from vig.errors import UserError
 from vig.files import atomic_write
 
 
@@ -16,6 +17,12 @@ def check_writable(folder: Path) -> None:
     with atomic_write(probe) as temporary:
         temporary.touch()
     probe.unlink()
+
+
+def check_workers(workers: int | None) -> None:
+    """Refuse a number of workers that can do nothing."""
+    if workers is not None and workers < 1:
+        raise UserError(f"expected --workers of at least 1; got {workers}.")
 
 
 def progress_bar(quiet: bool) -> Progress:

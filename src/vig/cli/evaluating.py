@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from vig.cli.common import check_writable, progress_bar
+from vig.cli.common import check_workers, check_writable, progress_bar
 from vig.cli.main import Evaluate
 from vig.dataset import read_dataset
 from vig.dataset.format import read_info
@@ -50,6 +50,7 @@ def evaluate(settings: Evaluate) -> int:
             recognizer,
             settings.methods,
             explaining,
+            workers=settings.workers,
             advance=lambda done: progress.advance(task, done),
             cache=settings.out / "fits",
             processes=True,
@@ -85,3 +86,4 @@ def _check(settings: Evaluate) -> None:
         )
     if settings.limit is not None and settings.limit < 1:
         raise UserError(f"expected --limit of at least 1 image; got {settings.limit}.")
+    check_workers(settings.workers)

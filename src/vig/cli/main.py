@@ -85,6 +85,8 @@ class Calibrate:
     """Which split of them; what is tested on is not to be learned from."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
+    workers: int | None = None
+    """Fits at a time; one per CPU by default."""
     json: bool = False
     """Print one JSON object at the end."""
 
@@ -123,6 +125,8 @@ class Evaluate:
     """A packaged class or the folder of a class pack."""
     weights: Path | None = None
     """Recognition weights other than the class's own."""
+    workers: int | None = None
+    """Fits at a time; one per CPU by default."""
     json: bool = False
     """Print table.json instead of a table."""
 

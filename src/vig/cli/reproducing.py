@@ -10,6 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
+from vig.cli.common import check_workers
 from vig.cli.doctor import machine
 from vig.cli.main import Reproduce
 from vig.evaluation.paper import compare
@@ -20,6 +21,7 @@ from vig.reproduction import TIERS, Record, Run, RunFolder, Settings, comparison
 def reproduce_paper(chosen: Reproduce) -> int:
     """Do what is left of a run and print its tables, or JSON; its folder comes last."""
     settings = Settings.of(**{field.name: getattr(chosen, field.name) for field in fields(Settings)})
+    check_workers(chosen.workers)
     folder = RunFolder(chosen.out)
 
     def say(line: str) -> None:

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.ndimage import rotate
 from scipy.optimize import minimize
 from scipy.special import expit
 
 from vig.dataset import Dataset
 from vig.evaluation.fits import Fits, fit_all, key_of
 from vig.inference import Calibration, ExplainSettings
-from vig.inference.calibration import CLUES, KIND, residual
+from vig.inference.calibration import CLUES, KIND, faded, residual
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 
@@ -35,17 +36,21 @@ LEAST = 40
 """Fits below which a group is not told apart from all."""
 ALWAYS = 20.0
 """Log odds of a photo being of the known kind where no other kind was seen."""
-TURNED_EVERY = 2
-"""Of the photos that can be, one in so many is turned, too: a photo of an unknown kind."""
-HIGHEST_TURNED = math.radians(50.0)
-"""Elevation of the eye up to which a turned photo is wrong: from above, it is one of another azimuth."""
+ROLLED_EVERY = 2
+"""Of the photos that can be, one in so many is rolled, too: a photo of an unknown kind."""
+HIGHEST_ROLLED = math.radians(50.0)
+"""Elevation of the eye up to which a rolled photo is wrong: from above, it is one of another azimuth."""
+LEAST_ROLL = 20.0
+"""Degrees by which such photos are rolled at least, one way or the other."""
+GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True)
 class Lessons:
     """Fits of validation photos: clues (N, C), right (N,) bool, errors and deviations (N, P), weight (N,).
 
-    strange (M, C): clues of fits of photos of an unknown kind, there being none when M is 0.
+    strange (M, C): clues of fits of photos of an unknown kind, there being none when M is 0. fold (N,),
+    strange_fold (M,): of the `FOLDS`; a photo made of another is in the other's.
     """
 
     clues: np.ndarray
@@ -53,12 +58,16 @@ class Lessons:
     error: np.ndarray
     deviation: np.ndarray
     weight: np.ndarray
+    fold: np.ndarray
     strange: np.ndarray
+    strange_fold: np.ndarray
 
     def without(self, fold: int) -> Lessons:
-        """The same less a fold: every `FOLDS`-th fit, from number `fold` on."""
-        kept = {name: np.delete(all_, np.s_[fold::FOLDS], 0) for name, all_ in vars(self).items()}
-        return Lessons(**kept)
+        """The same less a fold."""
+        kept, kept_strange = self.fold != fold, self.strange_fold != fold
+        return Lessons(
+            **{n: a[kept_strange if n.startswith("strange") else kept] for n, a in vars(self).items()}
+        )
 
 
 def calibrate_fits(
@@ -88,48 +97,60 @@ def calibrate_fits(
     parts = []
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
-        fits, strange = fitted(dataset.images, name), turned(dataset)
-        clues = fitted(strange, name + "_turned").clues if len(strange) else fits.clues[:0]
-        parts.append(lessons_of(fits, dataset, clues))
+        fits, origin = fitted(dataset.images, name), to_roll(dataset)
+        clues = fitted(rolled(dataset.images[origin]), name + "_rolled").clues if len(origin) else None
+        parts.append(lessons_of(fits, dataset, origin, fits.clues[:0] if clues is None else clues))
     lessons = Lessons(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
     return learn(lessons), lessons
 
 
-def turned(dataset: Dataset) -> np.ndarray:
-    """Photos (M, H, W, 3) uint8 of a dataset turned by a quarter, a half, three quarters: of unknown kind."""
+def to_roll(dataset: Dataset) -> np.ndarray:
+    """Indices (M,) of the photos of a dataset that are rolled as well."""
     elevation = dataset.latents[:, dataset.latents.shape[1] - 13]
-    chosen = np.flatnonzero(elevation < HIGHEST_TURNED)[::TURNED_EVERY]
-    images = [np.rot90(dataset.images[index], 1 + number % 3) for number, index in enumerate(chosen)]
-    return np.stack(images) if images else dataset.images[:0]
+    return np.flatnonzero(elevation < HIGHEST_ROLLED)[::ROLLED_EVERY]
+
+
+def rolled(images: np.ndarray) -> np.ndarray:
+    """Photos (M, H, W, 3) uint8 rolled about their centres, by `LEAST_ROLL` degrees or more either way.
+
+    The angles are spread evenly, in an order that leaves each few of them spread, too; what comes in at the
+    corners is the photo mirrored.
+    """
+    share = (np.arange(len(images)) * GOLDEN) % 1
+    degrees = LEAST_ROLL + share * (360 - 2 * LEAST_ROLL)
+    turned = [
+        rotate(image, angle, (0, 1), reshape=False, order=1, mode="mirror")
+        for image, angle in zip(images, degrees, strict=True)
+    ]
+    return np.stack(turned) if turned else images
 
 
 def fits_of(dataset: Dataset) -> int:
     """How many fits `calibrate_fits` makes of a dataset."""
-    return len(dataset) + len(turned(dataset))
+    return len(dataset) + len(to_roll(dataset))
 
 
-def lessons_of(fits: Fits, dataset: Dataset, strange: np.ndarray) -> Lessons:
-    """What fits of a whole dataset, not calibrated, teach; strange (M, C): clues of its turned photos."""
+def lessons_of(fits: Fits, dataset: Dataset, origin: np.ndarray, strange: np.ndarray) -> Lessons:
+    """What fits of a whole dataset, not calibrated, teach.
+
+    strange (M, C): clues of photos that were rolled; origin (M,): indices of these photos.
+    """
     error = fits.latents.astype(np.float64) - dataset.latents
     azimuth = error.shape[1] - 14
     error[:, azimuth] = (error[:, azimuth] + np.pi) % (2 * np.pi) - np.pi
     right = np.abs(error[:, azimuth]) < RIGHT
     weight = np.full(len(right), 1 / len(right))
-    return Lessons(fits.clues, right, error, fits.deviation.astype(np.float64), weight, strange)
+    deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
+    return Lessons(fits.clues, right, error, deviation, weight, fold, strange, origin % FOLDS)
 
 
 def learn(fits: Lessons) -> Calibration:
     """The calibration that holds on fits; the threshold is chosen out of sample, by folds."""
     weights, bias = logistic(fits.clues, fits.right, fits.weight)
     kind_weights, kind_bias = _kind(fits)
-    confidence = np.empty(len(fits.right))
-    for fold in range(FOLDS):
-        others, clues = fits.without(fold), fits.clues[fold::FOLDS]
-        w, b = logistic(others.clues, others.right, others.weight)
-        k, c = _kind(others)
-        confidence[fold::FOLDS] = expit(clues @ w + b) * np.minimum(1, 2 * expit(clues @ k + c))
+    confidence, _ = out_of_fold(fits)
     threshold = least_threshold(confidence, fits.right, fits.weight)
     trusted = confidence >= threshold
     noise = residual(torch.from_numpy(fits.clues)).numpy()
@@ -150,6 +171,19 @@ def learn(fits: Lessons) -> Calibration:
     )
 
 
+def out_of_fold(fits: Lessons) -> tuple[np.ndarray, np.ndarray]:
+    """Confidence in each fit (N,), and in each of a strange photo (M,), by what the other folds teach."""
+    found = np.empty(len(fits.clues)), np.empty(len(fits.strange))
+    for fold in range(FOLDS):
+        others = fits.without(fold)
+        (w, b), (k, c) = logistic(others.clues, others.right, others.weight), _kind(others)
+        groups = (fits.clues, fits.fold == fold), (fits.strange, fits.strange_fold == fold)
+        for confidence, (clues, here) in zip(found, groups, strict=True):
+            view, known = (torch.from_numpy(expit(clues[here] @ x + y)) for x, y in ((w, b), (k, c)))
+            confidence[here] = faded(view, known).numpy()
+    return found
+
+
 def _kind(fits: Lessons) -> tuple[np.ndarray, float]:
     """Weights (C,) and bias for a photo being of the known kind; either kind counts alike."""
     weights = np.zeros(len(CLUES))
@@ -165,19 +199,17 @@ def _kind(fits: Lessons) -> tuple[np.ndarray, float]:
 
 
 def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
-    """Lines on what was learned."""
-    clues = torch.from_numpy(lessons.clues)
-    confidence = np.array([calibration.confidence(each) for each in clues])
+    """Lines on what was learned, of each photo by what the others teach."""
+    confidence, strange = out_of_fold(lessons)
     trusted = confidence >= calibration.threshold
     right = f", of which {lessons.right[trusted].mean():.1%} are right" if trusted.any() else ""
-    strange = np.array([calibration.confidence(each) for each in torch.from_numpy(lessons.strange)])
     lines = [
         f"{len(trusted)} fits, {lessons.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
         f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
     ]
     if len(strange):
         share = (strange >= calibration.threshold).mean()
-        lines.append(f"{len(strange)} fits of turned photos, of which {share:.1%} are trusted")
+        lines.append(f"{len(strange)} fits of rolled photos, of which {share:.1%} are trusted")
     for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
         here = (confidence >= low) & (confidence < high)
         if here.any():

@@ -19,6 +19,7 @@ from vig import __version__
 from vig.dataset.format import class_fingerprint
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, Explanation, calibration_of, explain_one
+from vig.inference.calibration import CLUES
 from vig.likelihood import load_kernels
 from vig.processes import map_in_processes
 from vig.recognition import Prediction, Recognizer
@@ -156,7 +157,7 @@ def _fitted_apart(
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
     """A hash of all that a fit depends on but its photo and the code: weights, class, settings, version."""
     plain = replace(settings, calibration=None)
-    digest = hashlib.sha256(f"{__version__} {class_fingerprint(object_class)} {plain!r}".encode())
+    digest = hashlib.sha256(f"{__version__} {class_fingerprint(object_class)} {plain!r} {CLUES}".encode())
     own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
     if settings.visible_prior is not None:
         own["visible_prior"] = settings.visible_prior  # whose repr leaves numbers out

@@ -98,7 +98,7 @@ def _coverage(table: Mapping[str, Any]) -> Block:
     lines = []
     for method, shares in table.get("coverage", {}).items():
         # A group of several latents is pooled: its parts tell more.
-        single = {name: share for name, share in shares.items() if f"{name}_0" not in shares}
+        single = {name: share for name, share in shares.items() if f"{name}_1" not in shares}
         ends = min(single, key=single.__getitem__), max(single, key=single.__getitem__)
         lines.append(
             [

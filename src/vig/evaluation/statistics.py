@@ -109,17 +109,21 @@ def paired_tests(
 
 
 def latent_groups(count: int) -> dict[str, list[int]]:
-    """Columns of a latent vector of `count` numbers, by group; each number is one, too, as `albedo_0`."""
+    """Columns of a latent vector of `count` numbers, by group; each number is one, too, as `light_1`.
+
+    The light's first, L00, is in none: exposure sets it, so that nobody can be wrong about it.
+    """
     modes = count - 14
     groups = {
         "azimuth": [modes],
         "elevation": [modes + 1],
         "shape": list(range(modes)),
         "albedo": list(range(modes + 2, modes + 5)),
-        "light": list(range(modes + 5, count)),
+        "light": list(range(modes + 6, count)),
     }
-    several = {name: columns for name, columns in groups.items() if len(columns) > 1}
-    return groups | {f"{name}_{i}": [each] for name, own in several.items() for i, each in enumerate(own)}
+    first = {"shape": 0, "albedo": modes + 2, "light": modes + 5}
+    single = {f"{name}_{each - at}": [each] for name, at in first.items() for each in groups[name]}
+    return groups | single
 
 
 def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 A fit leaves clues: how far other views lie behind, what the recognition model thinks of the view, how much
 is seen. A logistic regression turns them into the probability that the view is right; another, which knows
-photos turned upside down or on their side, into the probability that the photo is of the known kind, without
-which the first means nothing. The curvature at the fit states deviations as if the model were exact and
+photos rolled about their centre, into the probability that the photo is of the known kind, without which the
+first means nothing. The curvature at the fit states deviations as if the model were exact and
 pixels independent; for each latent they are widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root
 mean square, apart for fits that are trusted and for others, so that 90 % intervals hold.
 """
@@ -76,10 +76,13 @@ class Calibration:
 
         Where the photo is as likely of another kind as of the known one, or likelier, it fades to zero.
         """
-        return _logistic(self.weights, self.bias, clues) * min(1.0, 2 * self.known(clues))
+        return float(faded(_logistic(self.weights, self.bias, clues), self._known(clues)))
 
     def known(self, clues: torch.Tensor) -> float:
         """Probability that a photo with clues (C,) is of the kind this was learned on, 1 / 2 a priori."""
+        return float(self._known(clues))
+
+    def _known(self, clues: torch.Tensor) -> torch.Tensor:
         return _logistic(self.kind_weights, self.kind_bias, clues)
 
     def widened(self, deviation: torch.Tensor, clues: torch.Tensor, trusted: bool) -> torch.Tensor:
@@ -123,8 +126,13 @@ class Calibration:
             ) from error
 
 
-def _logistic(weights: torch.Tensor, bias: float, clues: torch.Tensor) -> float:
-    return float(torch.sigmoid(weights @ clues.double() + bias))
+def faded(view: torch.Tensor, known: torch.Tensor) -> torch.Tensor:
+    """Confidence from the probabilities that the view is right and that the photo is of the known kind."""
+    return view * (2 * known).clamp_max(1)
+
+
+def _logistic(weights: torch.Tensor, bias: float, clues: torch.Tensor) -> torch.Tensor:
+    return torch.sigmoid(clues.double() @ weights + bias)
 
 
 @functools.lru_cache(maxsize=8)

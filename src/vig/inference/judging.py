@@ -19,7 +19,10 @@ MASK_SIGMA = 0.1
 
 DISTINCT_AZIMUTH = math.radians(25.0)
 AMBIGUOUS_NATS = 30.0
-LEAST_VISIBLE, LEAST_ACCORD = 0.3, 1e-3
+LEAST_VISIBLE = 0.3
+"""Predicted probability from which a pixel may well show the object."""
+LEAST_ACCORD = 1e-3
+"""No pixel is thought less probable, so that none decides alone."""
 MOST_LEAD = 3000.0
 """Nats by which another view can lie behind, as far as clues go."""
 

@@ -19,8 +19,8 @@ from vig.scene import Camera, Latents
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
 
-FREE_PASSES = 16
-"""Passes that a geometry keeps while nobody uses them."""
+FREE_POINTS = 64
+"""Points that passes are for which a geometry keeps while nobody uses them: 2.5 MB each at 150 pixels."""
 
 
 @dataclass(frozen=True)
@@ -216,19 +216,19 @@ class Likelihood:
         kind = count, self.camera, self.silhouette, self.stride
         fitting = [run for run in list(free) if run.kind == kind]
         borrowed = None
-        for run in sorted(fitting, key=lambda run: run.likelihood is not self):
+        for run in sorted(fitting, key=lambda run: not run.looks_at(self)):
             with suppress(ValueError):
                 free.remove(run)
                 borrowed = run
                 break
         if borrowed is None:
             borrowed = Pass(self, count)
-        elif borrowed.likelihood is not self:
+        elif not borrowed.looks_at(self):
             borrowed.look_at(self)
         try:
             yield borrowed
         finally:
             free.append(borrowed)
             with suppress(IndexError):
-                while len(free) > FREE_PASSES:
+                while len(free) > 1 and sum(run.count for run in list(free)) > FREE_POINTS:
                     free.pop(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +29,6 @@ LEAST_BOUNDARY_ROWS = 4096
 
 BOUNDARY_CURVATURE = 0.5
 """Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
-
-
-PHOTOS = ("observed", "log_prior", "background")
-"""Arguments of kernels that are a likelihood's own; all else is the same for any photos of one size."""
 
 
 class Pass:
@@ -72,6 +69,12 @@ class Pass:
             "ring": geometry.ring_wp,
             "basis": geometry.basis_wp,
         }
+        # Launches are recorded with no photos in place of the likelihood's, which they would keep alive.
+        nothing = {
+            name: wp.zeros((0,) * a.ndim, a.dtype, geometry.device)
+            for name, a in likelihood.photo_arrays.items()
+        }
+        self._arguments |= nothing
         self._launches: list[tuple[Prepared, list[str]]] = []
         self.look_at(likelihood)
         made = self._buffer
@@ -115,13 +118,22 @@ class Pass:
         self._program = functools.cache(self._recorded)
 
     def look_at(self, likelihood: Likelihood) -> None:
-        """Take the photos of a likelihood, which differs from the one before in nothing else."""
-        self.likelihood = likelihood
-        self._arguments |= likelihood.photo_arrays
+        """Take the photos of a likelihood, which differs from the one before in nothing else.
+
+        They are the likelihood's to keep: a pass that outlives it holds none of them.
+        """
+        self._likelihood = weakref.ref(likelihood)
         for launch, names in self._launches:
-            for index, name in enumerate(names):
-                if name in PHOTOS:
-                    launch.exchange(index, self._arguments[name])
+            self._exchange(launch, names, likelihood)
+
+    def looks_at(self, likelihood: Likelihood) -> bool:
+        """Whether it is this one whose photos were taken last."""
+        return self._likelihood() is likelihood
+
+    def _exchange(self, launch: Prepared, names: list[str], likelihood: Likelihood) -> None:
+        for index, name in enumerate(names):
+            if name in likelihood.photo_arrays:
+                launch.exchange(index, likelihood.photo_arrays[name])
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: int, images: bool
@@ -206,6 +218,9 @@ class Pass:
         arguments = [known[name] for name in names]
         launch = Prepared(wp.launch(kernel, dim, arguments, device=self.geometry.device, record_cmd=True))
         self._launches.append((launch, names))
+        looked_at = self._likelihood()
+        assert looked_at is not None
+        self._exchange(launch, names, looked_at)
         return launch
 
     def _buffer(self, name: str, kind: Any, *shape: int) -> torch.Tensor:

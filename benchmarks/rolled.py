@@ -1,0 +1,71 @@
+"""Verdicts on photos of a camera that was rolled about its axis, which the model does not know of.
+
+    python -m benchmarks.rolled --dataset D [--split test] [--count 200] [--json FILE]
+
+Of the first `--count` photos those are taken whose eye is below 50 degrees of elevation: from above, a roll is
+a turn of the object. What comes in at the corners is the photo mirrored.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.ndimage import rotate
+
+from benchmarks.report import metric, report, write
+from vig.dataset import Dataset, read_dataset
+from vig.evaluation import angle_error_deg
+from vig.evaluation.calibration import HIGHEST_ROLLED
+from vig.inference import Verdict, explain
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass, linear_from_srgb
+
+ANGLES = (0, 5, 10, 20, 30, 45, 90, 135, 180)
+NEAR_DEG = 15.0
+
+
+def low(dataset: Dataset) -> np.ndarray:
+    """Indices of the photos from below `HIGHEST_ROLLED`."""
+    return np.flatnonzero(dataset.latents[:, dataset.latents.shape[1] - 13] < HIGHEST_ROLLED)
+
+
+def rolled(images: np.ndarray, angle: float) -> torch.Tensor:
+    """Photos (N, H, W, 3) uint8 rolled by degrees, as linear RGB."""
+    turned = rotate(images, angle, (1, 2), reshape=False, order=1, mode="mirror") if angle else images
+    return torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()
+
+
+def main() -> None:
+    """Fit, print a line for each angle, and write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--dataset", type=Path, required=True)
+    parser.add_argument("--split", default="test")
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    teapot = ObjectClass.load("teapot")
+    recognizer = Recognizer.of_class(teapot)
+    dataset = read_dataset(arguments.dataset, arguments.split).first(arguments.count)
+    chosen = low(dataset)
+    truth = torch.from_numpy(dataset.latents[chosen, dataset.latents.shape[1] - 14])
+    print(
+        f"{len(chosen)} photos\n roll  trusted  within {NEAR_DEG:.0f} degrees of azimuth: all, of the trusted"
+    )
+    metrics = []
+    for angle in ANGLES:
+        fits = list(explain(rolled(dataset.images[chosen], angle), teapot, recognizer))
+        azimuth = torch.cat([fit.latents.azimuth for fit in fits])
+        near = angle_error_deg(azimuth, truth.to(azimuth)) < NEAR_DEG
+        trusted = np.array([fit.verdict is Verdict.TRUSTED for fit in fits])
+        of_trusted = f"{near[trusted].mean():.1%}" if trusted.any() else "-"
+        print(f"{angle:5d}  {trusted.mean():7.1%}  {near.mean():.1%}, {of_trusted}", flush=True)
+        metrics.append(metric(f"wrongly_trusted_rolled_{angle}", [100 * (trusted & ~near).mean()], "%"))
+    if arguments.json:
+        write(report(metrics, threads=torch.get_num_threads()), arguments.json)
+
+
+if __name__ == "__main__":
+    main()
