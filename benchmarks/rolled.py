@@ -2,8 +2,8 @@
 
     python -m benchmarks.rolled --dataset D [--split test] [--count 200] [--json FILE]
 
-Of the first `--count` photos those are taken whose eye is below 50 degrees of elevation: from above, a roll is
-a turn of the object. What comes in at the corners is the photo mirrored.
+Of the first `--count` photos those are taken whose eye is below 50 degrees of elevation: from above, a roll
+is a turn of the object. What comes in at the corners is the photo mirrored.
 """
 
 from __future__ import annotations
