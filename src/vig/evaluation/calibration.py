@@ -27,7 +27,7 @@ RIGHT = math.radians(15.0)
 PRECISION = 0.98
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
 WITHIN_90 = 1.6449
-AGAINST = ("hidden", "misfit", "height", "spread", "elevation_doubt", "shape_doubt")
+AGAINST = ("hidden", "misfit", "height", "spread", "elevation_doubt", "shape_doubt", "roll")
 SIGNS = tuple(-1 if clue in AGAINST else 1 for clue in CLUES)
 """Which way each clue may speak: trust must not grow with a worse fit, whatever a sample of photos says."""
 FOLDS = 5

@@ -34,14 +34,16 @@ CLUES = (
     "spread",
     "elevation_doubt",
     "shape_doubt",
+    "roll",
 )
 """lead: log nats to the best fit of another view; support: log probability of the view; agreement: 1 when the
 recognition model's best guess is of the same view; hidden: share of the object; seen: log pixels; misfit: log
 of the residual's root mean square where the object is seen; height: sine of the elevation; accord: mean log
 probability that the recognition model gives to what the fit says of the object's pixels; spread: log entropy
-of its azimuth; elevation_doubt, shape_doubt: log of its deviation of elevation, mean of those of shape."""
+of its azimuth; elevation_doubt, shape_doubt: log of its deviation of elevation, mean of those of shape;
+roll: nats a pixel that the fit would gain if it were rolled a little in the image."""
 
-KIND = ("accord", "spread", "elevation_doubt", "shape_doubt")
+KIND = ("accord", "spread", "elevation_doubt", "shape_doubt", "roll")
 """Clues to a photo's being of the known kind."""
 
 

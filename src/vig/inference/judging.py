@@ -9,6 +9,7 @@ import torch
 from vig.inference.calibration import Calibration
 from vig.inference.explanation import Explanation, Verdict
 from vig.inference.objective import Objective, Valuation
+from vig.inference.roll import roll_gain
 from vig.inference.settings import ExplainSettings
 from vig.likelihood import FRAMING_COUNT, Evaluation, SpatialModel, spatial_posterior
 from vig.recognition import Prediction
@@ -23,6 +24,8 @@ LEAST_VISIBLE = 0.3
 """Predicted probability from which a pixel may well show the object."""
 LEAST_ACCORD = 1e-3
 """No pixel is thought less probable, so that none decides alone."""
+MOST_ROLL = 2.0
+"""Nats a pixel that a roll can gain or lose, as far as clues go."""
 MOST_LEAD = 3000.0
 """Nats by which another view can lie behind, as far as clues go."""
 
@@ -119,9 +122,13 @@ def _clues(
     reverted: bool,
 ) -> torch.Tensor:
     """What speaks for and against a fit, (C,) float64 in the order of `calibration.CLUES`."""
-    assert seen.irradiance is not None
+    assert seen.irradiance is not None and seen.coverage is not None
     rendered = seen.irradiance[0, ..., None] * found.albedo[0]
-    misfit = (rendered - objective.likelihood.observed.view(*mask.shape, 3))[mask]
+    observed, log_prior = (
+        image.view(*mask.shape, 3)
+        for image in (objective.likelihood.observed, objective.likelihood.log_prior)
+    )
+    misfit = (rendered - observed)[mask]
     pixels = int(mask.sum())
     guess = prediction.best().azimuth
     chances = prediction.azimuth[0].double()
@@ -140,6 +147,9 @@ def _clues(
             math.log(max(entropy, 1e-3)),
             math.log(max(float(prediction.deviation[0, 0]), 1e-4)),
             float(prediction.deviation[0, 1 : 1 + modes].mean()),
+            max(
+                -MOST_ROLL, min(MOST_ROLL, roll_gain(rendered, seen.coverage[0], observed, log_prior, pixels))
+            ),
         ],
         dtype=torch.float64,
     )
