@@ -132,6 +132,13 @@ def test_a_calibration_is_read_as_it_was_written(lessons: Lessons, tmp_path: Pat
     assert torch.equal(read.weights, learned.weights) and read.to_json() == learned.to_json()
 
 
+def test_a_calibration_of_an_older_format_is_told(lessons: Lessons, tmp_path: Path) -> None:
+    path = tmp_path / "calibration.json"
+    path.write_text(learn(lessons).to_json().replace('"format": 3', '"format": 1'))
+    with pytest.raises(UserError, match="got one of format 1, where this vig reads 3. Make it again"):
+        Calibration.load(path)
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"clues": ["lead"]}'])
 def test_a_calibration_of_no_use_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "calibration.json").write_text(text)

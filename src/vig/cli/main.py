@@ -95,8 +95,8 @@ class Calibrate:
 class Evaluate:
     """Measure methods on a dataset: errors.csv per image, the paper's Table 1 as table.json and table.md.
 
-    Safe to kill and run again: fits are kept in OUT/fits. Those of other photos, weights or settings are made
-    again; remove the folder after a change of the code.
+    Safe to kill and run again: fits are kept in OUT/fits, 50 at a time. Those of other photos, weights or
+    settings are made again; remove the folder after a change of the code.
     """
 
     dataset: Path

@@ -22,6 +22,8 @@ from vig.files import atomic_write
 from vig.scene import ObjectClass
 
 FILE = "calibration.json"
+FORMAT = 3
+"""2 knew fewer clues."""
 CLUES = (
     "lead",
     "support",
@@ -96,7 +98,7 @@ class Calibration:
     def to_json(self) -> str:
         """As it is written."""
         told = {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in vars(self).items()}
-        return json.dumps({"format": 2, "clues": CLUES} | told, indent=1) + "\n"
+        return json.dumps({"format": FORMAT, "clues": CLUES} | told, indent=1) + "\n"
 
     def save(self, path: Path) -> None:
         """Write as JSON."""
@@ -108,8 +110,8 @@ class Calibration:
         """Read what `save` wrote. Raises UserError when there is none or it is of no use."""
         try:
             told = json.loads(path.read_text())
-            if tuple(told["clues"]) != CLUES:
-                raise ValueError("it is for other clues")
+            if told["format"] != FORMAT or tuple(told["clues"]) != CLUES:
+                raise ValueError(f"one of format {told['format']}, where this vig reads {FORMAT}")
             names = "weights", "kind_weights", "scale", "floor"
             tensors = {name: torch.tensor(told[name], dtype=torch.float64) for name in names}
             shapes = {tensors[name].shape for name in names[:2]}
@@ -123,9 +125,18 @@ class Calibration:
             )
         except (OSError, KeyError, TypeError, ValueError) as error:
             raise UserError(
-                f"expected a calibration at '{path}'; got {type(error).__name__}: {error}."
+                f"expected a calibration at '{path}'; got {_plain(error)}."
                 " Make it again with `vig calibrate`."
             ) from error
+
+
+def _plain(error: Exception) -> str:
+    """What is wrong with a calibration, in a user's words."""
+    if isinstance(error, OSError):
+        return error.strerror or "a file that cannot be read"
+    if isinstance(error, json.JSONDecodeError):
+        return f"no JSON (line {error.lineno})"
+    return str(error) if type(error) is ValueError else "something else"
 
 
 def faded(view: torch.Tensor, known: torch.Tensor) -> torch.Tensor:

@@ -80,6 +80,8 @@ def judge(
         verdict, reason = Verdict.REVERTED, Verdict.REVERTED.value
     elif sure:
         verdict, reason = Verdict.TRUSTED, Verdict.TRUSTED.value
+        if calibration is None:
+            reason += "; how often such a fit is right was not learned"
     elif calibration is not None and calibration.known(clues) < 0.5:
         verdict, reason = Verdict.AMBIGUOUS, "the photo is unlike those that the recognition model knows"
     elif rival is not None:

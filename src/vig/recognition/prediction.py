@@ -95,6 +95,11 @@ class Recognizer:
     network: RecognitionNetwork | PaperNetworks
 
     def __init__(self, path: Path):
+        if path.is_dir():
+            raise UserError(
+                f"expected recognition weights at '{path}'; got a folder."
+                " Name the recognition.safetensors in it."
+            )
         try:
             with safe_open(path, framework="pt") as file:
                 metadata = file.metadata() or {}
