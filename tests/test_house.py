@@ -9,7 +9,12 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "vig"
 
 # Helper modules at the top of the package, importable by every room.
-HELPERS = {"errors": set(), "files": {"errors"}, "images": {"errors", "files", "scene"}}
+HELPERS = {
+    "errors": set(),
+    "files": {"errors"},
+    "images": {"errors", "files", "scene"},
+    "processes": {"errors"},
+}
 ROOMS = {
     "scene": set(),
     "render": {"scene"},

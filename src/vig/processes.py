@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -34,22 +33,21 @@ def map_in_processes(
     Processes are new ones that import what `prepare` needs: its module's functions, no closures, and a script
     that comes here without `if __name__ == "__main__"` fails as with any such pool. Each has one thread for
     linear algebra, is deaf to Ctrl-C, and ends when this process dies. When the consumer stops early, what no
-    process was given yet is dropped: at most `AHEAD` items for each are finished.
+    process was given yet is dropped: at most `AHEAD` items for each are finished. Items and results should hold
+    arrays, not tensors: torch would send these through files of shared memory.
 
     Raises:
         UserError: a process was killed.
         Exception: what `prepare` or work raised.
     """
     context = multiprocessing.get_context("spawn")
-    told = pickle.dumps((prepare, shared))
     left = iter(items)
-    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(told,))
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(prepare, shared))
     waiting: list[Future[Result]] = []
 
     def hand_out(count: int) -> None:
-        # Pickled here: torch would send its tensors through files of shared memory.
         with one_thread_in_children(), without_interrupts():
-            waiting.extend(pool.submit(_do, pickle.dumps(item)) for item in islice(left, count))
+            waiting.extend(pool.submit(_do, item) for item in islice(left, count))
 
     try:
         hand_out(processes * AHEAD)
@@ -66,14 +64,13 @@ def map_in_processes(
         pool.shutdown(cancel_futures=True)
 
 
-def _begin(told: bytes) -> None:
+def _begin(prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
     global _work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()
     try:
-        prepare, shared = pickle.loads(told)
         _work = prepare(shared)
     except Exception as error:  # raised here it would end the process, and nobody would hear why
         _work = functools.partial(_refuse, error)
@@ -89,9 +86,9 @@ def _follow(parent: Any) -> None:
     os._exit(1)
 
 
-def _do(item: bytes) -> Any:
+def _do(item: Any) -> Any:
     assert _work is not None
-    return _work(pickle.loads(item))
+    return _work(item)
 
 
 @contextmanager

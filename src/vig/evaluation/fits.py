@@ -121,6 +121,8 @@ def fit_all(
 
 
 Photo = tuple[torch.Tensor, Prediction]
+Arrays = tuple[np.ndarray, ...]
+"""A photo and the parts of its prediction."""
 Shared = tuple[ObjectClass, ExplainSettings]
 
 
@@ -149,9 +151,23 @@ def _fitted_here(
 def _fitted_apart(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> Generator[Fits]:
-    # A view would be sent with all that it is a view of.
-    alone = ((photo.clone(), prediction.clone()) for photo, prediction in photos)
-    yield from map_in_processes(_fitting, (object_class, settings), alone, workers)
+    arrays = (_arrays(photo, prediction) for photo, prediction in photos)
+    yield from map_in_processes(_fitting_arrays, (object_class, settings), arrays, workers)
+
+
+def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
+    return photo.numpy(), *(tensor.numpy() for tensor in vars(prediction).values())
+
+
+def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
+    """`_fitting` of what can be sent to another process."""
+    fitted = _fitting(shared)
+
+    def one(arrays: Arrays) -> Fits:
+        photo, *parts = map(torch.from_numpy, arrays)
+        return fitted((photo, Prediction(*parts)))
+
+    return one
 
 
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:

@@ -81,10 +81,6 @@ class Prediction:
     def __getitem__(self, index: slice) -> Prediction:
         return Prediction(self.azimuth[index], self.numbers[index], self.deviation[index], self.mask[index])
 
-    def clone(self) -> Prediction:
-        """A copy that holds no more than its own photos."""
-        return Prediction(*(tensor.clone() for tensor in vars(self).values()))
-
 
 class Recognizer:
     """A trained recognition network, vig's or the paper's.
