@@ -33,8 +33,8 @@ def map_in_processes(
     Processes are new ones that import what `prepare` needs: its module's functions, no closures, and a script
     that comes here without `if __name__ == "__main__"` fails as with any such pool. Each has one thread for
     linear algebra, is deaf to Ctrl-C, and ends when this process dies. When the consumer stops early, what no
-    process was given yet is dropped: at most `AHEAD` items for each are finished. Items and results should hold
-    arrays, not tensors: torch would send these through files of shared memory.
+    process was given yet is dropped: at most `AHEAD` items for each are finished. Items and results hold
+    arrays, not tensors, which torch would send through files of shared memory.
 
     Raises:
         UserError: a process was killed.
