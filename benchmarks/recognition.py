@@ -1,6 +1,7 @@
-"""Photos per second of the recognition network, by threads.
+"""Photos per second of the recognition network, by threads: `python -m benchmarks.recognition [--json FILE]`.
 
-python -m benchmarks.recognition [--json FILE]
+The photos are made by the raster generator (test split), or are the last ones of `--dataset DIR`; each number
+of threads runs over all of them `--repeats` times, after a run that does not count.
 """
 
 from __future__ import annotations

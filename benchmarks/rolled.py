@@ -13,29 +13,17 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.ndimage import rotate
 
 from benchmarks.report import metric, report, write
-from vig.dataset import Dataset, read_dataset
+from vig.dataset import read_dataset
 from vig.evaluation import angle_error_deg
-from vig.evaluation.calibration import HIGHEST_ROLLED
+from vig.evaluation.calibration import low, rolled
+from vig.evaluation.statistics import NEAR_DEG
 from vig.inference import Verdict, explain
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 
 ANGLES = (0, 5, 10, 20, 30, 45, 90, 135, 180)
-NEAR_DEG = 15.0
-
-
-def low(dataset: Dataset) -> np.ndarray:
-    """Indices of the photos from below `HIGHEST_ROLLED`."""
-    return np.flatnonzero(dataset.latents[:, dataset.latents.shape[1] - 13] < HIGHEST_ROLLED)
-
-
-def rolled(images: np.ndarray, angle: float) -> torch.Tensor:
-    """Photos (N, H, W, 3) uint8 rolled by degrees, as linear RGB."""
-    turned = rotate(images, angle, (1, 2), reshape=False, order=1, mode="mirror") if angle else images
-    return torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()
 
 
 def main() -> None:
@@ -56,7 +44,9 @@ def main() -> None:
     )
     metrics = []
     for angle in ANGLES:
-        fits = list(explain(rolled(dataset.images[chosen], angle), teapot, recognizer))
+        images = rolled(dataset.images[chosen], np.full(len(chosen), angle))
+        photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
+        fits = list(explain(photos, teapot, recognizer))
         azimuth = torch.cat([fit.latents.azimuth for fit in fits])
         near = angle_error_deg(azimuth, truth.to(azimuth)) < NEAR_DEG
         trusted = np.array([fit.verdict is Verdict.TRUSTED for fit in fits])

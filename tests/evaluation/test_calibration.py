@@ -21,6 +21,7 @@ from vig.evaluation.calibration import (
     learn,
     least_threshold,
     logistic,
+    roll_angles,
     rolled,
     to_roll,
     widening,
@@ -157,7 +158,7 @@ def test_a_rolled_photo_is_the_photo_turned_by_a_good_angle_about_its_centre() -
     y, x = np.mgrid[:61, :61] - 30.0
     spot = np.exp(-((x - 12) ** 2 + y**2) / 8)  # at the right, 12 pixels from the centre
     images = np.repeat((255 * spot).astype(np.uint8)[None, :, :, None], 40, 0).repeat(3, 3)
-    found = rolled(images)
+    found = rolled(images, roll_angles(40))
     assert found.shape == images.shape and found.dtype == np.uint8
     mass = found[..., 0].astype(float)
     to = np.degrees(np.arctan2((mass * y).sum((1, 2)), (mass * x).sum((1, 2))))

@@ -15,6 +15,7 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.inference import Explanation, Verdict
+from vig.inference.calibration import CLUES
 from vig.report import write_explanation
 from vig.report.files import write_glb
 from vig.report.window import Window
@@ -45,7 +46,7 @@ def explanation() -> Explanation:
         verdict=Verdict.TRUSTED,
         reason=Verdict.TRUSTED.value,
         confidence=0.9,
-        clues=torch.zeros(7),
+        clues=torch.zeros(len(CLUES)),
         evidence=123.456789,
         start_evidence=-1.0,
         evaluations=77,

@@ -98,28 +98,34 @@ def calibrate_fits(
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         fits, origin = fitted(dataset.images, name), to_roll(dataset)
-        clues = fitted(rolled(dataset.images[origin]), name + "_rolled").clues if len(origin) else None
-        parts.append(lessons_of(fits, dataset, origin, fits.clues[:0] if clues is None else clues))
+        strange = fits.clues[:0]
+        if len(origin):
+            photos = rolled(dataset.images[origin], roll_angles(len(origin)))
+            strange = fitted(photos, name + "_rolled").clues
+        parts.append(lessons_of(fits, dataset, origin, strange))
     lessons = Lessons(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
     return learn(lessons), lessons
 
 
+def low(dataset: Dataset) -> np.ndarray:
+    """Indices of the photos of a dataset from below `HIGHEST_ROLLED`."""
+    return np.flatnonzero(dataset.latents[:, dataset.latents.shape[1] - 13] < HIGHEST_ROLLED)
+
+
 def to_roll(dataset: Dataset) -> np.ndarray:
     """Indices (M,) of the photos of a dataset that are rolled as well."""
-    elevation = dataset.latents[:, dataset.latents.shape[1] - 13]
-    return np.flatnonzero(elevation < HIGHEST_ROLLED)[::ROLLED_EVERY]
+    return low(dataset)[::ROLLED_EVERY]
 
 
-def rolled(images: np.ndarray) -> np.ndarray:
-    """Photos (M, H, W, 3) uint8 rolled about their centres, by `LEAST_ROLL` degrees or more either way.
+def roll_angles(count: int) -> np.ndarray:
+    """Degrees (count,) of `LEAST_ROLL` or more either way, spread evenly, and each few of them, too."""
+    return LEAST_ROLL + (np.arange(count) * GOLDEN) % 1 * (360 - 2 * LEAST_ROLL)
 
-    The angles are spread evenly, in an order that leaves each few of them spread, too; what comes in at the
-    corners is the photo mirrored.
-    """
-    share = (np.arange(len(images)) * GOLDEN) % 1
-    degrees = LEAST_ROLL + share * (360 - 2 * LEAST_ROLL)
+
+def rolled(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:
+    """Photos (M, H, W, 3) uint8, each rolled about its centre; at the corners the photo comes in mirrored."""
     turned = [
         rotate(image, angle, (0, 1), reshape=False, order=1, mode="mirror")
         for image, angle in zip(images, degrees, strict=True)

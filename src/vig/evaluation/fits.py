@@ -92,8 +92,8 @@ def fit_all(
 
     images: the same, uint8 sRGB. folder: keeps fits, chunk by chunk; a chunk is taken from there when its
     `key` (see `key_of`) and its images are the same, and fitted again otherwise. After Ctrl-C nobody waits
-    for fits that were not begun. processes: workers may be processes, see `map_in_processes`, which takes
-    half the time of threads where there are photos enough, and gives the same fits.
+    for fits that were not begun. processes: workers may be processes, see `map_in_processes`, which are
+    quicker than threads where there are photos enough, and give the same fits.
     """
     load_kernels(torch.float32, object_class.shape_model.modes)
     chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
