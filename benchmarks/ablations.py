@@ -16,10 +16,10 @@ from pathlib import Path
 from benchmarks.report import report, write
 from vig.dataset import Dataset, read_dataset
 from vig.errors import UserError
-from vig.evaluation.ablation import ABLATIONS, ablation_markdown, run_ablations, variants
 from vig.files import atomic_write
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
+from vig_lab.ablation import ABLATIONS, ablation_markdown, run_ablations, variants
 
 
 def first(dataset: Dataset, count: int) -> Dataset:

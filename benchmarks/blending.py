@@ -21,7 +21,7 @@ REACH = 2
 
 @dataclass(frozen=True)
 class Valued:
-    """What an optimiser asks for; see `vig.inference.optimizer.Valued`."""
+    """What an optimiser asks for; see `vig.optimizers.optimizer.Valued`."""
 
     value: torch.Tensor
     gradient: torch.Tensor | None

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from vig.likelihood import ROBUST, Likelihood, Photos
-from vig.render import Geometry, rasterize
+from vig.likelihood.kernels.geometry import Geometry
+from vig.render import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel
 
 SIZES = (75, 150, 300)

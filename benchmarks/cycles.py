@@ -16,9 +16,9 @@ import numpy as np
 
 from benchmarks.report import metric, report, write
 from vig.scene import ObjectClass, srgb_from_linear
-from vig.synthesis.cycles import CyclesRenderer, renderer
-from vig.synthesis.library import Library
-from vig.synthesis.sampling import sample
+from vig_world.composition.sampling import sample
+from vig_world.library import Library
+from vig_world.renderers.cycles import CyclesRenderer, renderer
 
 SEED = 5
 SAMPLES = (16, 32, 64)

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import metric, report, write
-from vig.dataset import make_dataset
 from vig.dataset.format import image_paths
+from vig_world.generation.write import make_dataset
 
 RASTER_COUNT, CYCLES_COUNT = 6000, 40
 RUNS = 1

@@ -1,4 +1,4 @@
-"""Transfer with the ground: what `vig.synthesis.transfer` would be if it knew the plane z = 0 and its albedo.
+"""Transfer with the ground: `vig_world.packs.transfer` if it knew the plane z = 0 and its albedo.
 
 An experiment of `benchmarks.self_shadow`. Rays that meet nothing of the object and point downwards meet the
 ground, which reflects rho times what arrives there past the object. The ground near the object is a grid.
@@ -13,7 +13,7 @@ import scipy.sparse
 import torch
 
 from vig.scene.light import sh_basis
-from vig.synthesis.transfer import BOUNCES, Occlusion, cast, neighbours_of, spread, unoccluded
+from vig_world.packs.transfer import BOUNCES, Occlusion, cast, neighbours_of, spread, unoccluded
 
 HALF, CELLS = 0.5, 64
 """Metres, and cells along a side; beyond the grid the ground is unshadowed."""

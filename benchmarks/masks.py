@@ -19,7 +19,7 @@ import torch
 from PIL import Image
 
 from vig.dataset import read_dataset
-from vig.evaluation import angle_error_deg, illumination_error, segmentation_iou, shape_error_mm
+from vig.dataset.metrics import angle_error_deg, illumination_error, segmentation_iou, shape_error_mm
 from vig.inference import ExplainSettings, explain_one, objective_of
 from vig.likelihood import NEVER, ROBUST, SPATIAL, spatial_posterior, visible_share
 from vig.likelihood.spatial import links, mean_field, visible_log_odds

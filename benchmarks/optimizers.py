@@ -22,21 +22,17 @@ import torch
 
 from benchmarks import photos
 from benchmarks.report import median_interval, metric, report, write
-from vig.evaluation.metrics import angle_error_deg, shape_error_mm
-from vig.inference import (
-    BFGS,
-    LBFGS,
-    Alternating,
-    Annealed,
-    Budget,
-    ConjugateGradient,
-    Dogleg,
-    ExplainSettings,
-    GradientDescent,
-    LevenbergMarquardt,
-    Optimizer,
-    objective_of,
-)
+from vig.dataset.metrics import angle_error_deg, shape_error_mm
+from vig.inference import ExplainSettings, objective_of
+from vig.optimizers.annealing import Annealed
+from vig.optimizers.bfgs import BFGS
+from vig.optimizers.closed_form import Alternating
+from vig.optimizers.conjugate_gradient import ConjugateGradient
+from vig.optimizers.dogleg import Dogleg
+from vig.optimizers.gradient_descent import GradientDescent
+from vig.optimizers.lbfgs import LBFGS
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
+from vig.optimizers.optimizer import Budget, Optimizer
 from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass
 

@@ -6,7 +6,7 @@ import torch
 
 from benchmarks.case import Case
 from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
-from vig.render import Geometry
+from vig.likelihood.kernels.geometry import Geometry
 
 
 def set_threads(count: int) -> None:

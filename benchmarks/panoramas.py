@@ -16,13 +16,14 @@ from PIL import Image
 from scipy.spatial import Delaunay
 
 from benchmarks.report import report, write
+from vig.dataset.spec import SPLITS
 from vig.errors import UserError
-from vig.images import write_png
+from vig.photo.images import write_png
 from vig.scene import grey, project_panorama, srgb8_from_linear
-from vig.synthesis.library import PANORAMAS, asset_rng
-from vig.synthesis.own import read_envmaps
-from vig.synthesis.panoramas import panorama
-from vig.synthesis.spec import SPLITS
+from vig_world.assets.own import read_envmaps
+from vig_world.assets.panoramas import panorama
+from vig_world.library import PANORAMAS
+from vig_world.streams import asset_rng
 
 NAMES = ("|L1| / L0", "|L2| / L0", "up / L0", "level share", "log2 red / blue", "brightest / mean")
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)

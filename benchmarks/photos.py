@@ -10,7 +10,7 @@ import torch
 
 from vig.dataset import read_dataset
 from vig.scene import ObjectClass, linear_from_srgb
-from vig.synthesis import Library, render, sample
+from vig_world import Library, render, sample
 
 
 def add_arguments(parser: argparse.ArgumentParser, count: int) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from vig.likelihood import GAUSSIAN, ROBUST, Likelihood, Photos
-from vig.render import Geometry
+from vig.likelihood.kernels.geometry import Geometry
 from vig.scene import Camera, ObjectClass
 
 SIZES = ((1, 1), (1, 40), (33, 7), (48, 64), (75, 75), (150, 150))

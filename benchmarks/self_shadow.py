@@ -25,15 +25,18 @@ import torch
 from scipy.ndimage import binary_erosion
 
 from benchmarks.ground_transfer import GroundTransfer
-from vig.evaluation.metrics import (
+from vig.dataset.metrics import (
     angle_error_deg,
     appearance_error,
     illumination_error,
     segmentation_iou,
     shape_error_mm,
 )
+from vig.dataset.spec import SceneSpec
 from vig.files import atomic_write
-from vig.inference import Budget, ExplainSettings, LevenbergMarquardt, explain_one, objective_of
+from vig.inference import ExplainSettings, explain_one, objective_of
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
+from vig.optimizers.optimizer import Budget
 from vig.recognition import Recognizer
 from vig.render import rasterize
 from vig.scene import (
@@ -47,17 +50,16 @@ from vig.scene import (
     rotate_z,
     srgb_from_linear,
 )
-from vig.synthesis.cycles.appearance import lambertian
-from vig.synthesis.cycles.message import compose
-from vig.synthesis.cycles.process import Worker
-from vig.synthesis.cycles.renderer import PROBE_HEIGHT, PROBE_SAMPLES, WORKER, arriving, find_python
-from vig.synthesis.library import Library
-from vig.synthesis.rendering import render
-from vig.synthesis.sampling import sample
-from vig.synthesis.spec import SceneSpec
-from vig.synthesis.target import target_vertices
-from vig.synthesis.transfer import ALBEDO, BOUNCES, Occlusion, neighbours_of, unoccluded
-from vig.synthesis.view import View
+from vig_world.assets.target import target_vertices
+from vig_world.composition.sampling import sample
+from vig_world.library import Library
+from vig_world.packs.transfer import ALBEDO, BOUNCES, Occlusion, neighbours_of, unoccluded
+from vig_world.renderers.cycles.appearance import lambertian
+from vig_world.renderers.cycles.message import compose
+from vig_world.renderers.cycles.process import Worker
+from vig_world.renderers.cycles.renderer import PROBE_HEIGHT, PROBE_SAMPLES, WORKER, arriving, find_python
+from vig_world.renderers.rasterized import render
+from vig_world.renderers.view import View
 
 SETTINGS = ("alone", "support", "scene", "raster")
 MOST_OCCLUSION = 0.5

@@ -26,20 +26,15 @@ from benchmarks.blending import ColourBlending, Valued
 from benchmarks.edge import show
 from benchmarks.masks import HELD_OUT, compared
 from vig.dataset import read_dataset
-from vig.evaluation import angle_error_deg, segmentation_iou, shape_error_mm
-from vig.inference import (
-    LBFGS,
-    Annealed,
-    Budget,
-    ConjugateGradient,
-    ExplainSettings,
-    LevenbergMarquardt,
-    Objective,
-    Optimizer,
-    objective_of,
-)
+from vig.dataset.metrics import angle_error_deg, segmentation_iou, shape_error_mm
+from vig.inference import ExplainSettings, Objective, objective_of
 from vig.inference.judging import MASK_SIGMA
 from vig.likelihood import ROBUST
+from vig.optimizers.annealing import Annealed
+from vig.optimizers.conjugate_gradient import ConjugateGradient
+from vig.optimizers.lbfgs import LBFGS
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
+from vig.optimizers.optimizer import Budget, Optimizer
 from vig.recognition import Prediction, Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb
 

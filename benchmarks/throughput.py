@@ -11,9 +11,10 @@ import torch
 
 from benchmarks.report import metric
 from benchmarks.timing import timed
-from vig.inference import Budget, ExplainSettings, Explanation, Objective, explain, geometry_of
+from vig.inference import ExplainSettings, Explanation, Objective, explain, geometry_of
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
+from vig.optimizers.optimizer import Budget
 from vig.recognition import Recognizer
 from vig.scene import Camera, ObjectClass
 

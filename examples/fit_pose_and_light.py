@@ -19,7 +19,8 @@ import numpy as np
 import torch
 from PIL import Image
 
-from vig.render import MeshObject, Pinhole, Scene, Topology, pyramid, render
+from vig.render import MeshObject, Pinhole, Scene, Topology, render
+from vig.render.primitives import pyramid
 from vig.scene import Camera, ObjectClass, irradiance, srgb8_from_linear
 
 STEPS = 150

@@ -22,14 +22,15 @@ from pathlib import Path
 
 import torch
 
-from vig.dataset.job import photographed
+from vig.dataset.spec import SceneSpec
 from vig.examples import FOLDER
 from vig.files import atomic_write
-from vig.images import write_png
+from vig.photo.images import write_png
 from vig.scene import ObjectClass
-from vig.synthesis import Library, Picture, SceneSpec, render, sample
-from vig.synthesis.cycles import CyclesRenderer
-from vig.synthesis.sampling import target_occlusion
+from vig_world import Library, Picture, render, sample
+from vig_world.composition.sampling import target_occlusion
+from vig_world.generation.job import photographed
+from vig_world.renderers.cycles import CyclesRenderer
 
 CLASS_NAME, SPLIT, SEED = "teapot", "test", 20261122
 LEVELS = (0.0, 0.15, 0.3, 0.45, 0.5, 0.6, 0.7, 0.75)

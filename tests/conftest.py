@@ -1,17 +1,20 @@
-"""The packaged teapot, and seeded photos of it whose explanation is known."""
+"""The packaged teapot, seeded photos of it whose explanation is known, and a small dataset."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
 import torch
 
+from vig.dataset import Dataset, read_dataset
 from vig.likelihood import Likelihood, Photos, PixelModel
-from vig.render import Geometry
+from vig.likelihood.kernels.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
+from vig_world.generation.write import make_dataset
 
 torch.set_num_threads(1)
 
@@ -101,3 +104,15 @@ def studio(teapot: ObjectClass) -> Studio:
     return Studio(
         Geometry(teapot.shape_model, torch.float64), Camera.standard(target_height=teapot.target_height)
     )
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Path:
+    """A small dataset made by one worker."""
+    out = tmp_path_factory.mktemp("dataset") / "one"
+    return make_dataset(out, count=10, seed=5, workers=1, progress=False, object_class=teapot)
+
+
+@pytest.fixture(scope="session")
+def dataset(made: Path) -> Dataset:
+    return read_dataset(made)

@@ -9,8 +9,8 @@ from PIL import Image
 from vig.examples import FOLDER, Example, example_photos
 from vig.render import rasterize
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
-from vig.synthesis.designs import HELD_OUT_DESIGNS
-from vig.synthesis.target import shape_vertices
+from vig.scene.designs import shape_vertices
+from vig_world.assets.designs import HELD_OUT_DESIGNS
 
 EXAMPLES = example_photos()
 each = pytest.mark.parametrize("example", EXAMPLES, ids=[example.name for example in EXAMPLES])

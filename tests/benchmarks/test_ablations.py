@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from benchmarks import ablations
-from vig.dataset import make_dataset, read_dataset
-from vig.evaluation.ablation import DEFAULT
+from vig.dataset import read_dataset
 from vig.scene import ObjectClass
+from vig_lab.ablation import DEFAULT
+from vig_world.generation.write import make_dataset
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from benchmarks import edge
 from benchmarks.blending import ColourBlending, pixel_values
 from vig.inference import Objective
 from vig.likelihood import ROBUST, Likelihood, Photos, mixture
-from vig.render import Geometry
+from vig.likelihood.kernels.geometry import Geometry
 from vig.scene import Camera, Latents, ObjectClass
 
 

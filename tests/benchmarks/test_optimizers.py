@@ -4,7 +4,9 @@ import numpy as np
 
 from benchmarks.optimizers import COLUMNS, DEFAULT, OPTIMIZERS, START, compare, slug, summary
 from benchmarks.report import median_interval
-from vig.inference import Annealed, ExplainSettings, LevenbergMarquardt
+from vig.inference import ExplainSettings
+from vig.optimizers.annealing import Annealed
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 
 
 def rows(short: np.ndarray, milliseconds: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ import torch
 
 from benchmarks.robustness import try_scenes
 from vig.likelihood import ROBUST, Likelihood, Photos
-from vig.render import Geometry, rasterize
+from vig.likelihood.kernels.geometry import Geometry
+from vig.render import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import vig
+from vig.cli.settings import Doctor
 
 PACKAGES = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safetensors", "OpenImageIO")
 
@@ -78,10 +79,10 @@ def check_kernels() -> dict[str, Any]:
     return {"ok": ok, "detail": f"{count} of {expected} pixels of a triangle drawn in {seconds:.2f} s"}
 
 
-def run_doctor(as_json: bool = False) -> int:
+def run_doctor(settings: Doctor) -> int:
     """Print the report, for people or as JSON; the exit code: 0, or 1 when the kernels do not work."""
     report = doctor()
-    print(json.dumps(report, indent=2) if as_json else report_lines(report))
+    print(json.dumps(report, indent=2) if settings.json else report_lines(report))
     return 0 if report["ok"] else 1
 
 

@@ -9,23 +9,19 @@ from typing import Any
 import torch
 
 from vig.errors import UserError
-from vig.images import read_photo
-from vig.inference import (
-    BFGS,
-    LBFGS,
-    ConjugateGradient,
-    Dogleg,
-    ExplainSettings,
-    Explanation,
-    GradientDescent,
-    LevenbergMarquardt,
-    Optimizer,
-    explain,
-)
+from vig.inference import ExplainSettings, Explanation, explain
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, load_kernels
+from vig.optimizers.bfgs import BFGS
+from vig.optimizers.conjugate_gradient import ConjugateGradient
+from vig.optimizers.dogleg import Dogleg
+from vig.optimizers.gradient_descent import GradientDescent
+from vig.optimizers.lbfgs import LBFGS
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
+from vig.optimizers.optimizer import Optimizer
+from vig.photo.images import read_photo
+from vig.photo.window import Window
 from vig.recognition import Recognizer
 from vig.report import write_explanation
-from vig.report.window import Window
 from vig.scene import ObjectClass
 
 Box = tuple[float, float, float, float]

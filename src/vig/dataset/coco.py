@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.dataset.bop import OBJECT_ID
-from vig.dataset.format import image_paths, read_info, refuse_used, write_bytes
+from vig.dataset.format import OBJECT_ID, image_paths, read_info, refuse_used, write_bytes
 from vig.dataset.read import Dataset, read_dataset
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE

@@ -14,12 +14,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from vig.dataset.bop import DEPTH_SCALE
-from vig.dataset.format import COLUMNS, TABLE, complete_split, image_paths, read_info
+from vig.dataset.format import COLUMNS, DEPTH_SCALE, TABLE, complete_split, image_paths, read_info
+from vig.dataset.spec import SceneSpec
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE
 from vig.scene.light import L_COUNT
-from vig.synthesis.spec import SceneSpec
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Dataset:
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
     1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
     truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
-    the model the object has, see `vig.synthesis.target`; -1 for none.
+    the model the object has, see `vig_world.assets.target`; -1 for none.
     """
 
     folder: Path

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from vig.scene import Latents
+from vig.scene.latents import Latents
 
 FOLDER = Path(__file__).parent
 
@@ -22,7 +22,7 @@ class Example:
     8-bit grey PNGs, 255 where at least half of the pixel shows the object, and where it would without
     occluders. truth: one set of latents (B = 1); the light is what arrives at the object's place with the
     object removed, and the shape the model's nearest to the object's. design: number of the design whose
-    deviation from the model the object also has (`vig.synthesis.target.shape_vertices`), -1 for none.
+    deviation from the model the object also has (`vig_world.assets.target.shape_vertices`), -1 for none.
     occlusion: 1 - visible / amodal pixels, in [0, 1].
     """
 

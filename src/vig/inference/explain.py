@@ -13,8 +13,8 @@ from vig.inference.posterior import objectives_of
 from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
 from vig.likelihood import load_kernels
+from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
-from vig.render import map_on_threads, on_one_core
 from vig.scene import ObjectClass
 
 

@@ -11,8 +11,8 @@ from vig.inference.objective import Objective
 from vig.inference.prior import Belief
 from vig.inference.settings import ExplainSettings
 from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density, log_prior_of
+from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
-from vig.render import Geometry
 from vig.scene import Camera, ObjectClass
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import torch
 
 from vig.inference.calibration import Calibration
-from vig.inference.levenberg_marquardt import LevenbergMarquardt
-from vig.inference.optimizer import Budget, Optimizer
 from vig.likelihood import SPATIAL, PixelModel
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
+from vig.optimizers.optimizer import Budget, Optimizer
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,11 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.likelihood.kernels import likelihood_kernels, load_kernels
+from vig.likelihood.kernels.assembly import likelihood_kernels, load_kernels
+from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
-from vig.render import Geometry, run_on_threads, thread_count, warp_array
+from vig.parallel.threads import run_on_threads, thread_count
+from vig.render import warp_array
 from vig.scene import Camera, Latents
 
 CURVATURE_LINES = 75

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import torch
 import warp as wp
 
-from vig.likelihood.kernels import PARTS, likelihood_kernels
+from vig.likelihood.kernels.assembly import PARTS, likelihood_kernels
+from vig.likelihood.kernels.surface import LANES
 from vig.render import NOTHING, warp_array
 from vig.render.device import Prepared
 from vig.render.raster import KEYS_MARGIN
-from vig.render.surface import LANES
 from vig.scene.light import L_COUNT
 
 if TYPE_CHECKING:

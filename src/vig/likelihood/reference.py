@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import torch
 
+from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.pixel import mixture
-from vig.render import Geometry
 from vig.scene import Camera, Latents, camera_rotation, irradiance, sh_basis
 from vig.scene.light import COSINE_LOBE, L_COUNT
 

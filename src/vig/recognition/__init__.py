@@ -2,19 +2,16 @@
 
 from vig.recognition.calibrating import calibrate
 from vig.recognition.network import MASK_CLASSES, NetworkSettings, RecognitionNetwork
-from vig.recognition.paper_training import PaperTrainingSettings, train_paper
 from vig.recognition.prediction import Prediction, Recognizer
 from vig.recognition.training import TrainingSettings, train
 
 __all__ = [
     "MASK_CLASSES",
     "NetworkSettings",
-    "PaperTrainingSettings",
     "Prediction",
     "RecognitionNetwork",
     "Recognizer",
     "TrainingSettings",
     "calibrate",
     "train",
-    "train_paper",
 ]

@@ -16,7 +16,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.recognition.calibration import PREFIX, Calibration, temperature, widening
 from vig.recognition.examples import Examples
-from vig.recognition.network import Heads, RecognitionNetwork, bfloat16
+from vig.recognition.network import Heads, bfloat16
 from vig.recognition.prediction import Recognizer
 
 LEAST = 50
@@ -33,10 +33,6 @@ def calibrate(path: Path, datasets: Sequence[Dataset], say: Callable[[str], None
     if count < LEAST:
         raise UserError(f"calibration needs at least {LEAST} images; got {count}")
     recognizer, examples = Recognizer(path), Examples.joined([Examples.of(dataset) for dataset in datasets])
-    if not isinstance(recognizer.network, RecognitionNetwork):
-        raise UserError(
-            f"expected weights of vig's network; '{path}' holds the paper's, which states nothing"
-        )
     azimuth, mean, deviation, mask = _heads(recognizer, examples)
     labels = functional.one_hot(bins_of(examples.azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
     error = mean - examples.numbers

@@ -6,17 +6,16 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import torch
 from safetensors import SafetensorError, safe_open
 
 from vig.errors import UserError
+from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.calibration import Calibration
 from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
-from vig.recognition.paper_network import PaperNetworks, networks_from
 from vig.recognition.targets import latents_of, mask_at_pixels
-from vig.render import map_on_threads, on_one_core
 from vig.scene import Latents, ObjectClass, srgb_from_linear
 
 
@@ -83,12 +82,11 @@ class Prediction:
 
 
 class Recognizer:
-    """A trained recognition network, vig's or the paper's.
+    """A trained recognition network, from `recognition.safetensors` of a class pack or a training run."""
 
-    Reads `recognition.safetensors` of a class pack or a training run.
-    """
-
-    network: RecognitionNetwork | PaperNetworks
+    kind = "vig"
+    """Which networks this reads, as a weights file's metadata names them."""
+    network: Any
 
     def __init__(self, path: Path):
         if path.is_dir():
@@ -101,13 +99,9 @@ class Recognizer:
                 metadata = file.metadata() or {}
                 settings = json.loads(metadata["settings"])
                 tensors = {name: file.get_tensor(name) for name in file.keys()}
-            kind = metadata.get("net", "vig")
-            if kind == "paper":
-                self.network = networks_from(settings, tensors)
-            elif kind == "vig":
-                self._read(settings, tensors)
-            else:
-                raise ValueError(f"it is of a network that is not known, '{kind}'")
+            if (kind := metadata.get("net", "vig")) != self.kind:
+                raise ValueError(f"it is of a network of kind '{kind}', where '{self.kind}' is read")
+            self._read(settings, tensors)
             if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
                 raise ValueError("the weights are not finite")
             self.calibration = Calibration.of(tensors, self.network.settings.modes + 13)
@@ -118,7 +112,7 @@ class Recognizer:
                 f"expected recognition weights at '{path}'; got {came}."
                 " Train them with `vig train` or take a class that has them."
             ) from error
-        self.network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network.eval().to(memory_format=torch.channels_last)
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
         """Take on vig's own network and its targets' scale."""
@@ -131,11 +125,11 @@ class Recognizer:
         if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
             raise ValueError("the scale does not fit the network")
 
-    @staticmethod
-    def of_class(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
+    @classmethod
+    def of_class(cls, object_class: ObjectClass, weights: Path | None = None) -> Self:
         """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
         path = weights or (object_class.folder or Path()) / "recognition.safetensors"
-        recognizer = Recognizer(path)
+        recognizer = cls(path)
         said, modes = recognizer.network.settings.modes, object_class.shape_model.modes
         if said != modes:
             raise UserError(
@@ -162,8 +156,6 @@ class Recognizer:
     def _some(self, photos: torch.Tensor) -> Prediction:
         pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
         with bfloat16(photos.device):
-            if isinstance(self.network, PaperNetworks):
-                return Prediction(*self.network(pixels))
             heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
         known = self.calibration
         return Prediction(

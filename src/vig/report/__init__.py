@@ -3,4 +3,7 @@
 from vig.report.files import write_explanation
 from vig.report.overlay import overlay
 
-__all__ = ["overlay", "write_explanation"]
+__all__ = [
+    "overlay",
+    "write_explanation",
+]

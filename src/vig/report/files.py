@@ -13,11 +13,11 @@ import trimesh
 
 from vig import __version__
 from vig.files import atomic_write
-from vig.images import write_png
 from vig.inference import Explanation
+from vig.photo.images import write_png
+from vig.photo.window import Window
 from vig.report.overlay import overlay
-from vig.report.window import Window
-from vig.scene import Latents, ObjectClass, srgb8_from_linear
+from vig.scene import Latents, ObjectClass, latent_layout, srgb8_from_linear
 
 
 def write_explanation(
@@ -51,7 +51,7 @@ def describe(
     """
     latents = explanation.latents
     modes = object_class.shape_model.modes
-    numbers = dict(zip(Latents.names(modes), explanation.deviation.tolist(), strict=True))
+    numbers = dict(zip(latent_layout(modes).labels, explanation.deviation.tolist(), strict=True))
     return {
         "vig": __version__,
         "class": object_class.name,

@@ -2,7 +2,8 @@
 
 from vig.scene.camera import IMAGE_SIZE, Camera, camera_rotation
 from vig.scene.colour import linear_from_srgb, srgb8_from_linear, srgb_from_linear
-from vig.scene.latents import SHAPE_LIMIT, Latents
+from vig.scene.latents import Latents
+from vig.scene.layout import SHAPE_LIMIT, Block, LatentLayout, latent_layout, point_layout
 from vig.scene.light import (
     EXPOSURE_L00,
     exposed,
@@ -22,7 +23,9 @@ __all__ = [
     "EXPOSURE_L00",
     "IMAGE_SIZE",
     "SHAPE_LIMIT",
+    "Block",
     "Camera",
+    "LatentLayout",
     "Latents",
     "Mesh",
     "ObjectClass",
@@ -32,7 +35,9 @@ __all__ = [
     "face_normals",
     "grey",
     "irradiance",
+    "latent_layout",
     "linear_from_srgb",
+    "point_layout",
     "project_panorama",
     "rotate_z",
     "rotations_z",

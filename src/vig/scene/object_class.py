@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
@@ -12,9 +13,11 @@ from safetensors.numpy import load_file, save_file
 
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.scene.designs import HeldOutDesigns
 from vig.scene.shape_model import ShapeModel
 
 TRANSFER_FILE = "transfer.safetensors"
+DESIGNS_FILE = "designs.safetensors"
 PACKAGED = Path(__file__).parents[1] / "classes"
 
 
@@ -26,7 +29,8 @@ class ObjectClass:
     light_prior_covariance (9, 9): a Gaussian over SH lights in the world frame at the paper's exposure.
     folder: where it was read from, None when built in memory. transfer (K + 1, V, 9), or None: how
     self-shadow and light thrown from part to part change the nine lobes of each vertex, for the mean shape
-    and per component (`vig.synthesis.transfer`).
+    and per component (`vig_world.packs.transfer`). designs: of test and validation scenes, if the class has
+    any held out.
     """
 
     name: str
@@ -36,6 +40,7 @@ class ObjectClass:
     light_prior_covariance: np.ndarray
     folder: Path | None = None
     transfer: np.ndarray | None = None
+    designs: HeldOutDesigns | None = None
 
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
@@ -51,7 +56,7 @@ class ObjectClass:
                 },
                 temporary,
             )
-        description = {
+        description: dict[str, Any] = {
             "format": 1,
             "name": self.name,
             "target_height_m": self.target_height,
@@ -61,6 +66,11 @@ class ObjectClass:
                 "covariance": np.round(self.light_prior_covariance, 6).tolist(),
             },
         }
+        if self.designs is not None:
+            held = zip(self.designs.names, self.designs.splits, strict=True)
+            description["held_out_designs"] = [{"name": name, "split": split} for name, split in held]
+            with atomic_write(Path(folder) / DESIGNS_FILE) as temporary:
+                save_file({"vertices": self.designs.vertices}, temporary)
         with atomic_write(Path(folder) / "class.json") as temporary:
             Path(temporary).write_text(json.dumps(description, indent=1) + "\n")
 
@@ -84,6 +94,13 @@ class ObjectClass:
             transfer = None
             if (folder / TRANSFER_FILE).is_file():
                 transfer = load_file(folder / TRANSFER_FILE)["transfer"].astype(np.float32)
+            designs = None
+            if held := description.get("held_out_designs"):
+                designs = HeldOutDesigns(
+                    tuple(each["name"] for each in held),
+                    tuple(each["split"] for each in held),
+                    load_file(folder / DESIGNS_FILE)["vertices"],
+                )
             return ObjectClass(
                 description["name"],
                 ShapeModel(
@@ -99,6 +116,7 @@ class ObjectClass:
                 np.array(prior["covariance"]),
                 folder,
                 transfer,
+                designs,
             )
         except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
             raise UserError(

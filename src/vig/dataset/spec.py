@@ -1,0 +1,132 @@
+"""What a synthetic scene is made of, as plain data: enough to build it again, with either renderer."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+
+from vig.scene.rotations import about_z, matrix_of
+
+WORLD_VERSION = 2
+"""Goes up whenever the same seed and index would give another scene."""
+
+Split = Literal["train", "test", "validation"]
+SPLITS: tuple[Split, ...] = ("train", "test", "validation")
+"""In this order for good: a split's place is part of the seed of all that is made for it."""
+Role = Literal["occluder", "holder", "clutter"]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A textured finish: texture kind, its asset number, metres per repeat."""
+
+    kind: str
+    asset: int
+    metres: float
+
+
+@dataclass(frozen=True)
+class Room:
+    """A furnished room round the object, which stands at the world's origin.
+
+    layout: asset number of the room. support: which of the layout's supports the object stands on; zone: of
+    that support. origin: metres, where the layout's own origin lies in the world; turn: radians about +Z from
+    the layout to the world. finishes: what each slot of the layout is covered with, in the slots' order.
+    """
+
+    layout: int
+    support: int
+    zone: str
+    origin: tuple[float, float, float]
+    turn: float
+    finishes: tuple[tuple[str, Surface], ...]
+
+    def rotation(self) -> np.ndarray:
+        """Layout to world, (3, 3) float64."""
+        return about_z(self.turn)
+
+    def to_world(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the layout in the world."""
+        return points @ self.rotation().T + np.array(self.origin)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One prop in the world.
+
+    family: a prop family, or a fixture (`arm`, `twig`, `board`). asset: which member of the family. position:
+    metres, of the prop's own origin. rotation: rotation vector (axis times radians), prop to world.
+    role: `occluder` hides the object, `holder` carries one, `clutter` hides nothing.
+    """
+
+    family: str
+    asset: int
+    position: tuple[float, float, float]
+    rotation: tuple[float, float, float]
+    role: Role
+
+    def matrix(self) -> np.ndarray:
+        """Prop to world, (3, 3) float64."""
+        return _matrix(self.rotation)
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """One scene: the 24 latents and everything else that is seen.
+
+    shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
+    held-out design (of the class, `vig.scene.designs`) whose deviation from the model the object also has, -1
+    for none. azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world
+    frame, as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
+    target: the occlusion asked for, in [0, 0.9]; occlusion: what the sampler measured, one sample per pixel.
+    rejected: how many candidate placements were thrown away, by reason.
+    """
+
+    seed: int
+    index: int
+    split: Split
+    shape: tuple[float, ...]
+    design: int
+    azimuth: float
+    elevation: float
+    albedo: tuple[float, float, float]
+    light: tuple[float, ...]
+    panorama: int
+    panorama_angle: float
+    target: float
+    occlusion: float
+    room: Room
+    props: tuple[Placed, ...]
+    rejected: dict[str, int]
+
+    def latents(self) -> np.ndarray:
+        """All latents (P,) float32 in the order of `vig.scene.Latents.to_vector`."""
+        return np.array([*self.shape, self.azimuth, self.elevation, *self.albedo, *self.light], np.float32)
+
+    def to_json(self) -> str:
+        """One line of JSON that `from_json` reads back to an equal spec."""
+        return json.dumps(self, default=vars, separators=(",", ":"))
+
+    @staticmethod
+    def from_json(text: str) -> SceneSpec:
+        """The inverse of `to_json`. Raises KeyError, TypeError or ValueError on anything else."""
+        data = json.loads(text)
+        room = _tuples(data.pop("room"))
+        room["finishes"] = tuple((slot, Surface(**finish)) for slot, finish in room["finishes"])
+        props = tuple(Placed(**_tuples(prop)) for prop in data.pop("props"))
+        return SceneSpec(**_tuples(data), room=Room(**room), props=props)
+
+
+@lru_cache(maxsize=256)
+def _matrix(rotation: tuple[float, float, float]) -> np.ndarray:
+    matrix = matrix_of(rotation)
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _tuples(data: dict[str, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}

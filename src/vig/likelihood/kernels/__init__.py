@@ -1,0 +1,1 @@
+"""Warp kernels of one evaluation of the objective."""

@@ -1,0 +1,107 @@
+"""All kernels of one evaluation of Eq. 4, and those that put its parts together."""
+
+import functools
+from types import SimpleNamespace
+
+import torch
+import warp as wp
+
+from vig.likelihood.kernels.boundary import boundary_kernels
+from vig.likelihood.kernels.interior import interior_kernels
+from vig.likelihood.kernels.vertices import module_name, vertex_kernels
+from vig.render.raster import raster_kernels
+
+PARTS = 32
+"""Pieces into which vertices, faces, lines of pixels and rims of one image are cut, one thread each."""
+
+
+@functools.cache
+def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
+    """The kernels for one scalar type and number of shape components."""
+    interior = interior_kernels(dtype, modes)
+    real, vec3, rest_row = interior.real, interior.vec3, interior.rest_row
+    shape_columns = interior.layout.shape
+    albedo_from = modes + 2
+    module = module_name("assembly", dtype, modes)
+
+    @wp.kernel(module=module)
+    def add_values(
+        line_values: wp.array2d(dtype=real),
+        edge_values: wp.array2d(dtype=real),
+        background: wp.array(dtype=wp.float64),
+        photo: wp.array(dtype=wp.int32),
+        value: wp.array(dtype=wp.float64),
+    ):
+        image = wp.tid()
+        total = background[photo[image]]
+        for i in range(line_values.shape[1]):
+            total = total + wp.float64(line_values[image, i])
+        for i in range(edge_values.shape[1]):
+            total = total + wp.float64(edge_values[image, i])
+        value[image] = total
+
+    @wp.kernel(module=module)
+    def assemble(
+        columns: wp.array(dtype=wp.int32),
+        shape_gradient: wp.array2d(dtype=real),
+        sums: wp.array2d(dtype=rest_row),
+        line_albedo: wp.array2d(dtype=vec3),
+        edge_albedo: wp.array2d(dtype=vec3),
+        albedo: wp.array(dtype=vec3),
+        products: wp.array3d(dtype=real),
+        gradient: wp.array2d(dtype=real),
+        normal: wp.array3d(dtype=real),
+    ):
+        """One of a point's numbers: its gradient, and its line of the normal matrix.
+
+        A colour channel's row is albedo times the shared row, and irradiance in that channel's albedo place;
+        summed over the channels only |albedo|^2, albedo and 1 are left of them.
+        """
+        image, i = wp.tid()
+        column = columns[i]
+        colour = albedo[image]
+        channel = i - albedo_from
+        painted = channel >= 0 and channel < 3
+        slope = real(0.0)
+        if i < modes:
+            slope = shape_gradient[image, i]
+        elif painted:
+            for part in range(line_albedo.shape[1]):
+                slope = slope + line_albedo[image, part][channel]
+            for part in range(edge_albedo.shape[1]):
+                slope = slope + edge_albedo[image, part][channel]
+        else:
+            lane = column - shape_columns
+            for part in range(sums.shape[1]):
+                slope = slope + sums[image, part][lane]
+        gradient[image, i] = slope
+        for j in range(columns.shape[0]):
+            other = j - albedo_from
+            factor = wp.dot(colour, colour)
+            if painted:
+                factor = colour[channel]
+                if other >= 0 and other < 3:
+                    factor = real(0.0)
+                    if other == channel:
+                        factor = real(1.0)
+            elif other >= 0 and other < 3:
+                factor = colour[other]
+            normal[image, i, j] = factor * products[image, column, columns[j]]
+
+    return SimpleNamespace(
+        add_values=add_values,
+        assemble=assemble,
+        **vars(vertex_kernels(dtype, modes)),
+        **{name: getattr(boundary_kernels(dtype, modes), name) for name in ("collect_rims", "boundary")},
+        interior=interior.interior,
+        interior_rows=interior.interior_rows,
+        rasterize_faces=raster_kernels(dtype).rasterize_faces,
+    )
+
+
+@functools.cache
+def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
+    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it."""
+    kernels = likelihood_kernels(dtype, modes)
+    used = kernels.place, kernels.rasterize_faces, kernels.interior, kernels.boundary, kernels.assemble
+    wp.force_load(device, modules=[kernel.module for kernel in used], max_workers=2)

@@ -1,0 +1,27 @@
+"""Maximisers of an objective, one a file behind one protocol (`Optimizer`)."""
+
+from vig.optimizers.annealing import Annealed
+from vig.optimizers.bfgs import BFGS
+from vig.optimizers.closed_form import Alternating, ClosedForm
+from vig.optimizers.conjugate_gradient import ConjugateGradient
+from vig.optimizers.dogleg import Dogleg
+from vig.optimizers.gradient_descent import GradientDescent
+from vig.optimizers.lbfgs import LBFGS
+from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
+from vig.optimizers.optimizer import Budget, Descent, Optimizer, Problem
+
+__all__ = [
+    "BFGS",
+    "LBFGS",
+    "Alternating",
+    "Annealed",
+    "Budget",
+    "ClosedForm",
+    "ConjugateGradient",
+    "Descent",
+    "Dogleg",
+    "GradientDescent",
+    "LevenbergMarquardt",
+    "Optimizer",
+    "Problem",
+]

@@ -1,0 +1,156 @@
+"""Nonlinear conjugate gradient (Polak-Ribiere, Wolfe line search), the paper's optimiser, batched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from vig.optimizers.bounds import held_by_bounds, scales
+from vig.optimizers.optimizer import Budget, Descent, Problem
+
+SUFFICIENT, CURVATURE = 1e-4, 0.1
+"""Wolfe's conditions: share of the promised gain, and of the slope that may be left."""
+
+EXTRAPOLATION, GROWTH = 3.0, 10.0
+"""How much farther a line search goes at a time, and where the next one begins, at most."""
+
+
+@dataclass(frozen=True)
+class ConjugateGradient:
+    """Settings. The budget's iterations are line searches.
+
+    evaluations: of each line search at most. scaled: each parameter is counted in its own standard
+    deviations, by the normal matrix's diagonal at the start (`scales`). The paper's budget is 50 line
+    searches of 20 evaluations, unscaled. A line that meets a bound goes on along it.
+    """
+
+    evaluations: int = 20
+    scaled: bool = True
+
+    def __call__(
+        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
+        """Maximise from starts (B, P'); see `Optimizer`."""
+        count = len(starts)
+        noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
+        line = _Lines(problem, photo, noise, starts.clone())
+        active = torch.isfinite(line.value).nonzero()[:, 0]
+        unit = 1 / scales(line.normal) if self.scaled else torch.ones_like(line.points)
+        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
+        direction, before = torch.zeros_like(line.points), torch.zeros_like(line.points)
+        slope, step = torch.ones_like(noise), torch.zeros_like(noise)
+        steepest = torch.ones(count, dtype=torch.bool, device=problem.device)
+        for _ in range(budget.iterations):
+            if not len(active):
+                break
+            held = held_by_bounds(line.points[active], line.gradient[active], problem)
+            uphill = torch.where(held, 0.0, line.gradient[active] * unit[active])
+            last = before[active]
+            turned = (uphill * (uphill - last)).sum(1) / (last * last).sum(1).clamp_min(1e-30)
+            turned = torch.where(steepest[active], 0.0, turned.clamp_min(0.0))
+            along = torch.where(held, 0.0, uphill + turned[:, None] * direction[active])
+            climbs = ((along * uphill).sum(1) > 0) & torch.isfinite(along).all(1)
+            along = torch.where(climbs[:, None], along, uphill)
+            steepest[active] |= ~climbs
+            rise = (along * uphill).sum(1)
+            first = step[active] * (slope[active] / rise.clamp_min(1e-30)).clamp_max(GROWTH)
+            # Without a step to go by, the first gains one nat if the slope stays.
+            first = torch.where(step[active] > 0, first, 1 / (1 + rise))
+            gain, step[active] = line.search(active, along * unit[active], first, self.evaluations)
+            direction[active], before[active], slope[active] = along, uphill, rise
+            # A direction that leads nowhere is followed by the steepest, and that by nothing.
+            failed = gain <= 0
+            done = (rise <= 0) | (failed & steepest[active]) | (~failed & (gain < budget.tolerance))
+            steepest[active] = failed
+            converged[active[done]] = True
+            active = active[~done]
+        return Descent(line.points, line.value, line.evaluations, converged)
+
+
+class _Lines:
+    """Where B searches are, and line searches from there."""
+
+    def __init__(self, problem: Problem, photo: torch.Tensor, noise: torch.Tensor, points: torch.Tensor):
+        self.problem, self.photo, self.noise, self.points = problem, photo, noise, points
+        start = problem(points, photo, noise)
+        assert start.gradient is not None and start.normal is not None
+        self.normal = start.normal.nan_to_num()
+        self.value, self.gradient = start.value.clone(), start.gradient.clone()
+        self.evaluations = torch.ones(len(points), dtype=torch.int64, device=problem.device)
+
+    def search(
+        self, active: torch.Tensor, along: torch.Tensor, first: torch.Tensor, limit: int
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Move searches `active` (A,) to good points of their lines `along` (A, P'): gains and steps (A,).
+
+        first (A,): steps to try first. Along a line clamped to the bounds, a bracket [low, high] of a point
+        that meets Wolfe's conditions is widened, then narrowed, by secants and parabolas.
+        """
+        origin, base = self.points[active], self.value[active].clone()
+        uphill = self.gradient[active].clone()
+        step, low = first.clone(), torch.zeros_like(first)
+        high = torch.full_like(first, torch.inf)
+        slope_low, value_low = (along * uphill).sum(1), base.clone()
+        value_high = torch.full_like(base, -torch.inf)
+        slope, best = slope_low.clone(), torch.zeros_like(first)
+        going = torch.arange(len(active), device=origin.device)
+        for _ in range(limit):
+            if not len(going):
+                break
+            free_trial = origin[going] + step[going, None] * along[going]
+            trial = free_trial.clamp(self.problem.lower, self.problem.upper)
+            which = active[going]
+            tried = self.problem(trial, self.photo[which], self.noise[which])
+            assert tried.gradient is not None
+            self.evaluations[which] += 1
+            moving = torch.where(trial == free_trial, along[going], 0.0)
+            value, now = tried.value, (tried.gradient * moving).sum(1).nan_to_num()
+            promised = (uphill[going] * (trial - origin[going])).sum(1)
+            enough = value >= base[going] + SUFFICIENT * promised
+            better = value > self.value[which]
+            self.points[which[better]], self.value[which[better]] = trial[better], value[better]
+            self.gradient[which[better]] = tried.gradient[better]
+            best[going[better]] = step[going[better]]
+            flat = now.abs() <= CURVATURE * slope[going]
+            beyond = ~enough | (value < value_low[going]) | (now < 0)
+            nearer, farther = going[beyond], going[~beyond]
+            high[nearer], value_high[nearer] = step[nearer], value[beyond]
+            reached = (farther, step[farther].clone(), now[~beyond])
+            step[nearer] = self._inside(low, high, value_low, value_high, slope_low, nearer)
+            step[farther] = self._outside(low, high, slope_low, *reached)
+            low[farther], slope_low[farther], value_low[farther] = reached[1], reached[2], value[~beyond]
+            narrow = high[going] - low[going] <= 1e-9 * low[going]
+            going = going[~((enough & flat) | narrow)]
+        return self.value[active] - base, best
+
+    @staticmethod
+    def _inside(
+        low: torch.Tensor,
+        high: torch.Tensor,
+        value_low: torch.Tensor,
+        value_high: torch.Tensor,
+        slope_low: torch.Tensor,
+        which: torch.Tensor,
+    ) -> torch.Tensor:
+        """Top of the parabola through low's value and slope and high's value, well inside the bracket."""
+        width, slope = high[which] - low[which], slope_low[which]
+        bend = value_low[which] + slope * width - value_high[which]
+        share = (0.5 * slope * width / bend.clamp_min(1e-30)).nan_to_num(nan=0.5)
+        return low[which] + width * share.to(width.dtype).clamp(0.1, 0.9)
+
+    @staticmethod
+    def _outside(
+        low: torch.Tensor,
+        high: torch.Tensor,
+        slope_low: torch.Tensor,
+        which: torch.Tensor,
+        step: torch.Tensor,
+        slope: torch.Tensor,
+    ) -> torch.Tensor:
+        """Where the secant of the slopes at low and step says it is flat, between the two and the bracket."""
+        far = torch.where(torch.isfinite(high[which]), 0.5 * (step + high[which]), EXTRAPOLATION * step)
+        bend = slope_low[which] - slope
+        guess = step + (step - low[which]) * slope / bend
+        guess = torch.where(bend > 0, guess, far)
+        return torch.minimum(torch.maximum(guess, step + 0.1 * (far - step)), far)

@@ -1,0 +1,115 @@
+"""Robust Gauss-Newton with Levenberg-Marquardt damping, batched: the default.
+
+The inlier posteriors weigh the normal matrix (iteratively reweighted least squares), the exact gradient
+drives it, bounds are met by an active set in the step itself. Damping follows Nielsen (1999).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.parallel.threads import on_one_core
+
+
+@dataclass(frozen=True)
+class LevenbergMarquardt:
+    """Settings.
+
+    damping: first multiple of the normal matrix's diagonal. give_up: the damping at which a search ends.
+    """
+
+    damping: float = 1.0
+    give_up: float = 1e4
+
+    def __call__(
+        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
+        """Maximise from starts (B, P'); see `Optimizer`."""
+        return on_one_core(lambda: self._search(objective, starts, photo, sigma, budget))
+
+    def _search(
+        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
+        count = len(starts)
+        noise = torch.full((count,), sigma, dtype=objective.dtype, device=objective.device)
+        start = objective(starts, photo, noise)
+        assert start.gradient is not None and start.normal is not None
+        points, value = starts.clone(), start.value.clone()
+        evaluations = torch.ones(count, dtype=torch.int64, device=objective.device)
+        converged = torch.isfinite(value) & torch.isfinite(start.gradient).all(1)
+        # The searches that go on, close together: which they are, and where each stands.
+        going = converged.nonzero()[:, 0]
+        here, best, photo, noise = points[going], value[going], photo[going], noise[going]
+        gradient, normal = start.gradient[going], start.normal[going]
+        damping = torch.full((len(going),), self.damping, dtype=objective.dtype, device=objective.device)
+        growth = torch.full_like(damping, 3.0)
+        for _ in range(budget.iterations):
+            if not len(going):
+                break
+            step, predicted = self._step(here, gradient, normal, damping, objective)
+            trial = here + step
+            tried = objective(trial, photo, noise)
+            assert tried.gradient is not None and tried.normal is not None
+            evaluations[going] += 1
+            gain = tried.value - best
+            better = (gain > 0) & torch.isfinite(tried.gradient).all(1)
+            ratio = (gain / predicted.clamp_min(1e-9)).to(damping.dtype)
+            # Nielsen: shrink smoothly with the gain ratio, grow ever faster while steps fail.
+            shrink = (1 - (2 * ratio - 1) ** 3).clamp(1 / 3, 2.0)
+            damping = (damping * torch.where(better, shrink, growth)).clamp_min(1e-7)
+            growth = torch.where(better, 3.0, growth * 2)
+            here = torch.where(better[:, None], trial, here)
+            best = torch.where(better, tried.value, best)
+            gradient = torch.where(better[:, None], tried.gradient, gradient)
+            normal = torch.where(better[:, None, None], tried.normal, normal)
+            done = (better & (gain < budget.tolerance)) | (damping > self.give_up)
+            done |= predicted < 0.1 * budget.tolerance
+            if done.any():
+                points[going], value[going] = here, best
+                on = ~done
+                going, here, best, photo, noise = going[on], here[on], best[on], photo[on], noise[on]
+                gradient, normal, damping, growth = gradient[on], normal[on], damping[on], growth[on]
+        points[going], value[going] = here, best
+        converged[going] = False
+        return Descent(points, value, evaluations, converged)
+
+    def _step(
+        self,
+        points: torch.Tensor,
+        gradient: torch.Tensor,
+        normal: torch.Tensor,
+        damping: torch.Tensor,
+        objective: Problem,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Damped step (B, P') within the bounds, and the gain that the quadratic model promises (B,)."""
+        lower, upper = objective.lower, objective.upper
+        held = torch.where(gradient > 0, points >= upper, points <= lower) | (lower == upper)
+        step = torch.zeros_like(points)
+        diagonal = torch.diagonal(normal, dim1=1, dim2=2)
+        floor = 1e-6 * diagonal.amax(1, keepdim=True)
+        damped = damping[:, None] * (diagonal + floor) + 1e-9 * floor
+        for _ in range(3):
+            free = (~held).to(points.dtype)
+            matrix = normal * (free[:, :, None] * free[:, None, :])
+            torch.diagonal(matrix, dim1=1, dim2=2).add_(torch.where(held, 1.0, damped))
+            right = (gradient - (normal @ (step * held)[:, :, None])[:, :, 0]) * free
+            factor, failed = torch.linalg.cholesky_ex(matrix)
+            solved = torch.cholesky_solve(right[:, :, None], factor)[:, :, 0]
+            if failed.any() or not torch.isfinite(solved).all():
+                usable = (failed == 0)[:, None] & torch.isfinite(solved)
+                solved = torch.where(usable, solved, gradient / (diagonal + floor) * 0.1)
+            step = torch.where(held, step, solved)
+            reached = points + step
+            bounded = reached.clamp(lower, upper)
+            over = (bounded != reached) & ~held
+            if not over.any():
+                break
+            # Rest on the bound that would be passed and solve the others again.
+            step = torch.where(over, bounded - points, step)
+            held = held | over
+        step = (points + step).clamp(lower, upper) - points
+        curved = (normal @ step[:, :, None])[:, :, 0]
+        return step, ((gradient - 0.5 * curved) * step).sum(1).double()

@@ -1,0 +1,164 @@
+"""The door for pictures: files in, linear RGB arrays out, and back.
+
+A photo is decoded once, here, and is linear from then on. What cannot be used is refused with one line
+(UserError) before anything is computed.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
+
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.scene.colour import linear_from_srgb, srgb8_from_linear
+
+MIN_SIDE = 16
+MAX_PIXELS = 100_000_000
+MID_GREY = 0.18
+"""Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
+
+# Only formats that pillow decodes itself: no vector files, no outside programs.
+_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
+_PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
+HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", b"\x76\x2f\x31\x01")
+
+
+def read_photo(path: str | Path) -> np.ndarray:
+    """Read a photo as linear RGB, (H, W, 3) float32 in [0, 1].
+
+    8 bits a channel are taken as sRGB, 16-bit grey too (16-bit colour keeps its upper 8 bits, which is what
+    pillow decodes). An embedded colour profile is honoured, an unreadable one ignored. Grey and palette
+    images become RGB, CMYK is converted, the EXIF orientation applied, of an animation the first frame
+    taken. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light: white or black would look
+    like a bright or dark object.
+
+    Raises UserError for a missing, unreadable, damaged, tiny (a side under `MIN_SIDE`) or huge (over
+    `MAX_PIXELS`, judged by its header) file, and for HDR images, which `read_panorama` reads.
+    """
+    path = existing_file(path)
+    if head_of(path).startswith(HDR_MAGIC):
+        refuse(path, _PHOTO, "an HDR image", "Save it as 8-bit sRGB; HDR is for panoramas.")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pillow's own bomb warning: the limit below is ours
+        try:
+            with Image.open(path, formats=_FORMATS) as image:
+                check_size(path, *image.size)
+                return _linear(path, image)
+        except UserError:
+            raise
+        except MemoryError:
+            refuse(path, "a photo that fits into memory", "too large a one", "Make it smaller.")
+        except Image.DecompressionBombError:
+            _refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
+        except UnidentifiedImageError:
+            refuse(path, _PHOTO, "something else", "Convert it to JPEG or PNG.")
+        except Exception as error:  # a decoder may raise anything on a damaged file
+            refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
+
+
+def write_png(path: str | Path, array: np.ndarray) -> None:
+    """Write a picture as an 8-bit PNG, whole or not at all.
+
+    array: (H, W), (H, W, 3) or (H, W, 4). uint8 is written as it is; bool becomes 0 and 255; floats are
+    linear light, encoded as sRGB with values outside [0, 1] clipped (at most 3 channels).
+    Raises ValueError for other types and shapes and for floats that are not finite, UserError as
+    `vig.files.atomic_write`.
+    """
+    array = np.asarray(array)
+    if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)) or array.size == 0:
+        raise ValueError(f"a picture must be (H, W), (H, W, 3) or (H, W, 4); got {array.shape}")
+    if array.dtype == bool:
+        array = array.astype(np.uint8) * np.uint8(255)
+    elif np.issubdtype(array.dtype, np.floating):
+        if array.shape[2:] == (4,):
+            raise ValueError("a picture in linear light has 1 or 3 channels; got 4. Is the last one alpha?")
+        if not np.isfinite(array).all():
+            raise ValueError("a picture in linear light must be finite; got NaN or infinity")
+        array = srgb8_from_linear(array)
+    elif array.dtype != np.uint8:
+        raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}")
+    with atomic_write(path) as temporary:
+        Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG")
+
+
+def _linear(path: Path, image: Image.Image) -> np.ndarray:
+    """Decode an opened image: (H, W, 3) float32 linear RGB."""
+    sixteen = image.mode.startswith("I;16") or (image.format == "PPM" and image.mode == "I")
+    image.load()
+    try:
+        image = ImageOps.exif_transpose(image)
+    except Exception:  # an unreadable EXIF block says nothing about orientation
+        pass
+    if sixteen:
+        table = linear_from_srgb(np.arange(65536) / 65535).astype(np.float32)
+        return np.repeat(table[np.asarray(image)][..., None], 3, axis=-1)
+    if image.mode in ("I", "F"):
+        refuse(path, "8 or 16 bits a channel", "32 bits", "Save it as 8-bit sRGB.")
+    coded = np.asarray(_to_srgb(image))
+    linear = linear_from_srgb(np.arange(256) / 255).astype(np.float32)[coded[..., :3]]
+    if coded.shape[-1] == 3:
+        return linear
+    alpha = coded[..., 3:].astype(np.float32) / 255
+    return alpha * linear + (1 - alpha) * np.float32(MID_GREY)
+
+
+def _to_srgb(image: Image.Image) -> Image.Image:
+    """Convert any 8-bit image to mode RGB, or RGBA when it is transparent somewhere, in sRGB."""
+    mode = "RGBA" if image.has_transparency_data else "RGB"
+    profile = image.info.get("icc_profile")
+    if image.mode not in ("RGB", "RGBA", "CMYK", "L") or mode == "RGBA":
+        image = image.convert(mode)
+    if profile:
+        try:
+            source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+            converted = ImageCms.profileToProfile(
+                image, source, ImageCms.createProfile("sRGB"), outputMode=mode
+            )
+            assert converted is not None
+            return converted
+        except (ImageCms.PyCMSError, OSError):
+            pass
+    return image.convert(mode)
+
+
+def existing_file(path: str | Path) -> Path:
+    path = Path(path)
+    try:
+        if path.is_dir():
+            refuse(path, "an image file", "a folder", "Name the files in it.")
+        if not path.exists():
+            refuse(path, "an image file", "nothing of that name", "Check the path.")
+        if not path.is_file():
+            refuse(path, "an image file", "a device or pipe", "Save the image to a file.")
+        if not head_of(path):
+            refuse(path, "an image file", "an empty file", "Save or copy it again.")
+    except OSError as error:
+        refuse(path, "a readable image file", error.strerror or str(error), "Check the path and its rights.")
+    return path
+
+
+def head_of(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(16)
+
+
+def check_size(path: Path, width: int, height: int) -> None:
+    if min(width, height) < MIN_SIDE:
+        came = f"{width} x {height}"
+        refuse(path, f"at least {MIN_SIDE} pixels a side", came, "Give a larger picture.")
+    if width * height > MAX_PIXELS:
+        _refuse_huge(path, f"{width} x {height} = {width * height / 1e6:.0f}")
+
+
+def _refuse_huge(path: Path, came: str) -> NoReturn:
+    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", came, "Make it smaller.")
+
+
+def refuse(path: Path, expected: str, came: str, remedy: str) -> NoReturn:
+    raise UserError(f"{path}: expected {expected}; got {came}. {remedy}")

@@ -1,0 +1,1 @@
+"""The paper's experiments: evaluation, ablations, figures, the paper's networks, reproduction."""

@@ -1,0 +1,51 @@
+"""`vig calibrate`: uncertainties of a network and of fits, made to hold on validation photos."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+from vig.cli.common import check_workers, check_writable, progress_bar
+from vig.dataset import read_dataset
+from vig.errors import UserError
+from vig.inference.calibration import FILE
+from vig.recognition import calibrate as calibrate_network
+from vig.scene import ObjectClass
+from vig_lab.calibration import calibrate_fits, describe, fits_of
+from vig_lab.cli.settings import Calibrate
+from vig_lab.paper_network.recognizer import recognizer_of
+
+
+def calibrate(settings: Calibrate) -> int:
+    """Calibrate the weights in place, then fits that start from them; returns the exit code."""
+    if not settings.datasets:
+        raise UserError("expected at least one dataset to calibrate on; got none")
+    check_workers(settings.workers)
+    object_class = ObjectClass.load(settings.object_class)
+    datasets = [read_dataset(path, settings.split) for path in settings.datasets]
+    recognizer_of(object_class, settings.weights)  # refuses what is of no use
+    folder = settings.weights.parent
+    check_writable(folder)
+    lines: list[str] = []
+    calibrate_network(settings.weights, datasets, lines.append)
+    recognizer = recognizer_of(object_class, settings.weights)
+    fits = folder / "calibration_fits"  # so that a run that is stopped does not begin anew
+    with progress_bar(settings.json) as progress:
+        task = progress.add_task("fits", total=sum(map(fits_of, datasets)))
+        calibration, lessons = calibrate_fits(
+            datasets,
+            object_class,
+            recognizer,
+            workers=settings.workers,
+            advance=lambda done: progress.advance(task, done),
+            cache=fits,
+            processes=True,
+        )
+    calibration.save(folder / FILE)
+    shutil.rmtree(fits, ignore_errors=True)
+    lines += describe(calibration, lessons)
+    if settings.json:
+        print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
+    else:
+        print("\n".join([*lines, str(folder)]))
+    return 0

@@ -1,0 +1,89 @@
+"""`vig evaluate`: methods measured on a dataset, their errors and tables as files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from vig.cli.common import check_workers, check_writable, progress_bar
+from vig.dataset import read_dataset
+from vig.dataset.format import read_info
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.inference import Calibration, ExplainSettings
+from vig.inference.calibration import FILE
+from vig.scene import ObjectClass
+from vig_lab.cli.settings import Evaluate
+from vig_lab.evaluation import blocks, markdown_table, save_table, summarise, write_csv
+from vig_lab.evaluation import evaluate as run_methods
+from vig_lab.evaluation.protocol import fitted
+from vig_lab.evaluation.table import check_limits
+from vig_lab.figures import draw_figures
+from vig_lab.paper_network.recognizer import recognizer_of
+
+
+def evaluate(settings: Evaluate) -> int:
+    """Run the methods, write and print what came; returns the exit code."""
+    _check(settings)
+    object_class = ObjectClass.load(settings.object_class)
+    dataset = read_dataset(settings.dataset, settings.split)
+    if settings.limit is not None:
+        dataset = dataset.first(settings.limit)
+    check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
+    tier = read_info(settings.dataset)["splits"][settings.split]["tier"]
+    recognizer = recognizer_of(object_class, settings.weights)
+    explaining = ExplainSettings()
+    if settings.weights is not None:  # their own calibration, not the class's
+        path = settings.weights.with_name(FILE)
+        own = Calibration.load(path) if path.exists() else None
+        explaining = ExplainSettings(calibrated=own is not None, calibration=own)
+    check_writable(settings.out)
+    with progress_bar(settings.json) as progress:
+        fits = len(dataset) * len(fitted(settings.methods))
+        task = progress.add_task("fits", total=fits)
+        results = run_methods(
+            dataset,
+            object_class,
+            recognizer,
+            settings.methods,
+            explaining,
+            workers=settings.workers,
+            advance=lambda done: progress.advance(task, done),
+            cache=settings.out / "fits",
+            processes=True,
+        )
+    write_csv(settings.out / "errors.csv", dataset, results)
+    table = summarise(results, dataset, tier, settings.min_occlusion, settings.max_occlusion)
+    save_table(settings.out / "table.json", table)
+    with atomic_write(settings.out / "table.md") as temporary:
+        Path(temporary).write_text(markdown_table(table))
+    if settings.figures:
+        draw_figures(dataset, object_class, recognizer, results, tier, settings.out, explaining)
+    if settings.json:
+        print(json.dumps(table, indent=2))
+        return 0
+    console = Console(width=None if sys.stdout.isatty() else 100)
+    for block in blocks(table):
+        console.print(block.rich())
+    print(settings.out)
+    return 0
+
+
+def _check(settings: Evaluate) -> None:
+    """Refuse limits that no image can be within."""
+    for name, share in (("max", settings.max_occlusion), ("min", settings.min_occlusion)):
+        if not 0 <= share <= 1:
+            raise UserError(
+                f"expected --{name}-occlusion as a share from 0 to 1; got {share:g}. Is it a percentage?"
+            )
+    if settings.min_occlusion >= settings.max_occlusion:
+        raise UserError(
+            f"expected --min-occlusion below --max-occlusion; got {settings.min_occlusion:g} and"
+            f" {settings.max_occlusion:g}."
+        )
+    if settings.limit is not None and settings.limit < 1:
+        raise UserError(f"expected --limit of at least 1 image; got {settings.limit}.")
+    check_workers(settings.workers)

@@ -1,0 +1,34 @@
+"""`vig train`: a recognition network trained on a dataset."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from vig.cli.common import check_writable
+from vig.dataset import read_dataset
+from vig.recognition import TrainingSettings
+from vig.recognition import train as train_network
+from vig_lab.cli.settings import Train
+from vig_lab.paper_network import PaperTrainingSettings, train_paper
+
+
+def train(settings: Train) -> int:
+    """`vig train`."""
+    lines: list[str] = []
+    say = lines.append if settings.json else lambda line: print(line, flush=True)
+    dataset = read_dataset(settings.dataset, "train")
+    check_writable(settings.out)
+    chosen: dict[str, Any] = {"seed": settings.seed}
+    if settings.epochs is not None:
+        chosen["epochs"] = settings.epochs
+    if settings.net == "paper":
+        path = train_paper(dataset, settings.out, PaperTrainingSettings(**chosen), say)
+    else:
+        path = train_network(dataset, settings.out, TrainingSettings(**chosen), say)
+    if settings.json:
+        print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
+    else:
+        print(path)
+        print(settings.out)
+    return 0

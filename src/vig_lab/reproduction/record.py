@@ -1,0 +1,118 @@
+"""run.json: a run's settings, its machine, which steps are done and how long they took."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from vig import __version__
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig_lab.reproduction.scales import Settings
+
+FORMAT_VERSION = 1
+
+
+class Record:
+    """The contents of run.json; every change is written at once.
+
+    `data`: `{"vig_run", "vig", "command", "machine", "settings", "steps": {name: {"complete", "seconds",
+    "sittings", "finished"}}}`; seconds of all sittings together, finished in UTC.
+    """
+
+    def __init__(self, path: Path, data: dict[str, Any]) -> None:
+        self.path, self.data = path, data
+
+    @staticmethod
+    def open(path: Path, settings: Settings, machine: Mapping[str, Any], command: str) -> Record:
+        """The record at `path`, begun when there is none.
+
+        Raises UserError when it is of other settings, damaged, or stands in a folder that holds other things.
+        """
+        wanted = settings.to_json()
+        if path.exists():
+            record = Record(path, read_record(path))
+            _refuse_other(path.parent, record.data["settings"], wanted)
+            return record
+        if path.parent.exists() and not path.parent.is_dir():
+            raise UserError(f"expected a folder for the run; '{path.parent}' is a file. Choose another name.")
+        if path.parent.is_dir() and any(path.parent.iterdir()):
+            raise UserError(
+                f"expected a new folder, or one of a run with its {path.name}; '{path.parent}' holds other"
+                " files. Choose another."
+            )
+        begun = {"vig_run": FORMAT_VERSION, "vig": __version__, "command": command}
+        record = Record(path, begun | {"machine": dict(machine), "settings": wanted, "steps": {}})
+        record._save()
+        return record
+
+    def complete(self, step: str) -> bool:
+        """Whether a step has been done to its end."""
+        return bool(self._step(step)["complete"])
+
+    def seconds(self, step: str) -> float:
+        """How long a step has taken so far."""
+        return float(self._step(step)["seconds"])
+
+    def forget(self, steps: list[str]) -> None:
+        """Steps whose material is made anew are to be done again."""
+        for step in steps:
+            if step in self.data["steps"]:
+                self.data["steps"][step]["complete"] = False
+        self._save()
+
+    @contextmanager
+    def timed(self, step: str) -> Iterator[None]:
+        """Count a block's time as the step's; the step is complete when the block ends well."""
+        told, started = self._step(step), time.monotonic()
+        self.data["steps"][step] = told
+        try:
+            yield
+            told |= {"complete": True, "finished": datetime.now(UTC).isoformat(timespec="seconds")}
+        finally:
+            told["seconds"] = round(told["seconds"] + time.monotonic() - started, 1)
+            told["sittings"] += 1
+            self._save()
+
+    def _step(self, step: str) -> dict[str, Any]:
+        fresh = {"complete": False, "seconds": 0.0, "sittings": 0, "finished": None}
+        return self.data["steps"].get(step, fresh)
+
+    def _save(self) -> None:
+        with atomic_write(self.path) as temporary:
+            temporary.write_text(json.dumps(self.data, indent=2) + "\n")
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """What a run's run.json says. Raises UserError when it is missing, damaged, or of another format."""
+    try:
+        data = json.loads(path.read_text())
+        version, whole = data["vig_run"], {"vig", "command", "machine", "settings", "steps"} <= data.keys()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UserError(
+            f"expected the record of a run at '{path}'; got none that can be read ({type(error).__name__})."
+            " Choose another folder."
+        ) from error
+    if version != FORMAT_VERSION or not whole:
+        raise UserError(f"'{path}' is of another version of vig, or damaged; choose another folder.")
+    return data
+
+
+def _refuse_other(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Raise UserError that names the first setting in which two runs differ."""
+    for name in wanted | held:
+        if held.get(name) != wanted.get(name):
+            was, now = (_told(each.get(name)) for each in (held, wanted))
+            raise UserError(
+                f"'{folder}' holds a run with {name.replace('_', ' ')} {was}; {now} was asked for."
+                " Choose another folder or the same settings."
+            )
+
+
+def _told(value: Any) -> str:
+    return " ".join(value) if isinstance(value, list) else "none" if value is None else str(value)

@@ -1,0 +1,109 @@
+"""Users' own panoramas: `.hdr` and `.exr` files, and the eight that come in Blender's Python wheel."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vig.errors import UserError
+from vig_world.assets.hdr import read_panorama
+from vig_world.assets.own.folder import files_of, fingerprint
+
+SUFFIXES = (".hdr", ".exr")
+LIGHT_ROWS, MOST_ROWS = 64, 256
+_FIND = (
+    "import importlib.util as u; s = u.find_spec('bpy'); print(s.submodule_search_locations[0] if s else '')"
+)
+
+
+@dataclass(frozen=True)
+class OwnPanorama:
+    """An equirectangular panorama from a file, as `vig.scene.project_panorama` reads it.
+
+    name: of the file, relative to its folder. fingerprint: sha256 of the file. radiance:
+    (64, 128, 3) float32 linear, for the light's coefficients; `sharp` is for path tracers.
+    """
+
+    name: str
+    fingerprint: str
+    radiance: np.ndarray
+    path: Path
+
+    def sharp(self) -> np.ndarray:
+        """The panorama at up to 256 x 512, read from its file again: (H, 2 H, 3) float32 linear radiance."""
+        image = read_panorama(self.path)
+        return resized(image, min(len(image), MOST_ROWS))
+
+
+def read_envmaps(
+    folder: str | Path, bpy_python: str | Path | None = None
+) -> tuple[list[OwnPanorama], list[str]]:
+    """Read every panorama of a folder and the folders in it, in the order of their names.
+
+    folder: or `bpy`, the eight panoramas in the wheel of Blender that `bpy_python` (an interpreter; None:
+    this one) has. Result: the panoramas, and one sentence for each file that was left out.
+    Raises UserError when there is no such folder or not one usable panorama in it.
+    """
+    root = bpy_panoramas(bpy_python) if str(folder) == "bpy" else Path(folder)
+    panoramas, problems = [], []
+    for name, path in files_of(root, SUFFIXES):
+        try:
+            image = read_panorama(path)
+            small = resized(image, LIGHT_ROWS)
+            if not small[: LIGHT_ROWS // 2].any():
+                raise UserError(
+                    f"{path}: expected light from above the horizon; got none. Choose another panorama."
+                )
+            panoramas.append(OwnPanorama(name, fingerprint({name: path}), small, path))
+        except UserError as error:
+            problems.append(f"{error} Left out.")
+        except OSError as error:
+            problems.append(f"{path}: cannot be read ({error.strerror or error}). Left out.")
+    if not panoramas:
+        raise UserError(f"{root}: not one usable panorama. {' '.join(problems)}")
+    return panoramas, problems
+
+
+def bpy_panoramas(python: str | Path | None = None) -> Path:
+    """The folder of panoramas in the wheel `bpy` of an interpreter (None: this one); nothing is imported.
+
+    Raises UserError when the interpreter cannot be run or has no such wheel.
+    """
+    if python is None:
+        spec = importlib.util.find_spec("bpy")
+        found = spec.submodule_search_locations[0] if spec and spec.submodule_search_locations else ""
+    else:
+        command = [str(python), "-c", _FIND]
+        try:
+            answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise UserError(f"{python}: expected a Python interpreter; it failed ({error}).") from error
+        found = answer.stdout.strip()
+    folders = sorted(Path(found).glob("*/datafiles/studiolights/world")) if found else []
+    if not folders:
+        where = "this Python" if python is None else str(python)
+        raise UserError(
+            f"{where} has no bpy with panoramas. Install bpy (docs/cycles.md) and set VIG_BLENDER_PYTHON to"
+            " the Python that has it."
+        )
+    return folders[-1]
+
+
+def resized(image: np.ndarray, height: int) -> np.ndarray:
+    """A panorama (H, 2 H, 3) at (height, 2 height, 3): means over the new pixels' solid angles."""
+    rows = _overlaps(
+        -np.cos(np.linspace(0, np.pi, len(image) + 1)), -np.cos(np.linspace(0, np.pi, height + 1))
+    )
+    columns = _overlaps(np.linspace(0, 1, image.shape[1] + 1), np.linspace(0, 1, 2 * height + 1))
+    return np.einsum("rh,hwc,vw->rvc", rows, image, columns, optimize=True).astype(np.float32)
+
+
+def _overlaps(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Share (N, O) of each new interval that lies in each old one, given the edges of both, ascending."""
+    shared = np.minimum(new[1:, None], old[None, 1:]) - np.maximum(new[:-1, None], old[None, :-1])
+    shared = np.maximum(shared, 0)
+    return shared / shared.sum(1, keepdims=True)

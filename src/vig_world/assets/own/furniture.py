@@ -1,0 +1,93 @@
+"""Users' own furniture: mesh files, with the places found on which things can stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vig.errors import UserError
+from vig_world.assets.furniture import Furniture, Support
+from vig_world.assets.own.props import Parts, read_each
+from vig_world.assets.own.standing import Kind
+from vig_world.assets.own.supports import Area, level_areas
+from vig_world.assets.own.told import Told
+from vig_world.assets.props.material import prop
+
+_FURNITURE = Kind("piece of furniture", 0.3, 4.0, furniture=True)
+_LOWEST = 0.25
+FAMILIES = {  # words in a file's name that tell what it is; earlier ones go before
+    "bedside": "nightstand", "nightstand": "nightstand", "coffee_table": "coffee_table", "desk": "desk",
+    "counter": "counter", "kitchen": "counter", "bookshelf": "shelf", "bookcase": "shelf", "shelf": "shelf",
+    "rack": "shelf", "cabinet": "cabinet", "commode": "cabinet", "cupboard": "cabinet", "drawer": "cabinet",
+    "dresser": "cabinet", "sideboard": "cabinet", "sofa": "sofa", "couch": "sofa", "armchair": "armchair",
+    "stool": "stool", "bench": "bench", "chair": "chair", "bed": "bed", "table": "table",
+}  # fmt: skip
+_ZONES = {
+    "nightstand": "bedside", "coffee_table": "reading", "desk": "desk", "counter": "cooking",
+    "cabinet": "display", "sofa": "reading", "armchair": "reading", "stool": "reading", "bench": "reading",
+    "chair": "reading", "bed": "bedside",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class OwnFurniture:
+    """A piece of furniture from a file; see `OwnProp`."""
+
+    name: str
+    fingerprint: str
+    furniture: Furniture
+
+
+def read_furniture(folder: str | Path) -> tuple[list[OwnFurniture], list[str]]:
+    """Read every mesh file of a folder and the folders in it as furniture, in the order of their names.
+
+    Result: the pieces, and one sentence for each file that was left out and for each guess made. A piece on
+    which nothing can stand is kept, with a sentence, if it is `_LOWEST` or higher.
+    Raises UserError when there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
+    """
+    return read_each(folder, _FURNITURE, _made)
+
+
+def _made(name: str, mark: str, parts: Parts, said: Told) -> tuple[OwnFurniture, list[str]]:
+    standing = prop("", *parts).parts
+    vertices = np.concatenate([mesh.vertices for mesh, _ in standing]).astype(np.float64)
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in standing[:-1]])
+    faces = np.concatenate([mesh.faces + start for (mesh, _), start in zip(standing, starts, strict=True)])
+    family = said.family or _family(name)
+    areas = level_areas(vertices, faces)
+    height = float(vertices[:, 2].max())
+    if not areas and height < _LOWEST:
+        raise UserError(f"{name}: expected furniture; got {height:.2f} m high with no place for things.")
+    supports = tuple(_support(area, family, said.zones, i) for i, area in enumerate(areas))
+    notes = [] if supports else ["found no level area of 15 x 15 cm with 20 cm of free space above it"]
+    return OwnFurniture(name, mark, Furniture(family, standing, supports)), notes
+
+
+def _family(name: str) -> str:
+    """What a file's name says it is; `furniture` when it says nothing."""
+    words = Path(name).as_posix().lower().replace("-", "_").replace(" ", "_")
+    return next((family for word, family in FAMILIES.items() if word in words), "furniture")
+
+
+def _support(area: Area, family: str, told: tuple[str, ...], number: int) -> Support:
+    """An area with its zone: told (in turn, where several are), by what the piece is, or by its height."""
+    height = area.centre[2]
+    if told:
+        zone = told[number % len(told)]
+    elif family in _ZONES:
+        zone = "storage" if family == "cabinet" and np.isfinite(area.clearance) else _ZONES[family]
+    elif family == "shelf" or np.isfinite(area.clearance):
+        zone = "display" if height > 0.6 else "storage"
+    else:
+        zone = (
+            "reading"
+            if height < 0.6
+            else "dining"
+            if height < 0.85
+            else "cooking"
+            if height < 1.0
+            else "display"
+        )
+    return Support(zone, area.centre, area.half, area.turn, area.clearance, area.behind)

@@ -1,0 +1,160 @@
+"""Mesh files as plain triangles with textures, through trimesh; whatever is wrong with one is a UserError."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from PIL import Image
+
+from vig.errors import UserError
+from vig_world.assets.own.counting import refuse_huge
+from vig_world.assets.own.surfaces import painted
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
+_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Triangles with one texture.
+
+    vertices (V, 3) float64 in the file's units and axes; faces (F, 3); uv (V, 2), (0, 0) at the texture's
+    bottom left; texture (h, w, 3) float32 linear albedo.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    texture: np.ndarray
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What a mesh file holds: pieces by material, the bytes of all files read, and names not found."""
+
+    pieces: list[Piece]
+    files: dict[str, bytes]
+    missing: list[str]
+
+
+def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
+    """Load a mesh file with the scene's transforms applied.
+
+    root: folder outside which nothing is read. nodes: the only nodes of the scene that are wanted; empty:
+    all. Raises UserError for a file that is huge, unreadable, empty, or has no finite triangle.
+    """
+    try:
+        refuse_huge(path)
+        data = path.read_bytes()
+        files = _files(root, path)
+        with _quiet():
+            import trimesh  # half a second that only users' own meshes need to spend
+
+            suffix = path.suffix.lower()
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=files, process=False)
+            pieces = _pieces(path, scene, nodes, suffix in (".glb", ".gltf"))
+    except UserError:
+        raise
+    except MemoryError as error:
+        raise UserError(f"{path}: expected a mesh that fits into memory; got a larger one.") from error
+    except Exception as error:  # a loader may raise anything on a damaged file
+        why = str(error) or type(error).__name__
+        raise UserError(f"{path}: expected a readable mesh; got a damaged one ({why[:200]}).") from error
+    if not pieces:
+        raise UserError(f"{path}: expected triangles; got none.")
+    missing = files.missing + [name for name, read in files.read.items() if not _readable(name, read)]
+    return Loaded(pieces, {path.name: data, **files.read}, sorted(set(missing)))
+
+
+def _files(root: Path, path: Path) -> Any:
+    """A resolver of trimesh's that reads below `root` only and keeps what it read and what was missing."""
+    from trimesh.resolvers import FilePathResolver
+
+    top, folder = os.path.abspath(root), os.path.abspath(path.parent)
+
+    class Files(FilePathResolver):
+        def __init__(self) -> None:
+            super().__init__(folder)
+            self.read: dict[str, bytes] = {}
+            self.missing: list[str] = []
+
+        def get(self, name: str) -> bytes:
+            plain = name.strip().replace("\\", "/")
+            for candidate in (plain, unquote(plain), plain.lstrip("/"), plain.split("/")[-1]):
+                place = os.path.abspath(os.path.join(folder, candidate))
+                if os.path.commonpath([top, place]) == top and os.path.isfile(place):
+                    self.read[plain] = Path(place).read_bytes()
+                    return self.read[plain]
+            self.missing.append(plain)
+            raise FileNotFoundError(name)
+
+    return Files()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without trimesh's and pillow's own log lines and warnings: what matters is said by us."""
+    logger = logging.getLogger("trimesh")
+    before, logger.disabled = logger.disabled, True
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.disabled = before
+
+
+def _readable(name: str, data: bytes) -> bool:
+    if not name.lower().endswith(_PICTURES):
+        return True
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            image.load()
+        return True
+    except Exception:  # a decoder may raise anything on a damaged file
+        return False
+
+
+def _pieces(path: Path, scene: Any, nodes: tuple[str, ...], gltf: bool) -> list[Piece]:
+    """The scene's triangles in its own frame, those of one texture together."""
+    names = sorted(scene.graph.nodes_geometry)
+    unknown = sorted(set(nodes) - set(scene.graph.nodes))
+    if unknown:
+        raise UserError(f"{path}: expected nodes among {' '.join(names)[:300]}; got {' '.join(unknown)}.")
+    groups: dict[Any, list[Piece]] = {}
+    for node in names:
+        transform, geometry_name = scene.graph[node]
+        if nodes and not any(node in (name, *scene.graph.transforms.successors(name)) for name in nodes):
+            continue
+        geometry = scene.geometry[geometry_name]
+        if not hasattr(geometry, "faces") or not len(geometry.faces):
+            continue
+        points, faces = np.asarray(geometry.vertices, np.float64), np.asarray(geometry.faces, np.int64)
+        if faces.min() < 0 or faces.max() >= len(points):
+            raise UserError(f"{path}: expected faces between its {len(points)} vertices; got others.")
+        if not np.isfinite(points[np.unique(faces)]).all():
+            raise UserError(f"{path}: expected finite vertices; got NaN or infinite ones.")
+        if np.linalg.det(transform[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        points = points @ transform[:3, :3].T + transform[:3, 3]
+        points, faces, uv, texture = painted(points, faces, geometry.visual, gltf)
+        key = (texture.shape, texture.tobytes())
+        groups.setdefault(key, []).append(Piece(points, faces, uv, texture))
+    return [_joined(group) for group in groups.values()]
+
+
+def _joined(group: list[Piece]) -> Piece:
+    starts = np.cumsum([0] + [len(piece.vertices) for piece in group[:-1]])
+    faces = [piece.faces + start for piece, start in zip(group, starts, strict=True)]
+    vertices, uv = (np.concatenate([getattr(p, key) for p in group]) for key in ("vertices", "uv"))
+    return Piece(vertices, np.concatenate(faces), uv, group[0].texture)

@@ -1,0 +1,111 @@
+"""Users' own props: small things from mesh files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vig.errors import UserError
+from vig.scene import Mesh
+from vig_world.assets.own.folder import files_of, fingerprint
+from vig_world.assets.own.load import SUFFIXES, Piece, load
+from vig_world.assets.own.simplify import outward
+from vig_world.assets.own.standing import Kind, stand
+from vig_world.assets.own.told import Told, told
+from vig_world.assets.props.material import Material, Prop, prop
+
+MOST_FACES = 20_000
+_GENERIC = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")
+_PROP = Kind("prop", 0.01, 0.6, furniture=False)
+
+Parts = tuple[tuple[Mesh, Material], ...]
+
+
+@dataclass(frozen=True)
+class OwnProp:
+    """A prop from a file.
+
+    name: of the file, relative to its folder. fingerprint: sha256 of all files it was read from and of what
+    `vig.toml` tells of it. zones: where it belongs; empty: anywhere.
+    """
+
+    name: str
+    fingerprint: str
+    prop: Prop
+    zones: tuple[str, ...]
+
+
+def read_props(folder: str | Path) -> tuple[list[OwnProp], list[str]]:
+    """Read every mesh file of a folder and the folders in it as a prop, in the order of their names.
+
+    Result: the props, and one sentence for each file that was left out and for each guess made.
+    Raises UserError when there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
+    """
+
+    def made(name: str, mark: str, parts: Parts, said: Told) -> tuple[OwnProp, list[str]]:
+        return OwnProp(name, mark, prop(said.family or _called(name), *parts), said.zones), []
+
+    return read_each(folder, _PROP, made)
+
+
+def _called(name: str) -> str:
+    """What a thing is called: its file's stem, or its folder's name if that is a word like `model`."""
+    path = Path(name)
+    return path.parent.name if path.stem.lower() in _GENERIC and path.parent.name else path.stem
+
+
+def read_each(
+    folder: str | Path, kind: Kind, made: Callable[[str, str, Parts, Told], tuple[Any, list[str]]]
+) -> tuple[list[Any], list[str]]:
+    """What `made` makes of each mesh file's name, fingerprint, parts and settings; and all problems."""
+    root = Path(folder)
+    results, problems, cache = [], [], {}  # type: ignore[var-annotated]
+    for name, path in files_of(root, SUFFIXES):
+        said = told(root, path, cache)
+        if said.skip:
+            continue
+        try:
+            loaded = load(root, path, said.nodes)
+            pieces, guesses = _standing(path, loaded.pieces, said, kind)
+            mark = fingerprint({**loaded.files, "vig.toml": repr(sorted(asdict(said).items())).encode()})
+            result, notes = made(name, mark, parts_of(pieces), said)
+        except UserError as error:
+            problems.append(f"{error} Left out.")
+            continue
+        results.append(result)
+        problems += [f"{path}: {note}." for note in guesses + notes]
+        problems += [
+            f"{path}: its file {lost} is missing or unreadable; grey instead." for lost in loaded.missing
+        ]
+    if not results:
+        raise UserError(f"{root}: not one usable {kind.noun}. {' '.join(problems)}")
+    return results, problems
+
+
+def _standing(path: Path, pieces: list[Piece], said: Told, kind: Kind) -> tuple[list[Piece], list[str]]:
+    try:
+        pieces = outward(pieces, MOST_FACES)
+        if not pieces:
+            raise ValueError("triangles with an area; all of its are degenerate")
+        return stand(pieces, said, path.suffix.lower(), kind)
+    except ValueError as error:
+        raise UserError(f"{path}: expected {error}.") from error
+
+
+def parts_of(pieces: list[Piece]) -> Parts:
+    """Pieces as meshes with materials: what they are made of is not told, so plastic."""
+    return tuple(
+        (
+            Mesh(
+                piece.vertices.astype(np.float32),
+                np.ascontiguousarray(piece.faces, np.int32),
+                piece.uv.astype(np.float32),
+            ),
+            Material(piece.texture, "plastic", 0.5),
+        )
+        for piece in pieces
+    )

@@ -1,0 +1,113 @@
+"""From a file's axes and units to ours: Z up, metres, standing on z = 0 and centred."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from vig.scene import face_normals
+from vig_world.assets.own.load import Piece
+from vig_world.assets.own.told import Told
+
+_UPRIGHT = {  # rows: where our x, y, z come from
+    "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+    "x": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+    "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
+}
+_UNITS = {1.0: "metres", 0.001: "millimetres", 0.01: "centimetres"}
+_STEADY = 0.1
+"""Share of the footprint that the base has at least in things that stand."""
+_EVEN = 0.02
+"""Height, of the largest side, that counts as the base."""
+_CLEARLY = 3.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A sort of things: its name, its largest side in metres at least and at most, whether furniture."""
+
+    noun: str
+    least: float
+    most: float
+    furniture: bool
+
+
+def stand(pieces: list[Piece], told: Told, suffix: str, kind: Kind) -> tuple[list[Piece], list[str]]:
+    """The pieces turned upright, in metres, and what had to be guessed, in words.
+
+    Raises ValueError, saying the size, when no usual unit makes it one of this kind.
+    """
+    guesses = []
+    up = told.up
+    if up is None:
+        up, sure = ("y", True) if suffix in (".glb", ".gltf") else _guessed_up(pieces, suffix, kind)
+        if not sure:
+            guesses.append(f'took {up} for its upward axis (told by up = "{up}")')
+    pieces = _turned(pieces, np.array(_UPRIGHT[up], np.float64))
+    if told.turn:
+        c, s = np.cos(np.deg2rad(told.turn)), np.sin(np.deg2rad(told.turn))
+        pieces = _turned(pieces, np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+    points = np.concatenate([piece.vertices for piece in pieces])
+    size = float(np.ptp(points, axis=0).max())
+    scale = told.scale
+    if scale is None:
+        middle = np.sqrt(kind.least * kind.most)
+        fitting = [unit for unit in _UNITS if kind.least <= size * unit <= kind.most]
+        if not fitting:
+            raise ValueError(
+                f"a {kind.noun} of {kind.least:g} to {kind.most:g} m; its largest side is {size:.4g} units, "
+                "which is none in metres, centimetres or millimetres"
+            )
+        scale = 1.0 if 1.0 in fitting else min(fitting, key=lambda unit: abs(np.log(size * unit / middle)))
+        if scale != 1.0:
+            guesses.append(f"took its units for {_UNITS[scale]} (told by scale = {scale:g})")
+    elif not kind.least <= size * scale <= kind.most:
+        raise ValueError(
+            f"a {kind.noun} of {kind.least:g} to {kind.most:g} m; by its scale it is {size * scale:.4g} m"
+        )
+    return [replace(piece, vertices=piece.vertices * scale) for piece in pieces], guesses
+
+
+def _turned(pieces: list[Piece], rotation: np.ndarray) -> list[Piece]:
+    return [replace(piece, vertices=piece.vertices @ rotation.T) for piece in pieces]
+
+
+def _guessed_up(pieces: list[Piece], suffix: str, kind: Kind) -> tuple[str, bool]:
+    """Which of y and z points up, by the side on which it can stand, and whether that is beyond doubt."""
+    steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
+    standing = [up for up, share in steady.items() if share > _STEADY]
+    if len(standing) == 1:
+        return standing[0], True
+    if not kind.furniture:
+        return "z", True  # small things may as well lie
+    tops = {up: _level(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
+    for up, other in (("z", "y"), ("y", "z")):
+        if tops[up] > _CLEARLY * tops[other]:
+            return up, True
+    return ("y" if suffix == ".obj" else "z"), False  # as most programs export it
+
+
+def _base(pieces: list[Piece]) -> float:
+    """Share of the footprint that touches the ground; 0 where the centre is not above it."""
+    points = np.concatenate([piece.vertices for piece in pieces])
+    height = points[:, 2] - points[:, 2].min()
+    centre = (points.min(0) + points.max(0))[:2] / 2
+    low = points[height <= _EVEN * np.ptp(points, axis=0).max()][:, :2]
+    try:
+        base, whole = ConvexHull(low), ConvexHull(points[:, :2])
+    except (QhullError, ValueError):  # fewer than three points, or all in a line
+        return 0.0
+    inside = (base.equations[:, :2] @ centre + base.equations[:, 2] <= 0).all()
+    return float(base.volume / whole.volume) if inside else 0.0
+
+
+def _level(pieces: list[Piece]) -> float:
+    """Area of the faces that look straight up."""
+    normals = np.concatenate([face_normals(piece.vertices, piece.faces) for piece in pieces])
+    length = np.linalg.norm(normals, axis=1)
+    return float(length[normals[:, 2] > 0.98 * length].sum() / 2)

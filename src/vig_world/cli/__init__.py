@@ -1,0 +1,13 @@
+"""The generator's verbs of the command line."""
+
+from vig.cli.verb import Verb
+from vig_world.cli.settings import Check, Export, Make, Show
+
+VERBS = (
+    Verb("dataset make", Make, "vig_world.cli.dataset:make"),
+    Verb("dataset check", Check, "vig_world.cli.dataset:check"),
+    Verb("dataset show", Show, "vig_world.cli.dataset:show"),
+    Verb("dataset export", Export, "vig_world.cli.dataset:export"),
+)
+
+__all__ = ["VERBS"]

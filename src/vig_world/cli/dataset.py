@@ -1,0 +1,124 @@
+"""`vig dataset VERB`: the work of each verb."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from vig.errors import UserError
+from vig_world.cli.settings import Check, Export, Make, Show
+
+if TYPE_CHECKING:
+    from vig_world.library import OwnAssets
+
+
+def make(settings: Make) -> int:
+    """`vig dataset make`."""
+    from vig.dataset import describe_split
+    from vig.scene import ObjectClass
+    from vig_world.generation.write import make_dataset
+
+    if settings.finish != "diffuse" and settings.tier != "cycles":
+        raise UserError(f"--finish {settings.finish} is for --tier cycles; the raster tier has diffuse only.")
+    own = _own(settings)
+    folder = make_dataset(
+        settings.out,
+        settings.count,
+        settings.seed,
+        tier=settings.tier,
+        split=settings.split,
+        workers=settings.workers,
+        progress=not settings.json,
+        object_class=ObjectClass.load(settings.object_class),
+        options={"finish": settings.finish} if settings.tier == "cycles" else {},
+        own=own,
+        photo=settings.photo,
+        ray=settings.ray,
+    )
+    described = describe_split(folder, settings.split)
+    if settings.json:
+        print(json.dumps({"folder": str(folder)} | asdict(settings) | described, default=str))
+        return 0
+    deciles = [f"{10 * i}-{10 * i + 10}%: {n}" for i, n in enumerate(described["occlusion_deciles"])]
+    print("hidden    " + "  ".join(deciles))
+    reasons = ", ".join(f"{name} {count}" for name, count in described["rejections"].items())
+    print(f"rejected  {described['rejections_per_sample']:.2f} candidates a sample ({reasons or 'none'})")
+    print(folder)
+    return 0
+
+
+def _own(settings: Make | Check) -> OwnAssets:
+    """The user's assets; what was left out of them, or guessed at, is told on standard error."""
+    from vig_world.library import OwnAssets, OwnFolders
+
+    folders = (settings.envmaps, settings.props, settings.furniture)
+    own, notes = OwnAssets.read(OwnFolders(*(None if each is None else str(each) for each in folders)))
+    for note in notes:
+        print(f"vig: {note}", file=sys.stderr)
+    return own
+
+
+def check(settings: Check) -> int:
+    """`vig dataset check`."""
+    from vig.dataset.format import complete_split, read_info
+    from vig.scene import ObjectClass
+    from vig_world.generation.check import check_dataset
+
+    object_class = None if settings.object_class is None else ObjectClass.load(settings.object_class)
+    splits = [name for name, held in read_info(settings.dataset)["splits"].items() if held["complete"]]
+    if settings.split is not None or not splits:
+        splits = [complete_split(settings.dataset, settings.split)]
+    own = _own(settings)
+    findings = [check_dataset(settings.dataset, name, settings.render, object_class, own) for name in splits]
+    clean = all(found.clean for found in findings)
+    if settings.json:
+        splits_found = {found.split: asdict(found) | {"clean": found.clean} for found in findings}
+        print(json.dumps({"clean": clean, "splits": splits_found, "folder": str(settings.dataset)}))
+        return 0 if clean else 1
+    for found in findings:
+        for problem in found.problems[:SHOWN]:
+            print(f"{found.split}: {problem}")
+        if len(found.problems) > SHOWN:
+            print(f"{found.split}: and {len(found.problems) - SHOWN} more (--json lists them)")
+        print(found.summary())
+    print(settings.dataset)
+    return 0 if clean else 1
+
+
+SHOWN = 20
+"""So many problems of a split are printed."""
+
+
+def show(settings: Show) -> int:
+    """`vig dataset show`."""
+    from vig.dataset import describe_split, read_dataset
+    from vig_world.generation.show import contact_sheet, histograms
+
+    dataset = read_dataset(settings.dataset, settings.split)
+    split = dataset.folder.name
+    out = settings.out or settings.dataset
+    sheet = out / f"contact-sheet-{split}.png"
+    contact_sheet(dataset, sheet, settings.count, tint=not settings.plain)
+    distributions = histograms(settings.dataset, split, out / f"histograms-{split}.png")
+    if settings.json:
+        told = {"sheet": str(sheet), "histograms": str(distributions), "split": split}
+        print(json.dumps(told | describe_split(settings.dataset, split) | {"folder": str(out)}))
+        return 0
+    print(sheet)
+    print(distributions)
+    print(out)
+    return 0
+
+
+def export(settings: Export) -> int:
+    """`vig dataset export`."""
+    from vig.dataset import export_coco, export_webdataset
+
+    if settings.to == "coco":
+        export_coco(settings.dataset, settings.out, settings.split)
+    else:
+        export_webdataset(settings.dataset, settings.out, settings.split, settings.shard)
+    print(json.dumps({"folder": str(settings.out)}) if settings.json else settings.out)
+    return 0

@@ -1,0 +1,155 @@
+"""Strews props over the supports, near the object and in the background, hiding nothing of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from vig.dataset.spec import Placed
+from vig.scene.rotations import about_z, turned_about_z
+from vig_world.assets.footprint import Footprint
+from vig_world.assets.furniture import Support
+from vig_world.composition.occluders import draw_prop, placed
+from vig_world.composition.stage import MARGIN, NEAREST, Stage
+
+MOST_COVER = 0.3
+"""The window of a single piece of clutter covers no more of the frame than this."""
+FAR = 4.5
+"""Metres from the eye beyond which supports are left empty."""
+BACKGROUND = 4
+"""Supports besides the object's own that are strewn."""
+
+
+def strew(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> None:
+    """Stand clutter on the object's own support round the object, and on others in view."""
+    wanted = int(rng.integers(2, 9))
+    near, far = visible_ground(stage)
+    ahead = rng.uniform(near, far, 2 * wanted)
+    aside = rng.uniform(-1, 1, 2 * wanted) * (0.45 * (ahead - near) + 0.25)
+    spots = np.outer(ahead, stage.actor.ahead) + np.outer(aside, stage.actor.aside)
+    own = [stage.on_support(stage.support, spots)]
+    supports = 2 * wanted * [stage.support]
+    for support in _in_background(stage, rng):
+        count = int(rng.integers(1, 6))
+        x, y = rng.uniform(-1, 1, (2, count))
+        own.append(np.column_stack([x * support.half[0], y * support.half[1], 0 * x]))
+        supports += count * [support]
+    proposals = _Proposals.draw(stage, rng, supports, np.concatenate(own))
+    for reason, count in proposals.unfit.items():
+        rejected[f"clutter {reason}"] += count
+    placed_here: list[int] = []
+    for number in proposals.fit:
+        if number < 2 * wanted and sum(each < 2 * wanted for each in placed_here) == wanted:
+            continue
+        reason = proposals.obstacle(stage, number, placed_here)
+        if reason:
+            rejected[f"clutter {reason}"] += 1
+        else:
+            placed_here.append(number)
+
+
+def visible_ground(stage: Stage) -> tuple[float, float]:
+    """Nearest and farthest ground in the frame: metres ahead of the object's axis, at most 1.3."""
+    view = stage.actor.view
+    height, back = view.eye[2], float(view.eye @ stage.actor.ahead)
+    half = np.arctan(view.camera.height / 2 / view.camera.focal)
+    steep, shallow = stage.actor.elevation + half, stage.actor.elevation - half
+    near = back + height / np.tan(steep)
+    far = back + height / np.tan(shallow) if shallow > 0.05 else np.inf
+    return near, float(min(far + 0.05, 1.3))
+
+
+def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
+    """Up to four other supports whose middle is in front of the eye and not too far, in random order."""
+    supports = stage.library.layout(stage.room.layout).supports
+    middles = stage.room.to_world(np.array([support.centre for support in supports]))
+    x, y, z = ((middles - stage.actor.view.eye) @ stage.actor.view.rotation.T).T
+    seen = (z > 0.3) & (z < FAR) & (np.abs(x) < 0.8 * z + 0.3) & (np.abs(y) < 0.8 * z + 0.3)
+    seen[stage.room.support] = False
+    chosen = rng.permutation(np.nonzero(seen)[0])[:BACKGROUND]
+    return [supports[number] for number in chosen if supports[number].zone != "floor"]
+
+
+@dataclass(frozen=True)
+class _Proposals:
+    """Props that may stand about, N of them.
+
+    parts: as plain data. footprints: their bounds. touch: (N, N) bool, whether two touch or nearly so.
+    crosses: (N,) whether the window of one that is before the object's back shows a pixel of it. fit: numbers
+    of those that fit on their supports, are seen, and touch nothing that is there; unfit: counts of the rest.
+    """
+
+    parts: list[Placed]
+    footprints: Footprint
+    touch: np.ndarray
+    crosses: np.ndarray
+    fit: list[int]
+    unfit: Counter[str]
+
+    @staticmethod
+    def draw(stage: Stage, rng: np.random.Generator, supports: list[Support], own: np.ndarray) -> _Proposals:
+        """Random props as near to spots (N, 3) on supports (N), in their frames, as the edges allow.
+
+        Half of them are square to the support's edges.
+        """
+        count, view = len(supports), stage.actor.view
+        names = [draw_prop(stage, rng, support.zone) for support in supports]
+        square = np.array([support.turn for support in supports]) + stage.room.turn
+        square += rng.choice([0.0, np.pi, np.pi / 2], count) + rng.normal(0, 0.08, count)
+        angles = np.where(rng.uniform(size=count) < 0.5, square, rng.uniform(0, 2 * np.pi, count))
+        clouds = turned_about_z(np.stack([stage.library.extremes(*name) for name in names]), angles)
+        poses = [stage.pose(support) for support in supports]
+        rotations, origins = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
+        reach = np.abs(clouds @ rotations[..., :2]).max(1)
+        free = np.array([support.half for support in supports]) - reach - 2 * MARGIN
+        clearance = np.array([support.clearance for support in supports])
+        fits = (free >= 0).all(1) & (clouds[..., 2].max(1) <= clearance - MARGIN)
+        spots = np.zeros((count, 3))
+        spots[:, :2] = np.clip(own[:, :2], -free, free)
+        positions = (rotations @ spots[..., None])[..., 0] + origins
+        clouds += positions[:, None]
+
+        footprints = Footprint.of(clouds, view.forward)
+        before = footprints.depths[:, 0] >= view.forward @ view.eye + NEAREST
+        top, bottom, left, right = view.windows(clouds)
+        cover = (bottom - top) * (right - left) / stage.actor.depth.size
+        sums = stage.actor.sums
+        shown = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        pairwise = footprints[:, None]
+        free_of_others = (pairwise.gap(stage.obstacles()) >= MARGIN).all(1)
+        unfit: Counter[str] = Counter()
+        fit = np.ones(count, bool)
+        for reason, passes in (
+            ("too large", fits),
+            ("eye", before),
+            ("unseen", cover > 0),
+            ("too large", cover <= MOST_COVER),
+            ("collision", free_of_others),
+        ):
+            unfit[reason] += int((fit & ~passes).sum())
+            fit &= passes
+        return _Proposals(
+            parts=[
+                placed(name, position, about_z(angle), "clutter")
+                for name, position, angle in zip(names, positions, angles.tolist(), strict=True)
+            ],
+            footprints=footprints,
+            touch=pairwise.gap(footprints) < MARGIN,
+            crosses=(footprints.depths[:, 0] < stage.actor.body.depths[1]) & (shown > 0),
+            fit=np.flatnonzero(fit).tolist(),
+            unfit=unfit,
+        )
+
+    def obstacle(self, stage: Stage, number: int, others: list[int]) -> str:
+        """Stand one of the props there beside others, or say what is in the way."""
+        if self.touch[number, others].any():
+            return "collision"
+        seen = None
+        if self.crosses[number]:
+            seen = stage.seen_at([self.parts[number]])
+            if stage.hidden(seen) > stage.hidden():
+                return "hides the object"
+        stage.add([self.parts[number]], [self.footprints[number]], seen)
+        return ""

@@ -1,0 +1,127 @@
+"""Places props between the eye and the object so that a chosen share of it is hidden."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from vig.dataset.spec import Placed
+from vig_world.assets.footprint import Footprint
+from vig_world.composition.occluders import Candidate, Kind, draw_kind
+from vig_world.composition.stage import MARGIN, NEAREST, Stage
+
+FIT_TOLERANCE = 0.008
+KINDS_TRIED, TRIALS_PER_KIND = 6, 8
+"""How often the last occluder is drawn before the room is given up."""
+STEPS = 12
+"""How often an offset is tried."""
+HAND_SHARE = 0.02
+"""At least this share of the frame shows the arm of who holds something, so that nothing seems to float."""
+
+
+def hide(
+    stage: Stage, target: float, rng: np.random.Generator, rejected: Counter[str], last_resort: bool
+) -> bool:
+    """Add one to three occluders that together with the room hide `target`; False when nothing fits.
+
+    last_resort: shelf boards out of nowhere are allowed too.
+    """
+    if target == 0 or abs(stage.hidden() - target) <= FIT_TOLERANCE:
+        return True
+    already = stage.hidden()
+    count = 1 if target - already < 0.08 else int(rng.choice([1, 2, 3], p=[0.45, 0.35, 0.2]))
+    levels = already + (target - already) * np.cumsum(rng.dirichlet(np.full(count, 2.0)))
+    for level in levels[:-1]:
+        make = draw_kind(stage, rng, level, last_resort)
+        _count(rejected, _place(stage, make and make(stage, rng, level), level))
+    hopeless: set[Kind] = set()
+    for _ in range(KINDS_TRIED):
+        make = draw_kind(stage, rng, target, last_resort, hopeless)
+        if make is None:
+            break
+        for _ in range(TRIALS_PER_KIND):
+            candidate = make(stage, rng, target)
+            reason = _place(stage, candidate, target)
+            if not reason:
+                return True
+            _count(rejected, reason)
+            if candidate is None:
+                hopeless.add(make)
+                break
+    return False
+
+
+def _count(rejected: Counter[str], reason: str) -> None:
+    if reason:
+        rejected[f"occluder {reason}"] += 1
+
+
+def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
+    """Move a candidate until `level` is hidden and keep it, or say why not in a word."""
+    if candidate is None:
+        return "no room"
+    clouds = [stage.points(part) for part in candidate.parts]
+    points, forward = np.concatenate(clouds), stage.actor.view.forward
+    if (points @ forward).min() < forward @ stage.actor.view.eye + NEAREST:
+        return "eye"  # wherever it is moved: motions are across the line of sight
+    if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
+        return "too small"
+    found = _offset(stage, candidate, level)
+    if isinstance(found, str):
+        return found
+    offset, seen = found
+    shift = offset * candidate.motion
+    footprints = [Footprint.of(cloud + shift, forward) for cloud in clouds]
+    for footprint in footprints:
+        if reason := stage.check(footprint):
+            return reason
+    if not candidate.stands and (stage.behind < seen + 2 * MARGIN)[np.isfinite(seen)].any():
+        return "in furniture"
+    if (np.minimum(stage.blockers, seen) < stage.behind).mean() > 0.3 + 0.5 * level:
+        return "fills the frame"
+    parts = [_moved(part, shift) for part in candidate.parts]
+    arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
+    if arms and (stage.seen_at(arms) <= seen)[np.isfinite(seen)].mean() < HAND_SHARE:
+        return "no hand"
+    stage.add(parts, footprints, seen)
+    return ""
+
+
+def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np.ndarray] | str:
+    """The offset at which `level` is hidden, with the depth image (75, 75) there; or why there is none.
+
+    Regula falsi with every other step a bisection, as what is hidden falls with the offset, but not smoothly.
+    """
+
+    def excess(offset: float) -> tuple[float, np.ndarray]:
+        seen = stage.seen_at(candidate.parts, offset * candidate.motion)
+        return stage.hidden(seen) - level, seen
+
+    low, high = candidate.least, candidate.most
+    below, seen = excess(high)
+    if abs(below) <= FIT_TOLERANCE:
+        return high, seen
+    if below > 0:
+        return "not out of the way"
+    above, seen = excess(low)
+    if abs(above) <= FIT_TOLERANCE:
+        return low, seen
+    if above < 0:
+        return "too small"
+    for step in range(STEPS):
+        share = 0.5 if step % 2 else float(np.clip(above / (above - below), 0.05, 0.95))
+        offset = low + share * (high - low)
+        over, seen = excess(offset)
+        if abs(over) <= FIT_TOLERANCE:
+            return offset, seen
+        if over > 0:
+            low, above = offset, over
+        else:
+            high, below = offset, over
+    return "no offset"
+
+
+def _moved(part: Placed, shift: np.ndarray) -> Placed:
+    x, y, z = (np.array(part.position) + shift).tolist()
+    return Placed(part.family, part.asset, (x, y, z), part.rotation, part.role)

@@ -1,0 +1,113 @@
+"""Draws a scene from (seed, index): latents, light, a furnished room, and props that hide a chosen share."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from vig.dataset.spec import Placed, Room, SceneSpec, Split
+from vig.errors import UserError
+from vig.scene import IMAGE_SIZE, ObjectClass
+from vig.scene.designs import shape_vertices
+from vig_world.assets.target import draw_shape
+from vig_world.composition.clutter import strew
+from vig_world.composition.occlusion import hide
+from vig_world.composition.place import find_place
+from vig_world.composition.stage import LAYOUT_SIZE, Actor
+from vig_world.library import SLOTS, Library
+from vig_world.renderers.raster import Item, depth
+from vig_world.streams import stream
+
+MAX_OCCLUSION = 0.9
+GOLDEN = (math.sqrt(5) - 1) / 2
+LOWEST_ELEVATION = 0.05
+TOLERANCE = 0.015
+ATTEMPTS = 60
+TARGET_STREAM = 2**20 + 1
+"""Number of the random stream of a seed's first target."""
+BOARDS_FROM = 8
+"""From this attempt on, shelf boards may reach into the picture."""
+SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
+"""In this share of scenes seen from below an elevation (radians), room and furniture are to hide most of what
+is hidden, if one of four rooms allows it."""
+
+
+def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -> SceneSpec:
+    """The scene number `index` of a seed.
+
+    Latents and the target occlusion are drawn first and never redrawn, so their distributions are exactly the
+    documented ones: shape as `target.draw_shape` says, azimuth uniform, elevation uniform in [0.05, pi/2],
+    albedo uniform in [0.2, 0.8], occlusion flat over [0, 0.9]. Only rooms, spots and placements are thrown
+    away, until the hidden share of the object is within 0.015 of the target.
+
+    Raises:
+        UserError: no placement reached the target in 60 rooms.
+    """
+    split = library.split
+    rng = stream(seed, index, split, 0)
+    shape, design = draw_shape(rng, object_class, split)
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(LOWEST_ELEVATION, np.pi / 2)
+    albedo = rng.uniform(0.2, 0.8, 3)
+    panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
+    target = target_occlusion(seed, index, split)
+    finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
+
+    actor = Actor.of(object_class, shape_vertices(shape, design, object_class), azimuth, elevation)
+    rejected: Counter[str] = Counter()
+    by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
+    for attempt in range(ATTEMPTS):
+        rng = stream(seed, index, split, 1 + attempt)
+        least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
+        stage = find_place(library, actor, finishes, (least, target), rng, rejected)
+        if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
+            rejected["room"] += 1
+            continue
+        strew(stage, rng, rejected)
+        occlusion = measure(library, actor, stage.room, stage.props)
+        if abs(occlusion - target) > TOLERANCE:
+            rejected["tolerance"] += 1
+            continue
+        light = library.light(panorama, turn, library.ground_albedo(stage.room))
+        return SceneSpec(
+            seed=seed,
+            index=index,
+            split=split,
+            shape=tuple(shape.tolist()),
+            design=design,
+            azimuth=azimuth,
+            elevation=elevation,
+            albedo=tuple(albedo.tolist()),
+            light=tuple(light.tolist()),
+            panorama=panorama,
+            panorama_angle=turn,
+            target=target,
+            occlusion=occlusion,
+            room=stage.room,
+            props=tuple(stage.props),
+            rejected=dict(sorted(rejected.items())),
+        )
+    raise UserError(
+        f"sample {index} of seed {seed}: expected a scene that hides {target:.0%} of the object;"
+        f" {ATTEMPTS} rooms gave none. Bring larger props or other furniture, or take another seed."
+        f" ({dict(rejected)})"
+    )
+
+
+def target_occlusion(seed: int, index: int, split: Split) -> float:
+    """The share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random start.
+
+    Any run of samples is spread evenly over the range: of N, each tenth has N / 10, give or take one or two.
+    """
+    start = stream(seed, 0, split, TARGET_STREAM).uniform()
+    return MAX_OCCLUSION * ((start + index * GOLDEN) % 1.0)
+
+
+def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> float:
+    """The hidden share of the object at the full size of the image, one sample per pixel."""
+    view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
+    alone = depth([actor.item], view)[0]
+    items = [Item(library.packed_layout(room.layout), room.rotation(), np.array(room.origin))]
+    items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
+    return float((depth(items, view)[0] < alone)[np.isfinite(alone)].mean())

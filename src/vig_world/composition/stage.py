@@ -1,0 +1,171 @@
+"""A room with the object in it, filled prop by prop; what is hidden is kept up to date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vig.dataset.spec import Placed, Room
+from vig.scene import ObjectClass
+from vig.scene.rotations import about_z
+from vig_world.assets.footprint import Footprint, extreme_points
+from vig_world.assets.furniture import Support
+from vig_world.library import Library
+from vig_world.renderers.raster import Item, Target, depth
+from vig_world.renderers.view import View
+
+LAYOUT_SIZE = 75
+"""Pixels on a side of the masks on which placements are judged."""
+MARGIN = 0.004
+"""Metres between any two things."""
+NEAREST = 0.09
+"""Nothing comes nearer to the eye's image plane than this, metres."""
+
+
+@dataclass(frozen=True)
+class Actor:
+    """The object as seen from its eye.
+
+    item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those
+    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner,
+    middle: their mean row and column, pixels. body: its bound. ahead, aside: unit vectors (3,) in the ground
+    plane, away from the eye and to its right.
+    """
+
+    item: Item
+    elevation: float
+    view: View
+    body: Footprint
+    depth: np.ndarray
+    pixels: np.ndarray
+    own: np.ndarray
+    sums: np.ndarray
+    middle: tuple[float, float]
+    ahead: np.ndarray
+    aside: np.ndarray
+
+    @staticmethod
+    def of(object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float) -> Actor:
+        """The object (V, 3) at the origin, seen from angles in radians."""
+        view = View.of(object_class, azimuth, elevation, LAYOUT_SIZE)
+        modes = object_class.shape_model.modes
+        dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
+        item = Item(dark.packed, np.eye(3), np.zeros(3))
+        alone = depth([item], view)[0]
+        rows, columns = np.nonzero(np.isfinite(alone))
+        return Actor(
+            item=item,
+            elevation=elevation,
+            view=view,
+            body=Footprint.of(extreme_points(vertices), view.forward),
+            depth=alone,
+            pixels=np.flatnonzero(np.isfinite(alone)),
+            own=alone[np.isfinite(alone)],
+            sums=np.pad(np.isfinite(alone), ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1),
+            middle=(float(rows.mean()) + 0.5, float(columns.mean()) + 0.5),
+            ahead=np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]),
+            aside=np.array([np.cos(azimuth), np.sin(azimuth), 0.0]),
+        )
+
+
+@dataclass
+class Stage:
+    """Where a scene is put together.
+
+    support: what the object stands on, in the layout's frame. behind, blockers: (75, 75) metres, inf =
+    nothing: the room, and the nearest of room and props. solids: bounds of the props so far.
+    """
+
+    library: Library
+    actor: Actor
+    room: Room
+    support: Support
+    behind: np.ndarray
+    blockers: np.ndarray
+    props: list[Placed] = field(default_factory=list)
+    solids: list[Footprint] = field(default_factory=list)
+    _poses: dict[Support, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    @staticmethod
+    def empty(library: Library, actor: Actor, room: Room) -> Stage:
+        """A furnished room with the object alone."""
+        packed = library.packed_layout(room.layout)
+        behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
+        support = library.layout(room.layout).supports[room.support]
+        return Stage(library, actor, room, support, behind, behind)
+
+    def hidden(self, extra: np.ndarray | None = None) -> float:
+        """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
+        pixels, own = self.actor.pixels, self.actor.own
+        hidden = self.blockers.ravel()[pixels] < own
+        if extra is not None:
+            hidden |= extra.ravel()[pixels] < own
+        return np.count_nonzero(hidden) / len(pixels)
+
+    def hidden_at_most(self, clouds: np.ndarray) -> np.ndarray:
+        """A bound (N,) of `hidden` with each of clouds (N, P, 3) before the object, from their windows."""
+        top, bottom, left, right = self.actor.view.windows(clouds)
+        sums = self.actor.sums
+        inside = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        return self.hidden() + inside / len(self.actor.pixels)
+
+    def seen_at(self, placed: list[Placed], shift: np.ndarray | None = None) -> np.ndarray:
+        """Depth (75, 75) of props alone, all of them moved by `shift` (3,)."""
+        offset = np.zeros(3) if shift is None else shift
+        items = [
+            Item(self.library.packed(p.family, p.asset), p.matrix(), np.array(p.position) + offset)
+            for p in placed
+        ]
+        return depth(items, self.actor.view)[0]
+
+    def points(self, placed: Placed) -> np.ndarray:
+        """Farthest points (N, 3) of a prop in the world."""
+        return self.library.extremes(placed.family, placed.asset) @ placed.matrix().T + placed.position
+
+    def check(self, footprint: Footprint) -> str:
+        """Why a solid cannot be there: `collision`, `eye` or an empty string."""
+        if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + NEAREST:
+            return "eye"
+        return "" if (footprint.gap(self.obstacles()) >= MARGIN).all() else "collision"
+
+    def obstacles(self) -> Footprint:
+        """Bounds of the object and of the props so far, as one of shape (N, ...)."""
+        return Footprint.stacked([self.actor.body, *self.solids])
+
+    def carried(
+        self, support: Support, clouds: np.ndarray, motions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The least and greatest offset (N,) along level motions (N, 3) of clouds (N, P, 3) on a support.
+
+        They are then within its edges and below what is above it; the least is above the greatest where
+        they never are.
+        """
+        own = self.on_support(support, clouds)
+        low, high = own.min(axis=1), own.max(axis=1)
+        way, half = (motions @ self.pose(support)[0])[:, :2], np.array(support.half) - MARGIN
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        first, last = (-half - low[:, :2]) / way, (half - high[:, :2]) / way
+        least, most = np.where(way > 0, first, last).max(1), np.where(way > 0, last, first).min(1)
+        too_wide = ((high - low)[:, :2] > 2 * half).any(1) | (high[:, 2] > support.clearance - MARGIN)
+        return np.where(too_wide, np.inf, least), most
+
+    def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:
+        """World points (..., 3) along a support's own axes from its centre."""
+        rotation, origin = self.pose(support)
+        return points @ rotation - origin @ rotation
+
+    def pose(self, support: Support) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation (3, 3) and translation (3,), world from a support's own frame."""
+        if support not in self._poses:
+            rotation = self.room.rotation()
+            origin = rotation @ np.array(support.centre) + np.array(self.room.origin)
+            self._poses[support] = rotation @ about_z(support.turn), origin
+        return self._poses[support]
+
+    def add(self, placed: list[Placed], footprints: list[Footprint], seen: np.ndarray | None) -> None:
+        """Keep props, given with their footprints and their common depth image, if they hide anything."""
+        self.props += placed
+        self.solids += footprints
+        if seen is not None:
+            self.blockers = np.minimum(self.blockers, seen)

@@ -1,0 +1,1 @@
+"""Datasets made, resumed and checked."""

@@ -1,0 +1,136 @@
+"""The BOP format's own files and numbers, as its toolkit computes and reads them.
+
+Format: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md; what the numbers of
+`scene_gt_info.json` mean is settled by its script `calc_gt_info.py`. Lengths are in millimetres.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.distance import pdist
+
+from vig.dataset.format import DEPTH_SCALE, OBJECT_ID
+from vig.scene import IMAGE_SIZE, Camera, Mesh, ObjectClass, vertex_normals
+from vig_world.renderers.picture import CANVAS
+from vig_world.renderers.view import View
+
+LEAST_VISIBLE = 0.1
+"""BOP's test targets are instances of which at least this share is visible."""
+
+
+def scene_camera(view: View) -> dict[str, Any]:
+    """One image's entry of `scene_camera.json`: cam_K and cam_R_w2c row by row, cam_t_w2c mm.
+
+    The pixel in the upper left corner covers [0, 1] x [0, 1], as in the toolkit's renderers: for projections
+    at which pixels' centres are whole numbers, take half a pixel from the principal point.
+    """
+    camera = view.camera
+    matrix = [camera.focal, 0.0, camera.cx, 0.0, camera.focal, camera.cy, 0.0, 0.0, 1.0]
+    rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
+    return {
+        "cam_K": matrix,
+        "depth_scale": DEPTH_SCALE,
+        "cam_R_w2c": rotation,
+        "cam_t_w2c": translation,
+    }
+
+
+def pose(view: View) -> dict[str, Any]:
+    """The object's entry of `scene_gt.json`: the object's frame is the world's."""
+    rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
+    return {"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": OBJECT_ID}
+
+
+def visibility(
+    canvas: np.ndarray, amodal: np.ndarray, visible: np.ndarray, depth: np.ndarray
+) -> dict[str, Any]:
+    """The object's entry of `scene_gt_info.json`.
+
+    canvas: (3H, 3W) bool, the silhouette on a canvas whose middle third is the image. amodal, visible: (H, W)
+    bool. depth: (H, W), the depth image, 0 where unknown.
+    """
+    whole, seen = int(np.count_nonzero(canvas)), int(np.count_nonzero(visible))
+    height, width = visible.shape
+    aside = CANVAS // 2
+    return {
+        "bbox_obj": box(canvas, (-aside * width, -aside * height)) if seen else box(visible),
+        "bbox_visib": box(visible),
+        "px_count_all": whole,
+        "px_count_valid": int(np.count_nonzero(amodal & (depth > 0))),
+        "px_count_visib": seen,
+        "visib_fract": seen / whole if whole else 0.0,
+    }
+
+
+def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
+    """x, y, width, height of the true pixels of a mask (H, W) whose upper left pixel is at `origin`.
+
+    Width and height are last minus first column and row, one less than the pixels covered: so the toolkit
+    computes them and so the published datasets have them. All -1 when nothing is true.
+    """
+    rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
+    if not len(rows):
+        return [-1, -1, -1, -1]
+    left, top, right, bottom = (int(edge) for edge in (columns[0], rows[0], columns[-1], rows[-1]))
+    return [left + origin[0], top + origin[1], right - left, bottom - top]
+
+
+def camera() -> dict[str, Any]:
+    """`camera.json`: the camera that all images share."""
+    standard = Camera.standard(IMAGE_SIZE)
+    return {
+        "cx": standard.cx,
+        "cy": standard.cy,
+        "depth_scale": DEPTH_SCALE,
+        "fx": standard.focal,
+        "fy": standard.focal,
+        "height": standard.height,
+        "width": standard.width,
+    }
+
+
+TARGETS = "test_targets_bop19.json"
+
+
+def localisation_targets(gt_info: list[dict[str, Any]]) -> list[dict[str, int]]:
+    """`test_targets_bop19.json`: the images on which methods are judged, from each image's gt_info."""
+    return [
+        {"im_id": index, "inst_count": 1, "obj_id": OBJECT_ID, "scene_id": 0}
+        for index, info in enumerate(gt_info)
+        if info["visib_fract"] >= LEAST_VISIBLE
+    ]
+
+
+def mean_model(object_class: ObjectClass) -> Mesh:
+    """The class's mean shape, metres: BOP has one model per object; the samples' own shapes differ."""
+    return Mesh(object_class.shape_model.mean, object_class.shape_model.faces)
+
+
+def ply(mesh: Mesh) -> bytes:
+    """A mesh in metres as an ASCII PLY file in millimetres, with vertex normals, as BOP has its models."""
+    vertices = 1000 * mesh.vertices.astype(np.float64)
+    rows = np.concatenate([vertices, vertex_normals(mesh.vertices, mesh.faces)], axis=1)
+    properties = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+    header = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n{properties}"
+        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    points = "".join("{:.4f} {:.4f} {:.4f} {:.5f} {:.5f} {:.5f}\n".format(*row) for row in rows)
+    faces = "".join("3 {} {} {}\n".format(*face) for face in mesh.faces)
+    return (header + points + faces).encode()
+
+
+def models_info(mesh: Mesh) -> dict[str, dict[str, float]]:
+    """`models/models_info.json`: bounding box and diameter (the greatest distance of two vertices), mm."""
+    vertices = 1000 * mesh.vertices.astype(np.float64)
+    low, size = vertices.min(0), np.ptp(vertices, axis=0)
+    try:
+        outer = vertices[ConvexHull(vertices).vertices]
+    except QhullError:  # a flat object
+        outer = vertices
+    described = {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
+    described |= {f"size_{axis}": float(value) for axis, value in zip("xyz", size, strict=True)}
+    return {str(OBJECT_ID): {"diameter": float(pdist(outer).max()), **described}}

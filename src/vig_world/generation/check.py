@@ -1,0 +1,236 @@
+"""Proves a dataset whole: every file, every label against every other, and renderings against files."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from PIL import Image
+
+from vig.dataset.format import INFO, MANIFEST, SCENE, TABLE, complete_split, image_paths, read_info
+from vig.dataset.spec import WORLD_VERSION, SceneSpec
+from vig.errors import UserError
+from vig.scene import IMAGE_SIZE, ObjectClass
+from vig_world.generation.bop import TARGETS, localisation_targets
+from vig_world.generation.describe import class_fingerprint
+from vig_world.generation.job import Job, Maker, one_thread
+from vig_world.generation.labels import label_problems, model_problems
+from vig_world.library import OwnAssets
+
+MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L"}
+THREADS = 2
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a check found.
+
+    problems: one line each, in the order of the samples. samples, files, rendered: how many were checked.
+    """
+
+    split: str
+    problems: tuple[str, ...]
+    samples: int
+    files: int
+    rendered: int
+
+    @property
+    def clean(self) -> bool:
+        """Is the dataset whole?"""
+        return not self.problems
+
+    def summary(self) -> str:
+        """One sentence."""
+        found = "clean" if self.clean else f"{len(self.problems)} problems"
+        again = f", {self.rendered} rendered again" if self.rendered else ""
+        return f"{self.split}: {self.samples} samples, {self.files} files{again}: {found}"
+
+
+def check_dataset(
+    path: str | Path,
+    split: str | None = None,
+    render: int = 0,
+    object_class: ObjectClass | None = None,
+    own: OwnAssets | None = None,
+) -> Findings:
+    """Check one split of a dataset: hashes, pictures, labels; docs/dataset.md lists the facts.
+
+    split: the only one by default. render: this many samples, evenly chosen, are made again from their specs
+    and compared. object_class: the class it was made with, by default the packaged one of the recorded name.
+    own: the user's assets it was made with, needed to render.
+
+    Raises UserError when there is no such dataset, or the class or the assets are others.
+    """
+    root = Path(path)
+    if render < 0:
+        raise UserError(f"render must be at least 0; got {render}")
+    split = complete_split(root, split)
+    settings = read_info(root)["splits"][split]
+    object_class = object_class or ObjectClass.load(settings["class"])
+    if class_fingerprint(object_class) != settings["class_fingerprint"]:
+        raise UserError(
+            f"'{root}' was made with another class than '{object_class.name}' as it is here;"
+            " give the folder of its class pack with --class."
+        )
+    folder = root / split
+    hashes = _manifest(folder, settings)
+    problems = [*_file_problems(folder, hashes), *model_problems(root, object_class)]
+    try:
+        merged = _merged(folder, settings["count"])
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
+        problems.append(f"the tables cannot be read or do not have {settings['count']} samples: {error}")
+        return Findings(split, tuple(problems), 0, len(hashes), 0)
+    problems += _setting_problems(root, split, settings, merged)
+    with one_thread(), ThreadPoolExecutor(THREADS) as pool:
+        checked = pool.map(lambda item: list(_sample_problems(folder, hashes, object_class, item)), merged)
+        problems += [problem for found in checked for problem in found]
+    again = np.unique(np.linspace(0, len(merged) - 1, min(render, len(merged))).round().astype(int))
+    if len(again):
+        own = own or OwnAssets()
+        if own.fingerprints() != settings["own_assets"]:
+            raise UserError(
+                f"'{root}' was made with {len(settings['own_assets'])} assets of a user's own, which are not"
+                " those given; name their folders with --envmaps, --props and --furniture."
+            )
+        made_by = (settings["world_version"], WORLD_VERSION)
+        if made_by[0] != made_by[1]:
+            raise UserError(
+                f"the scenes of '{root}' are of world version {made_by[0]}, this vig makes {made_by[1]};"
+                " check without --render, or with the vig that made it."
+            )
+        job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"], own)  # type: ignore[arg-type]
+        job = replace(job, photo=settings["photo"])
+        problems += _render_problems(job, folder, [merged[index] for index in again])
+    return Findings(split, tuple(problems), len(merged), len(hashes), len(again))
+
+
+def _setting_problems(
+    root: Path, split: str, settings: dict[str, Any], merged: list[dict[str, Any]]
+) -> Iterator[str]:
+    """Where info.json and BOP's targets are not what the samples say."""
+    if any(item["row"]["seed"] != settings["seed"] for item in merged):
+        yield f"{INFO}: its seed is not that of every sample"
+    if any((item["row"]["photo"] is not None) != settings["photo"] for item in merged):
+        yield f"{INFO}: whether pictures were photographed is not what every sample says"
+    if split == "test":
+        expected = localisation_targets([item["gt_info"][0] for item in merged])
+        try:
+            same = json.loads((root / TARGETS).read_text()) == expected
+        except (OSError, ValueError):
+            same = False
+        if not same:
+            yield f"{TARGETS}: missing or not the samples of which enough is visible"
+
+
+def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:
+    """Names and hashes of the split's files. Raises UserError when the list itself is damaged."""
+    path = folder / MANIFEST
+    try:
+        data = path.read_bytes()
+        lines = (line.split("  ", 1) for line in data.decode().splitlines())
+        hashes = {name: value for value, name in lines}
+    except (OSError, ValueError) as error:
+        raise UserError(f"'{path}' is missing or damaged; make the dataset again.") from error
+    if hashlib.sha256(data).hexdigest() != settings.get("manifest_sha256"):
+        raise UserError(f"'{path}' was changed after it was written; make the dataset again.")
+    return hashes
+
+
+def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
+    """Files that are too many, and tables that are not what was written; pictures come later."""
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    for name in sorted(there - hashes.keys() - {MANIFEST}):
+        yield f"{name}: a file that does not belong here"
+    for name, value in hashes.items():
+        if not name.endswith(".png"):
+            yield from _read(folder, name, value)[1]
+
+
+def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]:
+    """A file's content, and what is wrong with it as a file."""
+    try:
+        data = (folder / name).read_bytes()
+    except OSError as error:
+        return b"", [f"{name}: {error.strerror or error}"]
+    if value is None:
+        return data, [f"{name}: not in {MANIFEST}"]
+    changed = hashlib.sha256(data).hexdigest() != value
+    return data, [f"{name}: not what was written (its hash differs)"] if changed else []
+
+
+def _merged(folder: Path, count: int) -> list[dict[str, Any]]:
+    """Each sample's row, spec and BOP entries; ValueError when the tables do not have `count` each."""
+    rows = pq.read_table(folder / TABLE).to_pylist()
+    specs = (folder / "specs.jsonl").read_text().splitlines()
+    names = {"camera": "scene_camera", "gt": "scene_gt", "gt_info": "scene_gt_info"}
+    scene = {key: json.loads((folder / SCENE / f"{name}.json").read_text()) for key, name in names.items()}
+    lengths = {"latents": len(rows), "specs": len(specs), **{key: len(each) for key, each in scene.items()}}
+    if set(lengths.values()) != {count}:
+        raise ValueError(f"found {lengths}")
+    return [
+        {"row": row, "spec": spec, **{key: each[str(index)] for key, each in scene.items()}}
+        for index, (row, spec) in enumerate(zip(rows, specs, strict=True))
+    ]
+
+
+def _sample_problems(
+    folder: Path, hashes: dict[str, str], object_class: ObjectClass, item: dict[str, Any]
+) -> Iterator[str]:
+    """What is wrong with one sample."""
+    index = item["row"]["index"]
+    pictures = {}
+    for kind, path in image_paths(Path(), index).items():
+        data, problems = _read(folder, path.as_posix(), hashes.get(path.as_posix()))
+        yield from problems
+        try:
+            with Image.open(io.BytesIO(data)) as image:
+                pictures[kind] = np.asarray(image)
+                if (image.size, image.mode) != ((IMAGE_SIZE, IMAGE_SIZE), MODES[kind]):
+                    wanted = f"{IMAGE_SIZE} x {IMAGE_SIZE} {MODES[kind]}"
+                    yield f"{path}: {image.size[0]} x {image.size[1]} {image.mode}, not {wanted}"
+                    return
+        except (OSError, ValueError, SyntaxError):
+            yield f"{path}: not a picture that opens"
+            return
+    try:
+        spec = SceneSpec.from_json(item["spec"])
+        yield from (f"sample {index}: {each}" for each in label_problems(item, spec, pictures, object_class))
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        yield f"sample {index}: its spec or labels cannot be read ({type(error).__name__}: {error})"
+
+
+def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Iterator[str]:
+    """Make samples again from their specs: the raster tier to the byte, a path tracer's labels."""
+    maker = Maker(job)
+    try:
+        for item in items:
+            try:
+                spec = SceneSpec.from_json(item["spec"])
+            except (ValueError, KeyError, TypeError):
+                continue  # told already
+            files = maker.files(spec)
+            described = json.loads(files.popitem()[1])
+            for kind, path in image_paths(Path(), spec.index).items():
+                exact = job.tier == "raster" or kind != "rgb"
+                if exact and files[path.as_posix()] != _read(folder, path.as_posix(), None)[0]:
+                    yield f"{path}: rendered again from its spec, it differs"
+            row = described["row"]
+            for key in ("gt", "gt_info", "camera"):
+                if described[key] != item[key]:
+                    yield f"sample {spec.index}: rendered again from its spec, its {key} differs"
+            if row != item["row"]:
+                names = ", ".join(sorted(name for name in row if row[name] != item["row"].get(name)))
+                yield f"sample {spec.index}: rendered again from its spec, these columns differ: {names}"
+            if maker.sample(spec.index) != spec:
+                yield f"sample {spec.index}: drawn again from its seed, its scene is another"
+    finally:
+        maker.close()

@@ -1,0 +1,95 @@
+"""What the merged files of a dataset say of one sample."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vig.dataset.format import DEPTH_SCALE
+from vig.dataset.spec import SceneSpec
+from vig.scene import IMAGE_SIZE, ObjectClass, latent_layout
+from vig.scene.designs import NO_DESIGN
+from vig_world.generation import bop
+from vig_world.renderers.photo import PhotoSettings
+from vig_world.renderers.picture import Picture
+from vig_world.renderers.view import View
+
+
+def depth_units(depth: np.ndarray) -> np.ndarray:
+    """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown."""
+    scaled = np.where(np.isfinite(depth), depth * (1000 / DEPTH_SCALE), 0.0)
+    return np.round(scaled).clip(0, 65535).astype(np.uint16)
+
+
+def class_fingerprint(object_class: ObjectClass) -> str:
+    """A short hash of the shapes of a class, so that a dataset is not continued with another."""
+    digest = hashlib.sha256()
+    model = object_class.shape_model
+    for array in (model.mean, model.basis, model.faces):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(str(object_class.target_height).encode())
+    return digest.hexdigest()[:16]
+
+
+def describe(
+    spec: SceneSpec,
+    picture: Picture,
+    depth: np.ndarray,
+    object_class: ObjectClass,
+    photo: PhotoSettings | None = None,
+) -> dict[str, Any]:
+    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
+
+    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
+    """
+    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
+    info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
+    shares = picture.shares
+    latents = spec.latents()
+    latents[-len(picture.light) :] = picture.light  # a path tracer's label differs from the spec's light
+    named = dict(zip(latent_layout(len(spec.shape)).labels, latents.tolist(), strict=True))
+    return {
+        "camera": bop.scene_camera(view),
+        "gt": [bop.pose(view)],
+        "gt_info": [info],
+        "row": {
+            "index": spec.index,
+            "seed": spec.seed,
+            **named,
+            "occlusion": picture.occlusion,
+            "target_occlusion": spec.target,
+            "visib_fract": info["visib_fract"],
+            **{f"share_{name}": share for name, share in shares.items()},
+            "cause": picture.cause,
+            "hidden_by": hidden_by(spec),
+            "truncated": shares["truncation"] > 0,
+            "size": info["px_count_all"] / picture.amodal.size,
+            "panorama": spec.panorama,
+            "layout": spec.room.layout,
+            "zone": spec.room.zone,
+            "design": spec.design,
+            "assets": assets_used(spec),
+            "photo": None if photo is None else json.dumps(asdict(photo)),
+        },
+        "rejected": spec.rejected,
+        "spec": spec.to_json(),
+    }
+
+
+def hidden_by(spec: SceneSpec) -> list[str]:
+    """The props that were placed to hide the object, as `family/number`."""
+    return [f"{prop.family}/{prop.asset}" for prop in spec.props if prop.role == "occluder"]
+
+
+def assets_used(spec: SceneSpec) -> list[str]:
+    """The names of all assets of a scene, as `split/catalogue/number`, sorted."""
+    names = {f"panorama/{spec.panorama}"}
+    names |= {f"prop/{prop.family}/{prop.asset}" for prop in spec.props}
+    names |= {f"surface/{each.kind}/{each.asset}" for _, each in spec.room.finishes}
+    if spec.design != NO_DESIGN:
+        names |= {f"design/{spec.design}"}
+    return sorted(f"{spec.split}/{name}" for name in names | {f"layout/{spec.room.layout}"})

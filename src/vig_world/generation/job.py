@@ -1,0 +1,176 @@
+"""What a worker needs to make any sample of a split, and the sample as files."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+from PIL import Image
+
+from vig.dataset.format import image_paths, sidecar_path, write_bytes
+from vig.dataset.spec import SceneSpec, Split
+from vig.scene import ObjectClass, linear_from_srgb
+from vig_world.composition.sampling import sample
+from vig_world.generation.describe import class_fingerprint, depth_units, describe
+from vig_world.library import Library, OwnAssets
+from vig_world.renderers.photo import PhotoSettings, photograph
+from vig_world.renderers.picture import Picture
+from vig_world.renderers.rasterized import render
+from vig_world.streams import stream
+
+TIERS = ("raster", "cycles")
+PHOTO_STREAM = 2**20
+"""Number of the random stream of photographs, far from those of attempts at a scene."""
+RUN_LENGTHS = 3
+"""zlib's strategy Z_RLE: quickest for pictures with noise, and the smallest files of level 1."""
+
+
+class Renderer(Protocol):
+    """A tier: something that makes pictures of scenes. It lives in one worker process."""
+
+    def render(self, spec: SceneSpec) -> Picture:
+        """The picture of a scene: a pure function of it."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what rendering holds, such as a child process."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Raster:
+    """The raster tier as a renderer."""
+
+    library: Library
+    object_class: ObjectClass
+
+    def render(self, spec: SceneSpec) -> Picture:
+        return render(self.library, spec, self.object_class)
+
+    def close(self) -> None:
+        pass
+
+
+@dataclass(frozen=True)
+class Job:
+    """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
+
+    options: settings of the tier's renderer; they are recorded in the dataset. own: the user's assets. photo:
+    pictures are photographed (`vig_world.renderers.photo`).
+    """
+
+    seed: int
+    split: Split
+    tier: str
+    object_class: ObjectClass
+    options: Mapping[str, Any] = field(default_factory=dict)
+    own: OwnAssets = OwnAssets()
+    photo: bool = False
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Tells classes apart."""
+        return class_fingerprint(self.object_class)
+
+
+class Maker:
+    """Makes samples of a job in this process, with one renderer that is started when first needed."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.library = Library(job.split, job.own)
+        self._renderer: Renderer | None = None
+
+    def make(self, index: int) -> dict[str, bytes]:
+        """The files of sample `index` by their names in the split's folder; see `encode`."""
+        return self.files(self.sample(index))
+
+    def sample(self, index: int) -> SceneSpec:
+        """The scene of sample `index`."""
+        with one_thread():
+            return sample(self.library, self.job.object_class, self.job.seed, index)
+
+    def files(self, spec: SceneSpec) -> dict[str, bytes]:
+        """The files of a scene. Raises UserError when the tier cannot run here."""
+        with one_thread():
+            if self._renderer is None:
+                self._renderer = self._open()
+            picture, settings = self._renderer.render(spec), None
+            if self.job.photo:
+                picture, settings = photographed(picture, spec)
+            return encode(spec, picture, self.job.object_class, settings)
+
+    def _open(self) -> Renderer:
+        if self.job.tier == "cycles":
+            from vig_world.renderers.cycles import CyclesRenderer
+
+            return CyclesRenderer(self.library, self.job.object_class, **self.job.options)
+        return _Raster(self.library, self.job.object_class)
+
+    def close(self) -> None:
+        """Close the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
+    """The picture as a camera takes it, and how it was taken; labels stay."""
+    linear = getattr(picture, "linear", None)
+    if linear is None:
+        linear = linear_from_srgb(picture.image.astype("float32") / 255)
+    rng = stream(spec.seed, spec.index, spec.split, PHOTO_STREAM)
+    image, settings = photograph(linear, rng)
+    return replace(picture, image=image), settings
+
+
+def encode(
+    spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
+) -> dict[str, bytes]:
+    """A sample as files: name in the split's folder to content; the sidecar, which says it is whole, last."""
+    root = Path()
+    pictures = {
+        "rgb": picture.image,
+        "depth": depth_units(picture.depth),
+        "mask": picture.amodal.astype("uint8") * 255,
+        "mask_visib": picture.visible.astype("uint8") * 255,
+    }
+    files = {}
+    for kind, path in image_paths(root, spec.index).items():
+        buffer = io.BytesIO()
+        image = Image.fromarray(pictures[kind])
+        image.save(buffer, "PNG", compress_level=1, compress_type=RUN_LENGTHS)
+        files[path.as_posix()] = buffer.getvalue()
+    hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    described = describe(spec, picture, pictures["depth"], object_class, photo) | {"sha256": hashes}
+    files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()
+    return files
+
+
+def store(folder: Path, files: dict[str, bytes]) -> None:
+    """Write the files of a sample into the split's folder, in their order."""
+    for name, data in files.items():
+        write_bytes(folder / name, data)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Sums in torch depend on the number of threads; bytes must not."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+Advance = Callable[[int], None]
+"""Called with how many more samples are on the disk."""

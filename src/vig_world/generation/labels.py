@@ -1,0 +1,161 @@
+"""What must hold among a sample's labels, pictures and spec; each fact is computed, not read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from vig.dataset.spec import SceneSpec
+from vig.scene import IMAGE_SIZE, SHAPE_LIMIT, ObjectClass, latent_layout
+from vig.scene.light import L_COUNT
+from vig_world.assets.target import target_vertices
+from vig_world.generation import bop
+from vig_world.generation.describe import assets_used
+from vig_world.renderers.picture import CANVAS
+from vig_world.renderers.raster.draw import SAMPLES
+from vig_world.renderers.view import View
+
+CLOSE = 1e-9
+FLIPPED = 0.01
+"""This share of the silhouette's pixels may differ between the mask and a projection of the mesh."""
+WITHIN = 0.9
+"""At least this share of the visible pixels, but for their outermost, have a depth within the object."""
+
+
+def label_problems(
+    item: dict[str, Any], spec: SceneSpec, pictures: dict[str, np.ndarray], object_class: ObjectClass
+) -> Iterator[str]:
+    """What is wrong with a sample's labels, a line each; raises KeyError and the like when some are missing.
+
+    item: row, camera, gt, gt_info as merged. pictures: rgb, depth, mask, mask_visib as stored.
+    """
+    for kind in ("mask", "mask_visib"):
+        if not np.isin(pictures[kind], (0, 255)).all():
+            yield f"{kind} has values other than 0 and 255"
+    alone, seen = pictures["mask"] > 0, pictures["mask_visib"] > 0
+    if (seen & ~alone).any():
+        yield "mask_visib is not within mask"
+    if not alone.any():
+        yield "mask is empty"
+        return
+    yield from _latent_problems(item["row"], spec)
+    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
+    yield from _pose_problems(item, view)
+    vertices = target_vertices(spec, object_class)
+    canvas = silhouette(object_class, vertices, spec)
+    yield from _visibility_problems(item["gt_info"][0], alone, seen, pictures["depth"], canvas)
+    yield from _share_problems(item["row"], item["gt_info"][0], alone, seen)
+    inner = binary_erosion(seen)  # a pixel at an edge has the depth of what is nearest in it
+    millimetres = pictures["depth"][inner] * bop.DEPTH_SCALE
+    z = 1000 * (vertices @ view.rotation[2] + view.translation[2])
+    inside = (millimetres > z.min() - bop.DEPTH_SCALE) & (millimetres < z.max() + bop.DEPTH_SCALE)
+    if inner.any() and inside.mean() < WITHIN:
+        yield f"depth: only {inside.mean():.0%} of the visible pixels are within the object's depth"
+
+
+def silhouette(object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec) -> np.ndarray:
+    """The object (V, 3) alone on the canvas of 3 x 3 frames: (3H, 3W) bool, half a pixel or more.
+
+    By the differentiable renderer, which shares no code with those that make pictures.
+    """
+    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE * SAMPLES).widened(CANVAS)
+    depth = view.depth(vertices, object_class.shape_model.faces)
+    size = CANVAS * IMAGE_SIZE
+    samples = np.isfinite(depth).reshape(size, SAMPLES, size, SAMPLES)
+    return samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
+
+
+def _latent_problems(row: dict[str, Any], spec: SceneSpec) -> Iterator[str]:
+    names = latent_layout(len(spec.shape)).labels
+    latents = np.array([row[name] for name in names], np.float64)
+    shape, (azimuth, elevation), albedo, light = np.split(latents, np.cumsum([len(spec.shape), 2, 3]))
+    if not np.isfinite(latents).all():
+        yield "a latent is not finite"
+    if (np.abs(shape) > SHAPE_LIMIT).any():
+        yield f"shape is not within {SHAPE_LIMIT:g} standard deviations"
+    if not (0 <= azimuth < 2 * np.pi + 1e-6 and 0 <= elevation <= np.pi / 2 + 1e-6):
+        yield f"azimuth {azimuth:.3f} or elevation {elevation:.3f} is out of range"
+    if not ((albedo >= 0) & (albedo <= 1)).all():
+        yield "albedo is not in [0, 1]"
+    if light[0] <= 0:
+        yield "the light has no mean"
+    told = spec.latents()[:-L_COUNT]
+    if not np.array_equal(told, latents[:-L_COUNT].astype(np.float32)):
+        yield "latents differ from the spec's"
+    for name, value in (("index", spec.index), ("seed", spec.seed), ("target_occlusion", spec.target)):
+        if row[name] != value:
+            yield f"{name} {row[name]} differs from the spec's {value}"
+    if row["assets"] != assets_used(spec):
+        yield "the list of assets differs from the spec's"
+
+
+def _pose_problems(item: dict[str, Any], view: View) -> Iterator[str]:
+    truth, camera = item["gt"][0], item["camera"]
+    rotation = np.array(truth["cam_R_m2c"]).reshape(3, 3)
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > CLOSE or np.linalg.det(rotation) < 0:
+        yield "cam_R_m2c is not a rotation"
+    told, expected = {**truth, **camera}, {**bop.pose(view), **bop.scene_camera(view)}
+    for name, value in expected.items():
+        if np.shape(told[name]) != np.shape(value) or not np.allclose(told[name], value, 0, 1e-6):
+            yield f"{name} does not agree with azimuth, elevation and the camera"
+
+
+def _visibility_problems(
+    info: dict[str, Any], alone: np.ndarray, seen: np.ndarray, depth: np.ndarray, canvas: np.ndarray
+) -> Iterator[str]:
+    frame = canvas[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE]
+    flipped = np.count_nonzero(frame != alone) / alone.sum()
+    if flipped > FLIPPED:
+        yield f"mask: {flipped:.1%} of its pixels are not where the mesh projects"
+    whole = canvas.copy()
+    whole[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE] = alone
+    exact = not flipped
+    for name, value in bop.visibility(whole, alone, seen, depth).items():
+        outside = name in ("bbox_obj", "px_count_all", "visib_fract")
+        slack = 0.0 if exact or not outside else max(2.0, 2 * FLIPPED * info["px_count_all"])
+        if name == "visib_fract":
+            slack /= info["px_count_all"]
+        if not np.allclose(info[name], value, 0, slack + CLOSE):
+            yield f"{name} is {info[name]}; masks, depth and mesh give {value}"
+
+
+def _share_problems(
+    row: dict[str, Any], info: dict[str, Any], alone: np.ndarray, seen: np.ndarray
+) -> Iterator[str]:
+    hidden = 1 - seen.sum() / alone.sum()
+    if abs(row["occlusion"] - hidden) > CLOSE:
+        yield f"occlusion is {row['occlusion']:.4f}; the masks give {hidden:.4f}"
+    shares = {name: row[f"share_{name}"] for name in ("occluder", "support", "truncation")}
+    if min(shares.values()) < 0 or abs(sum(shares.values()) + row["visib_fract"] - 1) > CLOSE:
+        yield "share_occluder, share_support, share_truncation and visib_fract do not add up to 1"
+    if abs(row["visib_fract"] - info["px_count_visib"] / info["px_count_all"]) > CLOSE:
+        yield "visib_fract is not px_count_visib / px_count_all"
+    cut = 1 - alone.sum() / info["px_count_all"]
+    if abs(shares["truncation"] - cut) > CLOSE or row["truncated"] != (cut > 0):
+        yield f"share_truncation is {shares['truncation']:.4f}; {cut:.4f} of the silhouette is cut off"
+    greatest = max(shares, key=lambda name: shares[name])
+    if row["cause"] != (greatest if shares[greatest] > 0 else "none"):
+        yield f"cause is {row['cause']}; the greatest share is the {greatest}'s"
+
+
+def model_problems(root: Path, object_class: ObjectClass) -> Iterator[str]:
+    """What is wrong with the files that all splits share."""
+    model = bop.mean_model(object_class)
+    written = {
+        "camera.json": bop.camera(),
+        "models/models_info.json": bop.models_info(model),
+        f"models/obj_{bop.OBJECT_ID:06d}.ply": bop.ply(model),
+    }
+    for name, expected in written.items():
+        try:
+            data = (root / name).read_bytes()
+            same = data == expected if isinstance(expected, bytes) else json.loads(data) == expected
+        except (OSError, ValueError):
+            same = False
+        if not same:
+            yield f"{name}: missing or not what the class gives"

@@ -1,0 +1,242 @@
+"""Makes a dataset on disk: in parallel, resumable, the same bytes whatever the number of workers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # Windows: two runs at once are not told apart there
+    fcntl = None  # type: ignore[assignment]
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vig.dataset.format import (
+    FORMAT_VERSION,
+    INFO,
+    MANIFEST,
+    PARTIAL,
+    SCENE,
+    TABLE,
+    read_info,
+    sidecar_path,
+    write_bytes,
+    write_json,
+)
+from vig.dataset.spec import SPLITS, WORLD_VERSION
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.scene import ObjectClass
+from vig_world.generation import bop
+from vig_world.generation.cluster import make_on_ray, require_ray
+from vig_world.generation.job import TIERS, Job
+from vig_world.generation.pool import make_here, make_in_processes
+from vig_world.generation.progress import Meter
+from vig_world.library import OwnAssets
+
+_TEMPORARY = re.compile(r"\.[0-9a-f]{12}(\.\w+)?")
+
+
+def make_dataset(
+    out: str | Path,
+    count: int,
+    seed: int,
+    tier: str = "raster",
+    split: str = "train",
+    workers: int | None = None,
+    progress: bool = True,
+    object_class: ObjectClass | None = None,
+    options: Mapping[str, Any] | None = None,
+    own: OwnAssets | None = None,
+    photo: bool = False,
+    ray: str | None = None,
+) -> Path:
+    """Make (or go on making) `count` samples of a split in folder `out`; see docs/dataset.md.
+
+    A run that was killed is completed by the same call: samples that are there stay. workers: processes;
+    None takes one per CPU. progress: a bar on a terminal, a line now and then in a log. object_class: the
+    packaged teapot by default. options: the tier's settings. own: the user's assets. photo:
+    photograph the pictures. ray: the address of a Ray cluster, or `auto`, in place of worker processes.
+
+    Returns:
+        `out`.
+
+    Raises:
+        UserError: a wrong argument; `out` holds something else or a split made with other settings; the disk
+            is full; a sample's worker was killed again and again; there is no cluster.
+        KeyboardInterrupt: after the samples in progress are done; call again to go on.
+    """
+    root = Path(out)
+    if count < 1:
+        raise UserError(f"count must be at least 1; got {count}")
+    if not 0 <= seed < 2**63:
+        raise UserError(f"seed must be from 0 to 2^63 - 1; got {seed}")
+    if split not in SPLITS:
+        raise UserError(f"split must be one of {', '.join(SPLITS)}; got '{split}'")
+    if tier not in TIERS:
+        raise UserError(f"tier must be one of {', '.join(TIERS)}; got '{tier}'")
+    if workers is not None and workers < 1:
+        raise UserError(f"workers must be at least 1; got {workers}")
+    if object_class is None:
+        object_class = ObjectClass.load("teapot")
+
+    job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo)
+    settings = {
+        "class": object_class.name,
+        "class_fingerprint": job.fingerprint,
+        "seed": seed,
+        "count": count,
+        "tier": tier,
+        "options": dict(job.options),
+        "photo": photo,
+        "own_assets": job.own.fingerprints(),
+        "world_version": WORLD_VERSION,
+    }
+    _require(tier, ray)
+    folder = root / split
+    with alone(root, split):
+        if _claim(root, split, settings):
+            shutil.rmtree(folder / PARTIAL, ignore_errors=True)
+            return root
+        _sweep(folder)
+        missing = [index for index in range(count) if not sidecar_path(folder, index).is_file()]
+        with Meter(count, count - len(missing), progress) as meter:
+            processes = min(workers or os.cpu_count() or 1, len(missing))
+            if ray is not None:
+                make_on_ray(job, folder, missing, ray, meter.advance)
+            elif processes <= 1:
+                make_here(job, folder, missing, meter.advance)
+            else:
+                make_in_processes(job, folder, missing, processes, meter.advance)
+        _merge(root, split, settings, object_class)
+    return root
+
+
+def _require(tier: str, ray: str | None) -> None:
+    """Refuse what cannot run here before anything is written. Raises UserError."""
+    if ray is not None:
+        require_ray()
+    elif tier == "cycles":
+        from vig_world.renderers.cycles.renderer import find_python
+
+        find_python()
+
+
+@contextmanager
+def alone(root: Path, split: str) -> Iterator[None]:
+    """Hold a split's lock, so that two runs do not make it at once; the lock dies with the process.
+
+    Raises UserError when another run holds it, or the folder cannot be made.
+    """
+    if fcntl is None or (root.exists() and not root.is_dir()):
+        yield
+        return
+    path = root / f".{split}.lock"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        lock = open(path, "w")
+    except OSError as error:
+        raise UserError(f"cannot write '{path}': {error.strerror or error}") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise UserError(
+                f"another run is making the {split} split of '{root}'; wait for it, or choose another folder."
+            ) from error
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
+    """Write the split's settings into info.json, or check that they are the same; True if it is complete."""
+    info: dict[str, Any] = {"vig_dataset": FORMAT_VERSION, "splits": {}}
+    if root.is_dir() and any(not path.name.startswith(".") for path in root.iterdir()):
+        info = read_info(root)
+    elif root.exists() and not root.is_dir():
+        raise UserError(f"expected a folder for the dataset; '{root}' is a file. Choose another name.")
+    for other, held in info["splits"].items():
+        compared = settings if other == split else {"class_fingerprint": settings["class_fingerprint"]}
+        for key, value in compared.items():
+            if held.get(key) != value:
+                raise UserError(
+                    f"'{root}' already holds a {other} split with {key} {held.get(key)}; {value} was asked"
+                    " for. Choose another folder or the same settings."
+                )
+    if split in info["splits"]:
+        return bool(info["splits"][split]["complete"])
+    info["splits"][split] = {**settings, "complete": False}
+    write_json(root / INFO, info)
+    return False
+
+
+def _sweep(folder: Path) -> None:
+    """Remove the temporary files that a killed run left in and above a split's folder."""
+    left = [*folder.rglob(".*"), *folder.parent.glob(".*"), *(folder.parent / "models").glob(".*")]
+    for path in left:
+        if _TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
+
+
+def _merge(root: Path, split: str, settings: dict[str, Any], object_class: ObjectClass) -> None:
+    """Turn the sidecars into the split's files and mark it complete."""
+    folder = root / split
+    records = [json.loads(sidecar_path(folder, index).read_text()) for index in range(settings["count"])]
+    hashes = {name: value for record in records for name, value in record["sha256"].items()}
+    for name, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
+        path = folder / SCENE / f"{name}.json"
+        written = write_json(path, {str(index): record[key] for index, record in enumerate(records)})
+        hashes[path.relative_to(folder).as_posix()] = hashlib.sha256(written).hexdigest()
+    specs = "".join(record["spec"] + "\n" for record in records).encode()
+    write_bytes(folder / "specs.jsonl", specs)
+    hashes["specs.jsonl"] = hashlib.sha256(specs).hexdigest()
+    table_path = folder / TABLE
+    with atomic_write(table_path) as temporary:
+        pq.write_table(_table([record["row"] for record in records]), temporary)
+    hashes[TABLE] = hashlib.sha256(table_path.read_bytes()).hexdigest()
+
+    model = bop.mean_model(object_class)
+    write_bytes(root / "models" / f"obj_{bop.OBJECT_ID:06d}.ply", bop.ply(model))
+    write_json(root / "models" / "models_info.json", bop.models_info(model))
+    write_json(root / "camera.json", bop.camera())
+    if split == "test":
+        write_json(root / bop.TARGETS, bop.localisation_targets([record["gt_info"][0] for record in records]))
+
+    manifest = "".join(f"{value}  {name}\n" for name, value in sorted(hashes.items())).encode()
+    write_bytes(folder / MANIFEST, manifest)
+    rejections: Counter[str] = Counter()
+    for record in records:
+        rejections.update(record["rejected"])
+    info = read_info(root)
+    info["splits"][split] = {
+        **settings,
+        "complete": True,
+        "rejections": dict(sorted(rejections.items())),
+        "rejections_per_sample": round(sum(rejections.values()) / settings["count"], 4),
+        "manifest_sha256": hashlib.sha256(manifest).hexdigest(),
+    }
+    _sweep(folder)
+    write_json(root / INFO, info)
+    shutil.rmtree(folder / PARTIAL)
+
+
+def _table(rows: list[dict[str, Any]]) -> pa.Table:
+    """The rows as a table; columns that are empty everywhere keep their type."""
+    table = pa.Table.from_pylist(rows)
+    types = {"photo": pa.string(), "hidden_by": pa.list_(pa.string()), "assets": pa.list_(pa.string())}
+    for name, wanted in types.items():
+        place = table.column_names.index(name)
+        table = table.set_column(place, name, table[name].cast(wanted))
+    return table

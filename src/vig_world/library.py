@@ -1,0 +1,250 @@
+"""A split's finite catalogues of rooms, props, finishes and lights, and users' own beside or instead of them.
+
+An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
+one split ever occurs in another, and a worker can keep what it has made.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+
+from vig.dataset.spec import Room, Split, Surface
+from vig.scene import EXPOSURE_L00, grey, project_panorama, rotate_z
+from vig_world.assets.fixtures import HOLDERS
+from vig_world.assets.footprint import extreme_points
+from vig_world.assets.furniture import FAMILIES as FURNITURE
+from vig_world.assets.furniture import Furniture
+from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
+from vig_world.assets.panoramas import light_parts, local_light, panorama
+from vig_world.assets.props import FAMILIES, ZONES, Prop
+from vig_world.assets.props.shapes import scaled
+from vig_world.assets.textures import FINISHES, METRES, texture
+from vig_world.renderers.raster import Packed, Pyramid
+from vig_world.rooms import Layout, draw_layout, material_under
+from vig_world.streams import asset_rng
+
+PROPS_PER_FAMILY = {"train": 16, "test": 8, "validation": 8}
+SURFACES_PER_KIND = {"train": 40, "test": 16, "validation": 16}
+PANORAMAS = {"train": 200, "test": 70, "validation": 70}
+SIZES = 0.95, 1.05
+"""Each prop is made smaller or larger by a factor of its own, so that no two are of one mould."""
+LAYOUTS = {"train": 96, "test": 32, "validation": 32}
+TEXTURE_SIZE = 128
+MOST_ALBEDO = 0.85
+"""Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
+SLOTS = tuple(FINISHES)
+ALL_ZONES = tuple(sorted({zone for zones in ZONES.values() for zone in zones}))
+BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
+"""The environment variable that names an interpreter which can import bpy."""
+
+
+@dataclass(frozen=True)
+class OwnFolders:
+    """Where a user's own assets lie; None: ours are taken. panoramas may be `bpy`, see `read_envmaps`."""
+
+    panoramas: str | None = None
+    props: str | None = None
+    furniture: str | None = None
+
+
+@dataclass(frozen=True)
+class OwnAssets:
+    """What a user brings: each kind that is there takes the place of ours, furniture family by family."""
+
+    props: tuple[OwnProp, ...] = ()
+    furniture: tuple[OwnFurniture, ...] = ()
+    panoramas: tuple[OwnPanorama, ...] = ()
+
+    @staticmethod
+    def read(folders: OwnFolders) -> tuple[OwnAssets, list[str]]:
+        """Read folders; also one sentence for each file that was left out or guessed at. Raises UserError."""
+        notes: list[str] = []
+
+        def read(reader: Callable[[str], tuple[list, list[str]]], folder: str | None) -> tuple:
+            if folder is None:
+                return ()
+            found, problems = reader(folder)
+            notes.extend(problems)
+            return tuple(found)
+
+        props, furniture = read(read_props, folders.props), read(read_furniture, folders.furniture)
+        blender = os.environ.get(BLENDER_VARIABLE)
+        panoramas = read(lambda folder: read_envmaps(folder, blender), folders.panoramas)
+        return OwnAssets(props, furniture, panoramas), notes
+
+    def fingerprints(self) -> dict[str, str]:
+        """What tells the assets apart: kind and name to hash."""
+        found = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
+        found |= {f"prop/{own.name}": own.fingerprint for own in self.props}
+        return found | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
+
+
+class Library:
+    """Everything that scenes of a split are made of; what was made is kept, up to a bound."""
+
+    def __init__(self, split: Split, own: OwnAssets | None = None) -> None:
+        self.split = split
+        self.own = own or OwnAssets()
+        self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
+        self.prop = lru_cache(maxsize=2048)(self._prop)  # 0.1 MB each, looked at long before they are packed
+        self.packed = lru_cache(maxsize=4096)(self._packed)
+        self.extremes = lru_cache(maxsize=4096)(self._extremes)
+        self.sizes = lru_cache(maxsize=4096)(self._sizes)
+        self.layout = lru_cache(maxsize=128)(self._layout)
+        self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
+        self.ground = lru_cache(maxsize=4096)(self._ground)
+        self.finish = lru_cache(maxsize=128)(self._finish)
+        self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
+        self.albedo = lru_cache(maxsize=4096)(self._albedo)
+        self.radiance = lru_cache(maxsize=16)(self._radiance)
+        self.light_parts = lru_cache(maxsize=4096)(self._light_parts)
+
+    # Props
+
+    def families(self, zone: str) -> tuple[str, ...]:
+        """The families of props that belong in a zone."""
+        if self._own_props:
+            fit = tuple(name for name, own in self._own_props.items() if not own.zones or zone in own.zones)
+            return fit or tuple(self._own_props)
+        return _families_of(zone)
+
+    def members(self, family: str) -> int:
+        """How many members a family has."""
+        return 1 if family in self._own_props else PROPS_PER_FAMILY[self.split]
+
+    def _prop(self, family: str, number: int) -> Prop:
+        if family in self._own_props:
+            return self._own_props[family].prop
+        make = FAMILIES.get(family) or HOLDERS[family]
+        made = make(asset_rng(self.split, f"prop/{family}", number))
+        size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES)
+        return Prop(made.family, tuple((scaled(mesh, size), stuff) for mesh, stuff in made.parts))
+
+    def _packed(self, family: str, number: int) -> Packed:
+        return Packed.of(self.prop(family, number).parts)
+
+    def _extremes(self, family: str, number: int) -> np.ndarray:
+        """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
+        return extreme_points(np.concatenate([mesh.vertices for mesh, _ in self.prop(family, number).parts]))
+
+    def _sizes(self, family: str, number: int) -> np.ndarray:
+        """Extents (3,) in metres of a prop in its own frame."""
+        return np.ptp(self.extremes(family, number), axis=0)
+
+    # Rooms
+
+    @property
+    def layouts(self) -> int:
+        """How many furnished rooms there are."""
+        return LAYOUTS[self.split]
+
+    def _layout(self, number: int) -> Layout:
+        """Furnished room `number`."""
+        return draw_layout(asset_rng(self.split, "layout", number), self._furniture)
+
+    def _furniture(self, family: str, rng: np.random.Generator) -> Furniture:
+        own = [each.furniture for each in self.own.furniture if _stands_for(each.furniture.family, family)]
+        return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
+
+    def _packed_layout(self, number: int) -> Packed:
+        return Packed.of(self.layout(number).parts)
+
+    def ground_albedo(self, room: Room) -> float:
+        """Mean grey albedo of what the object stands on: of its finish, or of its own texture."""
+        slot, own = self.ground(room.layout, room.support)
+        finish = dict(room.finishes).get(slot)
+        return own if finish is None else self.albedo(finish.kind, finish.asset)
+
+    def _ground(self, layout: int, support: int) -> tuple[str, float]:
+        """Slot and own mean albedo of a support's material; a table top's where nothing lies below it."""
+        furnished = self.layout(layout)
+        material = material_under(furnished, furnished.supports[support])
+        return ("top", 0.0) if material is None else (material.slot, float(material.texture.mean()))
+
+    # Finishes
+
+    def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
+        """A random finish that suits a slot."""
+        kind = str(rng.choice(FINISHES[slot]))
+        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[kind]))
+
+    def _finish(self, kind: str, number: int) -> np.ndarray:
+        """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish; less gaudy than props are."""
+        rng = asset_rng(self.split, f"surface/{kind}", number)
+        image = texture(kind, rng, TEXTURE_SIZE)
+        luminance = image.mean(axis=2, keepdims=True)
+        return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
+
+    def _pyramid(self, kind: str, number: int) -> Pyramid:
+        return Pyramid.of(self.finish(kind, number))
+
+    def _albedo(self, kind: str, number: int) -> float:
+        """Mean grey albedo of a finish."""
+        return float(self.finish(kind, number).mean())
+
+    # Light
+
+    @property
+    def panoramas(self) -> int:
+        """How many panoramas there are."""
+        return len(self.own.panoramas) or PANORAMAS[self.split]
+
+    def _radiance(self, number: int) -> np.ndarray:
+        """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; users' at their own size."""
+        own = self.own.panoramas
+        return _exposed(own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number)))
+
+    def surroundings(self, number: int) -> np.ndarray:
+        """Panorama `number` for a path tracer: as `radiance`, users' at their full size."""
+        own = self.own.panoramas
+        return _exposed(own[number].sharp()) if own else self.radiance(number)
+
+    def _light_parts(self, number: int) -> np.ndarray:
+        return light_parts(self.radiance(number))
+
+    def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
+        """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
+
+        At the paper's exposure. What the object gets from below is the support's grey albedo times what
+        the support gets from above.
+        """
+        local = local_light(self.light_parts(number), ground_albedo)
+        return rotate_z(torch.from_numpy(local), angle).numpy()
+
+
+def _exposed(radiance: np.ndarray) -> np.ndarray:
+    """A panorama (H, 2H, 3) at the paper's exposure."""
+    return radiance * (EXPOSURE_L00 / grey(project_panorama(radiance))[0])
+
+
+@lru_cache(maxsize=64)
+def _families_of(zone: str) -> tuple[str, ...]:
+    return tuple(family for family, zones in ZONES.items() if zone in zones)
+
+
+STANDS_FOR = {
+    "table": ("dining_table", "cafe_table", "kitchen_island", "side_table"),
+    "coffee_table": ("coffee_table", "side_table"),
+    "desk": ("desk",),
+    "counter": ("kitchen_counter", "kitchen_island"),
+    "shelf": ("bookshelf", "wall_shelf"),
+    "cabinet": ("sideboard", "chest_of_drawers", "media_bench", "console", "wardrobe", "dresser"),
+    "nightstand": ("bedside_table",),
+    "sofa": ("sofa",),
+    "armchair": ("armchair",),
+    "chair": ("chair",),
+    "stool": ("stool", "side_table", "bar_stool"),
+    "bench": ("bench", "window_seat"),
+    "bed": ("bed",),
+}
+"""Which families of ours a user's piece of furniture takes the place of."""
+
+
+def _stands_for(own: str, family: str) -> bool:
+    return family == own or family in STANDS_FOR.get(own, ("side_table", "sideboard"))

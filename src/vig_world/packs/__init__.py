@@ -1,0 +1,1 @@
+"""Class packs built from the generator's designs."""

@@ -1,0 +1,1 @@
+"""Two renderers of one scene: a fast rasteriser and Cycles."""

@@ -1,0 +1,117 @@
+"""Turns a SceneSpec into geometry: textured meshes in the world, for path tracers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vig.dataset.spec import SceneSpec
+from vig.scene import Mesh, ObjectClass, vertex_normals
+from vig_world.assets.props.material import Material
+from vig_world.assets.target import target_vertices
+from vig_world.library import Library
+
+TARGET = "target"
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One thing of one material in the world.
+
+    name: `target`, `wall`, `floor`, `ceiling`, `room-NN` (the rest of the furnished room) or
+    `prop-NN/family/part`. key: two instances of the same key have the same mesh, normals and texture, so a
+    renderer may keep them. mesh: metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside
+    [0, 1]. normals: (V, 3) unit. texture: (h, w, 3) linear albedo, row 0 on top. kind, roughness, emission:
+    of the material. rotation (3, 3), translation (3,): from its own frame to the world.
+    """
+
+    name: str
+    key: str
+    mesh: Mesh
+    normals: np.ndarray
+    texture: np.ndarray
+    kind: str
+    roughness: float
+    emission: float
+    rotation: np.ndarray
+    translation: np.ndarray
+
+    @property
+    def is_target(self) -> bool:
+        """Whether this is the object that is to be explained."""
+        return self.name == TARGET
+
+    def world(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and normals (V, 3) float32 in the world."""
+        rotation = self.rotation.T.astype(np.float32)
+        return self.mesh.vertices @ rotation + self.translation.astype(np.float32), self.normals @ rotation
+
+
+def build(library: Library, spec: SceneSpec, object_class: ObjectClass) -> list[Instance]:
+    """Everything in the scene; the first instance is the object itself."""
+    vertices, faces = target_vertices(spec, object_class), object_class.shape_model.faces
+    target = Mesh(vertices, faces, np.full((len(vertices), 2), 0.5, np.float32))
+    albedo = np.array(spec.albedo, np.float32).reshape(1, 1, 3)
+    normals = vertex_normals(vertices, faces)
+    still = (np.eye(3), np.zeros(3))
+    instances = [Instance(TARGET, "", target, normals, albedo, "ceramic", 0.5, 0.0, *still)]
+    instances += _room(library, spec)
+    for number, placed in enumerate(spec.props):
+        pose = (placed.matrix(), np.array(placed.position))
+        for part, (mesh, stuff) in enumerate(library.prop(placed.family, placed.asset).parts):
+            name = f"prop-{number:02d}/{placed.family}/{part}"
+            key = f"{placed.family}/{placed.asset}/{part}"
+            instances.append(_instance(name, key, mesh, stuff, stuff.texture, *pose))
+    return instances
+
+
+def _room(library: Library, spec: SceneSpec) -> list[Instance]:
+    """The furnished room, one instance for each material or slot."""
+    pose = (spec.room.rotation(), np.array(spec.room.origin))
+    finishes = dict(spec.room.finishes)
+    instances = []
+    for number, (mesh, stuff) in enumerate(joined(library.layout(spec.room.layout).parts)):
+        texture, key, kind = stuff.texture, f"layout-{spec.room.layout}/{number}", stuff.kind
+        if stuff.slot:
+            finish = finishes[stuff.slot]
+            texture, kind = library.finish(finish.kind, finish.asset), finish.kind
+            key += f"/{finish.kind}-{finish.asset}-{finish.metres}"
+            assert mesh.uv is not None
+            mesh = Mesh(mesh.vertices, mesh.faces, mesh.uv / np.float32(finish.metres))
+        name = stuff.slot if stuff.slot in ("wall", "floor", "ceiling") else f"room-{number:02d}"
+        instances.append(_instance(name, key, mesh, stuff, texture, *pose, kind=kind))
+    return instances
+
+
+def _instance(
+    name: str,
+    key: str,
+    mesh: Mesh,
+    stuff: Material,
+    texture: np.ndarray,
+    rotation: np.ndarray,
+    translation: np.ndarray,
+    kind: str | None = None,
+) -> Instance:
+    normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
+    material = (kind or stuff.kind, stuff.roughness, stuff.emission)
+    return Instance(name, key, mesh, normals, texture, *material, rotation, translation)
+
+
+def joined(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
+    """The same surfaces with one mesh for each material, or each slot, in the order of first use."""
+    groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
+    for mesh, stuff in parts:
+        groups.setdefault(stuff.slot or id(stuff), (stuff, []))[1].append(mesh)
+    return [(_joined(meshes), stuff) for stuff, meshes in groups.values()]
+
+
+def _joined(meshes: list[Mesh]) -> Mesh:
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    blank = [np.zeros((len(mesh.vertices), 2), np.float32) for mesh in meshes]
+    uvs = [other if mesh.uv is None else mesh.uv for mesh, other in zip(meshes, blank, strict=True)]
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    return Mesh(vertices, np.concatenate(faces).astype(np.int32), np.concatenate(uvs))

@@ -1,0 +1,150 @@
+"""How materials look to the path tracer: by kind and roughness, and the object's finishes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from vig.scene import ShapeModel
+from vig_world.assets.textures import decoration
+
+Finish = Literal["diffuse", "glossy", "painted"]
+FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")
+
+COAT_ROUGHNESS = (0.1, 0.4)
+"""Of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
+DECORATION_SIZE = 128
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How things of one kind look besides their texture and roughness.
+
+    specular: reflectance from the front as Blender counts it, 0.5 being 4 %. polish: share of them that
+    have a clear coat (varnish, glaze, wax), of a roughness drawn from `gloss`. relief: metres by which light
+    parts of the texture stand above black ones.
+    """
+
+    specular: float = 0.5
+    metallic: float = 0.0
+    sheen: float = 0.0
+    polish: float = 0.0
+    gloss: tuple[float, float] = (0.05, 0.3)
+    relief: float = 0.0
+
+
+_TIMBER = _Look(polish=0.6, gloss=(0.08, 0.35), relief=0.0005)
+_STONE = _Look(polish=0.85, gloss=(0.03, 0.2))
+_TEXTILE = _Look(specular=0.1, sheen=0.3, relief=0.001)
+_PRINTED = _Look(specular=0.25)
+_KINDS: dict[str, _Look] = {
+    "metal": _Look(metallic=1.0),
+    "ceramic": _Look(polish=0.8, gloss=(0.03, 0.2)),
+    "glass": _Look(polish=1.0, gloss=(0.0, 0.05)),
+    "leaf": _Look(specular=0.4, polish=0.4, gloss=(0.25, 0.45)),
+    "skin": _Look(polish=0.5, gloss=(0.2, 0.45)),
+    "earth": _Look(specular=0.1, relief=0.003),
+    "paint": _Look(polish=0.5, gloss=(0.1, 0.4)),
+    "leather": _Look(polish=0.4, gloss=(0.3, 0.5), relief=0.0005),
+    "linoleum": _Look(polish=0.6, gloss=(0.2, 0.45)),
+    "brick": _Look(specular=0.2, relief=0.004),
+    "concrete": _Look(specular=0.2, relief=0.001),
+    "plaster": _Look(specular=0.2, relief=0.001),
+    "cork": _Look(specular=0.2, relief=0.001),
+    "tiles": _Look(polish=0.9, gloss=(0.05, 0.25), relief=0.001),
+    **dict.fromkeys(("wood", "parquet", "herringbone"), _TIMBER),
+    **dict.fromkeys(("marble", "granite", "terrazzo", "checker", "speckle"), _STONE),
+    **dict.fromkeys(("cloth", "weave"), _TEXTILE),
+    **dict.fromkeys(("paper", "page", "print", "picture", "wallpaper", "floral", "stripes"), _PRINTED),
+}
+"""By kind of material (`vig_world.assets.props.Material`) or of texture, for finishes; others are plain."""
+
+
+def appearance(
+    kind: str,
+    roughness: float,
+    emission: float,
+    colour: np.ndarray,
+    texture: str | None,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """A thing's material as plain data: kind, roughness and emission of `vig_world.assets.props.Material`.
+
+    texture: name of the array that holds its albedo; None for a single `colour` (3,), linear. rng: draws
+    whether it is polished, always the same number of times.
+    """
+    look = _KINDS.get(kind, _Look())
+    chance, weight, gloss = rng.uniform(size=3)
+    low, high = look.gloss
+    return {
+        "lambertian": False,
+        "texture": texture,
+        "colour": colour.tolist(),
+        "roughness": roughness,
+        "emission": emission,
+        "relief": look.relief if texture else 0.0,
+        "principled": {
+            "Metallic": look.metallic,
+            "Specular IOR Level": look.specular,
+            "Sheen Weight": look.sheen,
+            "Coat Weight": 0.3 + 0.7 * weight if chance < look.polish else 0.0,
+            "Coat Roughness": low + (high - low) * gloss,
+        },
+    }
+
+
+def lambertian(albedo: np.ndarray) -> dict[str, Any]:
+    """The object's material in the finish `diffuse`: albedo (3,), as in vig's model."""
+    return {
+        "lambertian": True,
+        "texture": None,
+        "colour": albedo.tolist(),
+        "roughness": 0.0,
+        "emission": 0.0,
+        "relief": 0.0,
+        "principled": {},
+    }
+
+
+def coated(albedo: np.ndarray, roughness: float, texture: str | None) -> dict[str, Any]:
+    """A Lambertian base under a clear coat of index 1.5 and the given roughness."""
+    principled = {"Specular IOR Level": 0.0, "Coat Weight": 1.0, "Coat Roughness": roughness, "Coat IOR": 1.5}
+    return {
+        "lambertian": False,
+        "texture": texture,
+        "colour": albedo.tolist(),
+        "roughness": 1.0,
+        "emission": 0.0,
+        "relief": 0.0,
+        "principled": principled,
+    }
+
+
+def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The albedo (3,) with a painted decoration over it: (h, w, 3) linear, u round the axis, row 0 on top."""
+    layer = decoration(rng, DECORATION_SIZE)
+    cover = layer[..., 3:]
+    return ((1 - cover) * albedo + cover * layer[..., :3]).astype(np.float32)
+
+
+def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Texture coordinates (F, 3, 2) of the faces' corners: u once round the +Z axis, v from foot to top.
+
+    A face that crosses the seam goes on past u = 1, where the texture repeats.
+    """
+    u = np.arctan2(vertices[:, 1], vertices[:, 0]) / (2 * np.pi)
+    heights = vertices[faces, 2]
+    low, high = heights.min(), heights.max()
+    corners = np.stack([u, (vertices[:, 2] - low) / (high - low)], axis=1)[faces]
+    around = corners[..., 0]
+    around += around.max(axis=1, keepdims=True) - around > 0.5
+    return corners.astype(np.float32)
+
+
+def painted_faces(model: ShapeModel) -> np.ndarray:
+    """Faces (F,) bool that a decoration covers: those of the part `body`, or all where there is none."""
+    if "body" not in model.part_names:
+        return np.ones(len(model.faces), bool)
+    return (model.parts == model.part_names.index("body"))[model.faces].all(axis=1)

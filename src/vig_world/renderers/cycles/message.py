@@ -1,0 +1,130 @@
+"""A scene as the message that `blender/worker.py` understands."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vig.dataset.spec import SceneSpec
+from vig.scene import ObjectClass
+from vig_world.library import Library
+from vig_world.renderers.build import Instance, build
+from vig_world.renderers.cycles.appearance import (
+    COAT_ROUGHNESS,
+    Finish,
+    appearance,
+    coated,
+    cylindrical_uv,
+    lambertian,
+    painted,
+    painted_faces,
+)
+from vig_world.renderers.raster.draw import NEAR
+from vig_world.renderers.view import View
+from vig_world.streams import stream
+
+NOISE_STREAM, FINISH_STREAM = 2**20 + 2, 2**20 + 3
+"""Numbers of the random streams of noise and materials, and of the object's finish."""
+SHELL = ("wall", "ceiling")
+"""Instances that the camera sees from inside, and that let the panorama's light through."""
+
+Message = tuple[dict[str, Any], dict[str, np.ndarray]]
+
+
+def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Message:
+    """Header and arrays of everything in the scene; sampling settings are the renderer's to add.
+
+    The header holds `things` (material, shell, target), `camera`, `angle`, `seed` and the probe's height;
+    the arrays are `N_vertices` (V, 3), `N_normals` (V, 3), `N_faces` (F, 3) and, where thing N has a texture,
+    `N_uv` (F, 3, 2), further `texture_*` (h, w, 3) and `panorama` (H, W, 3).
+    """
+    rng = stream(spec.seed, spec.index, spec.split, NOISE_STREAM)
+    finish_rng = stream(spec.seed, spec.index, spec.split, FINISH_STREAM)
+    noise_seed = int(rng.integers(2**31))
+    instances = build(library, spec, object_class)
+    scene = _Scene()
+    for instance in instances:
+        if instance.is_target:
+            _add_target(scene, instance, object_class, finish, finish_rng)
+        else:
+            scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
+    scene.arrays["panorama"] = library.surroundings(spec.panorama).astype(np.float32)
+    view = View.of(object_class, spec.azimuth, spec.elevation)
+    header = {
+        "seed": noise_seed,
+        "angle": spec.panorama_angle,
+        "things": scene.things,
+        "camera": {
+            **asdict(view.camera),
+            "near": NEAR,
+            "rotation": view.rotation.tolist(),
+            "translation": view.translation.tolist(),
+        },
+        "probe": {"z": object_class.target_height},
+    }
+    return header, scene.arrays
+
+
+class _Scene:
+    """Things and arrays as they gather."""
+
+    def __init__(self) -> None:
+        self.things: list[dict[str, Any]] = []
+        self.arrays: dict[str, np.ndarray] = {}
+        self._textures: dict[int, str] = {}
+
+    def add(
+        self,
+        instance: Instance,
+        material: dict[str, Any],
+        shell: bool = False,
+        faces: np.ndarray | None = None,
+        uv: np.ndarray | None = None,
+    ) -> None:
+        """Add an instance, or some `faces` of it with texture coordinates `uv` (F, 3, 2) of their own."""
+        number, mesh = len(self.things), instance.mesh
+        chosen = mesh.faces if faces is None else faces
+        self.things.append({"material": material, "shell": shell, "target": instance.is_target})
+        vertices, normals = instance.world()
+        self.arrays[f"{number}_vertices"] = vertices.astype(np.float32)
+        self.arrays[f"{number}_normals"] = normals.astype(np.float32)
+        self.arrays[f"{number}_faces"] = chosen.astype(np.int32)
+        if material["texture"]:
+            assert uv is not None or mesh.uv is not None
+            corners = mesh.uv[chosen] if uv is None and mesh.uv is not None else uv
+            self.arrays[f"{number}_uv"] = np.asarray(corners, np.float32)
+
+    def texture(self, pixels: np.ndarray) -> str:
+        """The name under which a texture (h, w, 3) is sent, once however often it is used."""
+        name = self._textures.setdefault(id(pixels), f"texture_{len(self._textures)}")
+        self.arrays[name] = np.asarray(pixels, np.float32)
+        return name
+
+
+def _material(scene: _Scene, instance: Instance, rng: np.random.Generator) -> dict[str, Any]:
+    name = scene.texture(instance.texture) if instance.texture.shape[:2] != (1, 1) else None
+    kind = instance.kind
+    if instance.name in SHELL and kind == "paint":
+        kind = "plaster"  # emulsion, not lacquer
+    colour = instance.texture[0, 0]
+    return appearance(kind, instance.roughness, instance.emission, colour, name, rng)
+
+
+def _add_target(
+    scene: _Scene, target: Instance, object_class: ObjectClass, finish: Finish, rng: np.random.Generator
+) -> None:
+    albedo = target.texture[0, 0]
+    if finish == "diffuse":
+        scene.add(target, lambertian(albedo))
+        return
+    roughness = float(rng.uniform(*COAT_ROUGHNESS))
+    if finish == "glossy":
+        scene.add(target, coated(albedo, roughness, None))
+        return
+    mask, faces = painted_faces(object_class.shape_model), target.mesh.faces
+    pixels = painted(albedo, rng)
+    uv = cylindrical_uv(target.mesh.vertices, faces[mask])
+    scene.add(target, coated(albedo, roughness, scene.texture(pixels)), faces=faces[mask], uv=uv)
+    scene.add(target, coated(albedo, roughness, None), faces=faces[~mask])

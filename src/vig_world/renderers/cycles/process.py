@@ -1,0 +1,115 @@
+"""The process that Blender runs in, seen from vig's side."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import weakref
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from vig_world.renderers.cycles.blender import wire
+
+GRACE = 10.0
+"""Seconds that a worker may take longer than its own alarm before it is killed from here."""
+_PYTHON_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
+
+
+class WorkerDiedError(Exception):
+    """The worker ended instead of answering; the message tells the last line that it left."""
+
+
+class Worker:
+    """One process that answers `wire` messages; it ends with this one, even if that is killed.
+
+    command: what to run; a folder for temporary files is added as last argument. `hello`: the header that it
+    sent first. start_timeout: seconds until then.
+
+    Raises:
+        WorkerDiedError: it ended or did not answer in time.
+    """
+
+    def __init__(self, command: Sequence[str], start_timeout: float = 60.0) -> None:
+        self._folder = Path(tempfile.mkdtemp(prefix="vig-cycles-"))
+        self._log = (self._folder / "log").open("wb+")
+        environment = {key: value for key, value in os.environ.items() if key not in _PYTHON_VARIABLES}
+        self._process = subprocess.Popen(
+            [*command, str(self._folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            env=environment,
+            start_new_session=True,  # Ctrl-C is for vig, which lets the scene at hand be finished
+        )
+        self._end = weakref.finalize(self, _end, self._process, self._log, self._folder)
+        self.hello = self._answer(start_timeout)[0]
+
+    def ask(
+        self, header: dict[str, Any], arrays: dict[str, np.ndarray], timeout: float
+    ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Send a message and wait for the answer, at most `timeout` seconds.
+
+        The header goes out with `timeout`, in whole seconds, for the worker's own alarm.
+
+        Raises:
+            WorkerDiedError: no answer came; this worker is of no more use.
+        """
+        message = {**header, "timeout": int(np.ceil(timeout))}
+        with self._limit(timeout + GRACE):
+            try:
+                wire.send(_pipe(self._process.stdin), message, arrays)
+            except OSError:
+                self._fail()
+        return self._answer(timeout + GRACE)
+
+    def close(self) -> None:
+        """End the process and remove its files."""
+        self._end()
+
+    def _answer(self, timeout: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        with self._limit(timeout):
+            try:
+                return wire.receive(self._process.stdout)  # type: ignore[arg-type]
+            except (EOFError, OSError):
+                self._fail()
+        raise AssertionError
+
+    @contextlib.contextmanager
+    def _limit(self, seconds: float) -> Iterator[None]:
+        timer = threading.Timer(seconds, self._process.kill)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _fail(self) -> None:
+        self._process.kill()
+        code = self._process.wait()
+        self._log.seek(0)
+        lines = [line for line in self._log.read().decode(errors="replace").splitlines() if line.strip()]
+        self.close()
+        ended = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        raise WorkerDiedError(f"{ended}; its last words: {lines[-1].strip()}" if lines else ended)
+
+
+def _pipe(stream: Any) -> BinaryIO:
+    assert stream is not None
+    return stream
+
+
+def _end(process: subprocess.Popen[bytes], log: BinaryIO, folder: Path) -> None:
+    process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout, log):
+        with contextlib.suppress(OSError):
+            _pipe(stream).close()
+    shutil.rmtree(folder, ignore_errors=True)

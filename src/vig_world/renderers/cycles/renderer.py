@@ -1,0 +1,193 @@
+"""The Cycles tier: a scene as an image, path traced by Blender in a process of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.dataset.spec import SceneSpec
+from vig.errors import UserError
+from vig.scene import EXPOSURE_L00, ObjectClass, grey, project_panorama, rotate_z, srgb8_from_linear
+from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
+from vig_world.library import Library
+from vig_world.renderers.cycles.appearance import FINISHES, Finish
+from vig_world.renderers.cycles.message import compose
+from vig_world.renderers.cycles.process import Worker, WorkerDiedError
+from vig_world.renderers.picture import Picture
+from vig_world.renderers.rasterized import render
+
+WORKER = Path(__file__).parent / "blender" / "worker.py"
+INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
+PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
+TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
+"""Seconds for one scene, with so many more per path per pixel; then it is tried once more, and given up."""
+
+
+@dataclass(frozen=True)
+class TracedPicture(Picture):
+    """A path-traced sample: masks and depth are the raster tier's, the rest is Cycles's.
+
+    light: SH (9,) of the light that arrives at the object's place without the object, grey, L00 =
+    EXPOSURE_L00. linear: (H, W, 3) float32, what `image` encodes, not clipped. gain: (3,), by which the
+    panorama's radiance was multiplied in each channel to get there: exposure and white balance.
+    """
+
+    linear: np.ndarray
+    gain: np.ndarray
+
+
+class CyclesRenderer:
+    """Renders scenes in one worker process, which is started when it is first needed.
+
+    library, object_class: what scenes are made of. python: an interpreter that can import bpy; None takes the
+    environment variable `VIG_BLENDER_PYTHON`, then the running one. samples: paths per pixel. threads: of the
+    worker. recycle: scenes after which the worker is replaced by a fresh one. finish: of the object:
+    `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat, `painted` also a painted
+    decoration.
+
+    Use it as a context manager, or call `close`.
+
+    Raises:
+        UserError: no interpreter with bpy, or an argument out of range.
+    """
+
+    def __init__(
+        self,
+        library: Library,
+        object_class: ObjectClass,
+        python: str | None = None,
+        samples: int = 32,
+        threads: int = 1,
+        recycle: int = 200,
+        finish: Finish = "diffuse",
+    ) -> None:
+        for name, value in (("samples", samples), ("threads", threads), ("recycle", recycle)):
+            if value < 1:
+                raise UserError(f"{name} must be at least 1; got {value}")
+        if finish not in FINISHES:
+            raise UserError(f"finish must be one of {', '.join(FINISHES)}; got '{finish}'")
+        self._library, self._object_class = library, object_class
+        self._command = [find_python(python), str(WORKER), str(threads)]
+        self._samples = samples
+        self._recycle, self._finish = recycle, finish
+        self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples
+        self._worker: Worker | None = None
+        self._served = 0
+        self.timing: dict[str, float] = {}
+        """Seconds of the last scene as the worker saw it: `build_s`, `image_s`, `probe_s`, `cpu_s`."""
+
+    def render(self, spec: SceneSpec) -> TracedPicture:
+        """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
+
+        Raises:
+            UserError: Blender did not answer, twice.
+        """
+        header, arrays = compose(self._library, spec, self._object_class, self._finish)
+        header["samples"] = self._samples
+        header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
+        name = f"sample {spec.index} of seed {spec.seed}"
+        answer, traced = self._ask(header, arrays, name)
+        self.timing = answer
+        probe = arriving(traced["probe"], arrays["panorama"], spec.panorama_angle)
+        if not (probe[0] > 0).all():
+            raise UserError(
+                f"{name}: expected light at the object's place; got none. Choose another panorama."
+            )
+        gain = EXPOSURE_L00 / probe[0]
+        linear = traced["image"] * gain.astype(np.float32)
+        drawn = render(self._library, spec, self._object_class)
+        kept = {field.name: getattr(drawn, field.name) for field in fields(Picture)}
+        light = grey(probe * gain).astype(np.float32)
+        kept |= {"image": srgb8_from_linear(linear), "light": light}
+        return TracedPicture(**kept, linear=linear, gain=gain)
+
+    def close(self) -> None:
+        """End the worker process."""
+        if self._worker is not None:
+            self._worker.close()
+            self._worker = None
+
+    def __enter__(self) -> CyclesRenderer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _ask(
+        self, header: dict[str, Any], arrays: dict[str, np.ndarray], name: str
+    ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """The worker's answer; a worker that dies is replaced once."""
+        why = ""
+        for _ in range(2):
+            if self._worker is None:
+                self._worker, self._served = self._start(), 0
+            try:
+                answer, traced = self._worker.ask(header, arrays, self._timeout)
+            except WorkerDiedError as death:
+                self._worker, why = None, str(death)
+                continue
+            except BaseException:  # Ctrl-C in the middle of an answer
+                self.close()
+                raise
+            if "error" in answer:
+                raise RuntimeError(f"{name}: {answer['error']}")
+            self._served += 1
+            if self._served >= self._recycle:
+                self.close()
+            return answer, traced
+        raise UserError(f"{name}: expected a picture from Blender; got none in two tries: it {why}")
+
+    def _start(self) -> Worker:
+        try:
+            return Worker(self._command)
+        except WorkerDiedError as death:
+            raise UserError(
+                f"expected {self._command[0]} to run Blender as a module; it {death}."
+                f" Install it in an environment of its own: {INSTALL}"
+            ) from None
+
+
+def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarray:
+    """SH (9, 3) of the light at a probe, world frame.
+
+    probe: (h, 2h, 4), what it sees of the scene, with coverage. panorama: (H, 2H, 3), what it sees through
+    the gaps. Both have the panorama's columns, which are to be turned by `angle` radians about +Z.
+    """
+    height, width = panorama.shape[:2]
+    rows = (2 * np.arange(height) + 1) * len(probe) // (2 * height)
+    columns = (2 * np.arange(width) + 1) * probe.shape[1] // (2 * width)
+    gaps = 1 - probe[rows[:, None], columns, 3:]
+    light = project_panorama(probe[..., :3]) + project_panorama(panorama * gaps)
+    return rotate_z(torch.from_numpy(light.T), angle).numpy().T
+
+
+def find_python(python: str | None = None) -> str:
+    """The interpreter for Blender: `python`, `VIG_BLENDER_PYTHON`, or the running one if it has bpy.
+
+    Raises:
+        UserError: there is none, or what was named is not there.
+    """
+    named = python or os.environ.get(PYTHON_VARIABLE)
+    if named:
+        found = shutil.which(named)
+        if found is None:
+            origin = "the argument" if python else PYTHON_VARIABLE
+            raise UserError(f"expected a Python interpreter in {origin}; got '{named}'. Check the path.")
+        return found
+    if importlib.util.find_spec("bpy"):
+        return sys.executable
+    raise UserError(
+        f"the Cycles tier needs Blender as a module. Install it in an environment of its own: {INSTALL};"
+        f" then set {PYTHON_VARIABLE} to blender/bin/python"
+    )

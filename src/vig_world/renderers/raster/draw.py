@@ -1,0 +1,166 @@
+"""Draws items on one thread: the whole picture, or depth alone for the search of a layout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vig.scene.light import COSINE_LOBE, Y1
+from vig_world.renderers.picture import CANVAS, Picture
+from vig_world.renderers.raster.encoding import srgb_tables
+from vig_world.renderers.raster.items import HARMONICS, Item, Target, item_table
+from vig_world.renderers.raster.native import workspace
+from vig_world.renderers.raster.packed import Packed
+from vig_world.renderers.raster.records import DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
+from vig_world.renderers.raster.shadow import cast_shadows
+from vig_world.renderers.view import View
+
+NEAR = 0.02
+"""Metres; what is nearer to the eye's plane is cut off."""
+SUN_SHARE = 0.2
+"""How much of the light's first degree shows in highlights."""
+_MARGIN = 16
+"""Samples that must follow an image's last, as they are drawn eight at a time."""
+
+
+def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (H, W) float32 metres along the optical axis, inf = nothing; and its item's owner, -1 = nothing.
+
+    One sample in the middle of each pixel of the view's camera. owner is (H, W) int32.
+    """
+    table, _ = item_table(items, None)
+    camera = view.camera
+    q, ids = _rasterise(table, [item.packed for item in items], view, 1, keep=False)
+    with np.errstate(divide="ignore"):
+        far = 1 / q
+    return far.reshape(camera.height, camera.width), ids.reshape(camera.height, camera.width).copy()
+
+
+def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) -> Picture:
+    """The picture of an object and items, as the view's camera sees them, in SH light (9,).
+
+    The object shows its own vertices' light, and neither shadows nor gloss. Items are lit by the same light,
+    less what object and props, and what rooms keep from them, with a little gloss. Four samples a pixel,
+    averaged in linear light clipped to [0, 1].
+    """
+    camera, coefficients = view.camera, np.asarray(light, np.float64)
+    height, width = camera.height, camera.width
+    pixels = height * width
+    table, finishes = item_table(items, target)
+    shadow = cast_shadows(table, coefficients)
+    _rasterise(table, [target.packed, *(item.packed for item in items)], view, SAMPLES, keep=True)
+    samples = pixels * SAMPLES**2
+    record = workspace.record("task", TASK)
+    encode, thresholds = srgb_tables()
+    image, depths = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+    seen, support = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
+    direction = coefficients[[3, 1, 2]]
+    strength = float(np.linalg.norm(direction))
+    for name, array in (
+        ("fragments", workspace.buffer("fragments", samples, FRAGMENT)),
+        ("sorted", workspace.buffer("sorted", samples, np.int32)),
+        ("linear", workspace.buffer("linear", 3 * pixels, np.float32)),
+        ("image", image),
+        ("depth", depths),
+        ("seen", seen),
+        ("support", support),
+        ("encode", encode),
+        ("thresholds", thresholds),
+        ("shadow", shadow),
+    ):
+        record[name] = address(array)
+    record["irradiance"] = coefficients * COSINE_LOBE * HARMONICS
+    record["radiance"] = coefficients * HARMONICS
+    record["sun"][0, :3] = direction / max(strength, 1e-9)
+    record["sun"][0, 3] = SUN_SHARE * strength / Y1 / (2 * np.pi)
+    record["albedo"] = target.albedo
+    workspace.launch("collect", "task")
+    workspace.launch("shade", "task")
+    workspace.launch("encode", "task")
+    del finishes
+    canvas = silhouette(target, view.widened(CANVAS))
+    aside = (CANVAS - 1) // 2
+    amodal = canvas[aside * height : (aside + 1) * height, aside * width : (aside + 1) * width]
+    half = SAMPLES**2 / 2
+    return Picture(
+        image=image,
+        depth=depths,
+        amodal=amodal,
+        visible=(seen >= half) & amodal,
+        by_support=(support >= half) & amodal,
+        canvas=canvas,
+        light=coefficients.astype(np.float32),
+    )
+
+
+def silhouette(target: Target, view: View) -> np.ndarray:
+    """The object alone (H, W) bool: where it covers at least half of a pixel's samples."""
+    table, _ = item_table([], target)
+    rows, columns = _window(target, view)
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    result = np.zeros((view.camera.height, view.camera.width), bool)
+    if height > 0 and width > 0:
+        camera = replace(
+            view.camera,
+            width=width,
+            height=height,
+            cx=view.camera.cx - columns.start,
+            cy=view.camera.cy - rows.start,
+        )
+        part = View(camera, view.rotation, view.translation)
+        _, ids = _rasterise(table, [target.packed], part, SAMPLES, keep=False)
+        covered = (ids >= 0).view(np.uint8).reshape(height * SAMPLES, width * SAMPLES)
+        offsets = range(SAMPLES)
+        count = sum(covered[row::SAMPLES, column::SAMPLES] for row in offsets for column in offsets)
+        result[rows, columns] = count >= SAMPLES**2 / 2
+    return result
+
+
+def _window(target: Target, view: View) -> tuple[slice, slice]:
+    """Rows and columns of the frame that can show the object, all of it in front of the eye."""
+    rotation, translation = view.rotation.astype(np.float32), view.translation.astype(np.float32)
+    x, y, z = rotation @ target.vertices.T + translation[:, None]
+    camera, less = view.camera, np.float32(view.camera.focal) / z
+    ends = []
+    for along, middle, size in ((y * less, camera.cy, camera.height), (x * less, camera.cx, camera.width)):
+        first, last = float(along.min()) + middle, float(along.max()) + middle
+        ends.append(slice(min(max(int(first) - 1, 0), size), min(max(int(last) + 2, 0), size)))
+    return ends[0], ends[1]
+
+
+def _rasterise(
+    table: np.ndarray, assets: Sequence[Packed], view: View, samples: int, keep: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """One over depth and owner, or face to be shaded, of each sample; views of the thread's buffers."""
+    camera = view.camera
+    width, height = camera.width * samples, camera.height * samples
+    parts = sum(packed.counts[0] for packed in assets)
+    vertices = max((packed.counts[1] for packed in assets), default=0)
+    faces = sum(packed.counts[2] for packed in assets)
+    size = width * height
+    q = workspace.buffer("q", size + _MARGIN, np.float32)
+    ids = workspace.buffer("ids", size + _MARGIN, np.int32)
+    workspace.fields("task", TASK, DRAWN)[0] = (
+        view.rotation,
+        view.translation,
+        address(table),
+        len(table),
+        width,
+        height,
+        camera.focal * samples,
+        camera.cx * samples,
+        camera.cy * samples,
+        NEAR,
+        keep,
+        workspace.place("q", size + _MARGIN, np.float32),
+        workspace.place("ids", size + _MARGIN, np.int32),
+        workspace.place("screen", 3 * vertices, np.float32),
+        workspace.place("parts", 2 * parts, VISIBLE_PART),
+        workspace.place("faces", 16 * 2 * faces if keep else 0, np.float32),
+        workspace.place("clipped", 5 * 4 * faces, np.float32),
+    )
+    workspace.launch("draw", "task")
+    return q[:size], ids[:size]

@@ -1,0 +1,20 @@
+"""Random numbers of the world: each generator is a pure function of what it is for."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from vig.dataset.spec import SPLITS, Split
+
+
+def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:
+    """The generator that makes asset `number` of a catalogue, such as `prop/mug`, of a split."""
+    entropy = [SPLITS.index(split), zlib.crc32(catalogue.encode()), number]
+    return np.random.default_rng(np.random.SeedSequence(entropy))
+
+
+def stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
+    """The generator of one purpose of one sample: a pure function of its arguments."""
+    return np.random.default_rng(np.random.SeedSequence([seed, index, SPLITS.index(split), purpose]))

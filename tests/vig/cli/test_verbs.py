@@ -1,0 +1,105 @@
+"""The command line as its user meets it: one clear line and exit code 2 for a mistake."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from vig.cli.explaining import OPTIMIZERS
+from vig.cli.main import main
+from vig.cli.settings import Fit
+
+
+def refused(capsys, *arguments: object) -> str:
+    with pytest.raises(SystemExit) as caught:
+        main([str(argument) for argument in arguments])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    return error
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "photo.png"
+    Image.fromarray(np.full((120, 160, 3), 128, np.uint8)).save(path)
+    return path
+
+
+def test_missing_photo(capsys, tmp_path):
+    error = refused(capsys, "fit", tmp_path / "nothing.png", "--out", tmp_path / "out")
+    assert error.count("\n") == 1
+    assert "nothing.png" in error
+    assert not (tmp_path / "out" / "nothing").exists()
+
+
+@pytest.mark.parametrize("box", ["1,2,3", "a,b,c,d", "0,0,1000,1000", "-5,0,50,50"])
+def test_bad_box(capsys, photo, tmp_path, box):
+    assert "box" in refused(capsys, "fit", photo, f"--box={box}", "--out", tmp_path / "out")
+
+
+def test_unknown_class(capsys, photo, tmp_path):
+    assert "teapot" in refused(capsys, "fit", photo, "--class", "spaceship", "--out", tmp_path / "out")
+
+
+def test_no_photo_at_all(capsys, tmp_path):
+    assert "photo" in refused(capsys, "fit", "--out", tmp_path / "out")
+
+
+def test_every_optimizer_that_help_offers_is_there():
+    assert set(get_args(get_type_hints(Fit)["optimizer"])) == set(OPTIMIZERS)
+
+
+def test_an_unknown_optimizer_is_refused(capsys, photo, tmp_path):
+    error = refused(capsys, "fit", photo, "--optimizer", "adam", "--out", tmp_path / "out")
+    assert "lbfgs" in error
+
+
+def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
+    bad = tmp_path / "bad.png"
+    bad.write_bytes(b"not a picture")
+    error = refused(capsys, "fit", bad, photo, "--out", tmp_path / "out")
+    assert "bad.png" in error
+    names = {path.name for path in (tmp_path / "out" / "photo").iterdir()}
+    assert names == {"explanation.json", "overlay.png", "mask.png", "object.glb"}
+
+
+def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
+    with pytest.raises(SystemExit) as caught:
+        main(["fit", str(photo), "--box", "40,30,60,50", "--out", str(tmp_path / "out"), "--json"])
+    assert caught.value.code == 0
+    said = json.loads(capsys.readouterr().out)
+    folder = Path(said["results"][str(photo)]["folder"])
+    assert Image.open(folder / "overlay.png").size == (160, 120)
+    assert Image.open(folder / "mask.png").size == (160, 120)
+    stored = json.loads((folder / "explanation.json").read_text())
+    assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
+    assert len(stored["shape"]) == 10
+    assert 0 <= stored["azimuth_deg"] < 360
+
+
+def test_evaluating_what_is_no_dataset(capsys, tmp_path):
+    assert str(tmp_path) in refused(capsys, "evaluate", "--dataset", tmp_path, "--out", tmp_path / "r")
+
+
+def test_dataset_of_nothing(capsys, tmp_path):
+    assert "count" in refused(capsys, "dataset", "make", "--out", tmp_path / "d", "--count", 0)
+
+
+def test_unknown_verb(capsys):
+    refused(capsys, "paint")
+
+
+def test_help_loads_nothing_heavy():
+    """`vig --help` must not import torch or warp: it is to answer at once."""
+    code = "import sys; sys.argv = ['vig', '--help']\nfrom vig.cli.main import main\ntry:\n main()\n"
+    code += "except SystemExit:\n pass\nassert not {'torch', 'warp', 'scipy'} & set(sys.modules)"
+    started = time.monotonic()
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    assert time.monotonic() - started < 20  # a hang, not a speed

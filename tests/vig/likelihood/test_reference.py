@@ -1,0 +1,255 @@
+"""The kernels beside plain torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from vig.likelihood import Likelihood, Photos
+from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.passes import Pass
+from vig.likelihood.reference import constant_mask_value, irradiance_at, shade
+from vig.render import rasterize
+from vig.render.raster import FACE_MASK, NOTHING
+from vig.scene import Camera, Latents
+
+SIGMA = 0.03
+
+
+@dataclass(frozen=True)
+class Case:
+    """A random occluded photo, priors that differ from pixel to pixel, and a guess (1, P')."""
+
+    photo: torch.Tensor
+    log_prior: torch.Tensor
+    point: torch.Tensor
+
+
+def case(studio, seed: int) -> Case:
+    rng = np.random.default_rng(seed)
+    latents = studio.latents(rng)
+    photo = studio.photo(rng, latents)
+    weights = rng.dirichlet((5, 2, 3), photo.shape[:3])
+    point = torch.cat(
+        [studio.near(rng, latents).to_vector(), torch.from_numpy(rng.normal(0, 0.02, (1, 3)))], 1
+    )
+    return Case(photo, torch.from_numpy(np.log(weights)), point)
+
+
+def evaluated(geometry: Geometry, camera: Camera, given: Case) -> Pass:
+    likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
+    run = Pass(likelihood, 1)
+    sigma = torch.tensor([SIGMA], dtype=torch.float64)
+    run(given.point, torch.zeros(1, dtype=torch.int32), sigma, derivatives=2, images=True)
+    return run
+
+
+def faces_seen(run: Pass, camera: Camera) -> torch.Tensor:
+    """(H, W) int: -1 where nothing."""
+    keys = run.keys[0, : camera.height * camera.width]
+    return torch.where(keys == NOTHING, -1, keys & FACE_MASK).view(camera.height, camera.width)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
+    given = case(studio, seed)
+    run = evaluated(studio.geometry, studio.camera, given)
+    expected = shade(studio.geometry, studio.camera, given.point[0])
+    torch.testing.assert_close(run.screen[0], expected.screen, rtol=1e-12, atol=1e-10)
+    used = run.used[0].bool()
+    assert 0.4 < used.double().mean() < 0.9  # those of faces turned to the eye
+    torch.testing.assert_close(run.normals[0, used], expected.normals[used], rtol=0, atol=1e-10)
+    torch.testing.assert_close(run.irradiances[0, used], expected.irradiances[used], rtol=0, atol=1e-10)
+
+
+def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
+    given = case(studio, 5)
+    run = evaluated(studio.geometry, studio.camera, given)
+    used = (run.used[0].bool() & (run.irradiances[0] > 1e-3)).nonzero()[::40, 0]
+    jacobian = torch.autograd.functional.jacobian(
+        lambda point: shade(studio.geometry, studio.camera, point).irradiances[used], given.point[0]
+    )
+    modes = studio.geometry.layout.modes
+    torch.testing.assert_close(run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
+    assert not run.shape_rows[0, used][:, modes:].any()
+    torch.testing.assert_close(run.rest_rows[0, used][:, 2:11], jacobian[:, modes + 5 : modes + 14])
+    torch.testing.assert_close(run.rest_rows[0, used][:, 11], run.irradiances[0, used])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_with_the_mask_held_value_and_gradient_are_autograds(studio, seed: int) -> None:
+    given = case(studio, 10 + seed)
+    run = evaluated(studio.geometry, studio.camera, given)
+    seen = faces_seen(run, studio.camera)
+    point = given.point[0].requires_grad_()
+    value = constant_mask_value(
+        studio.geometry, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
+    )
+    value.backward()
+    assert run.value.item() == pytest.approx(value.item(), rel=1e-11)
+    torch.testing.assert_close(
+        run.gradient[0], point.grad, rtol=1e-8, atol=1e-8 * float(point.grad.abs().max())
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_interpolated(
+    studio, seed: int
+) -> None:
+    given = case(studio, 20 + seed)
+    run = evaluated(studio.geometry, studio.camera, given)
+    seen = faces_seen(run, studio.camera)
+    y, x = (seen >= 0).nonzero().T
+    shaded = shade(studio.geometry, studio.camera, given.point[0])
+    lit = irradiance_at(studio.geometry, shaded, seen[y, x], torch.stack([x + 0.5, y + 0.5], 1).double())
+    torch.testing.assert_close(run.images[2][0].view(seen.shape)[y, x], lit, rtol=1e-9, atol=1e-9)
+    # The public rasteriser, in single precision and without framing, differs at a few edges only.
+    still = Case(given.photo, given.log_prior, torch.cat([given.point[:, :-3], torch.zeros(1, 3)], 1))
+    seen = faces_seen(evaluated(studio.geometry, studio.camera, still), studio.camera)
+    latents = Latents.from_vector(given.point[:, :-3])
+    pose = (part[0].numpy() for part in studio.camera.pose(latents.azimuth, latents.elevation))
+    vertices = studio.geometry.model.vertices(latents.shape)[0].numpy()
+    fragments = rasterize(vertices, studio.geometry.model.faces, *pose, studio.camera, cull=True)
+    assert (fragments.face != seen.numpy()).mean() < 2e-4
+
+
+def test_several_threads_say_the_same(studio, teapot) -> None:
+    rng = np.random.default_rng(30)
+    latents = studio.latents(rng)
+    photos = Photos(studio.photo(rng, latents), torch.zeros(1, 150, 150, 3, dtype=torch.float64))
+    points = torch.cat([studio.near(rng, latents).to_vector() for _ in range(5)])
+    points = torch.cat([points, torch.zeros(5, 3)], 1).float()
+    likelihood = Likelihood(Geometry(teapot.shape_model), studio.camera, photos)
+    which, sigma = studio.whose(5)
+    one = likelihood.at(points, which, sigma, images=True)
+    torch.set_num_threads(3)
+    try:
+        three = likelihood.at(points, which, sigma, images=True)
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(1)
+    assert torch.equal(one.value, three.value) and torch.equal(one.posterior, three.posterior)
+    scale = one.gradient.abs().amax(1, keepdim=True)
+    assert ((one.gradient - three.gradient) / scale).abs().max() < 1e-6  # matrix products may round otherwise
+
+
+def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
+    """Every second pixel of every second line: what the curvature is steered by, not what is maximised."""
+    ratios = []
+    for seed in range(6):
+        given = case(studio, 40 + seed)
+        full, sparse = (
+            Likelihood(
+                studio.geometry, studio.camera, Photos(given.photo, given.log_prior), stride=stride
+            ).at(given.point, *studio.whose(1))
+            for stride in (1, 2)
+        )
+        assert torch.equal(full.value, sparse.value) and torch.equal(full.gradient, sparse.gradient)
+        diagonals = (torch.diagonal(found.normal[0]) for found in (sparse, full))
+        ratios.append(torch.div(*diagonals))
+    # What moves pixels has its curvature from few steep ones; colour and light from all of them.
+    linear = slice(studio.geometry.layout.modes + 2, -3)
+    off = torch.stack(ratios).log().abs()
+    assert off[:, linear].max() < 0.15
+    assert off.median() < 0.3 and off.max() < 1.5
+
+
+def test_without_curvature_value_and_gradient_are_the_same(studio) -> None:
+    given = case(studio, 7)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    full = likelihood.at(given.point, *studio.whose(1))
+    first = likelihood.at(given.point, *studio.whose(1), curvature=False)
+    assert first.normal is None
+    torch.testing.assert_close((first.value, first.gradient), (full.value, full.gradient))
+
+
+def test_points_that_are_not_finite_are_refused(studio) -> None:
+    given = case(studio, 0)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    point = given.point.clone()
+    point[0, 3] = float("nan")
+    with pytest.raises(ValueError, match="points must be finite; got nan in column 3 of point 0"):
+        likelihood.at(point, *studio.whose(1))
+
+
+def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> None:
+    """A transfer table adds D_0 + sum c_k D_k to the nine lobes of each vertex."""
+    table = teapot.transfer.astype(np.float64)
+    shadowed = Geometry(teapot.shape_model, torch.float64, transfer=table)
+    for seed in range(3):
+        given = case(studio, 50 + seed)
+        run = evaluated(shadowed, studio.camera, given)
+        seen = faces_seen(run, studio.camera)
+        point = given.point[0].requires_grad_()
+        value = constant_mask_value(
+            shadowed, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
+        )
+        value.backward()
+        assert run.value.item() == pytest.approx(value.item(), rel=1e-11)
+        scale = float(point.grad.abs().max())
+        torch.testing.assert_close(run.gradient[0], point.grad, rtol=1e-8, atol=1e-8 * scale)
+        used = (run.used[0].bool() & (run.irradiances[0] > 1e-3)).nonzero()[::60, 0]
+        jacobian = torch.autograd.functional.jacobian(
+            lambda p, used=used: shade(shadowed, studio.camera, p).irradiances[used], given.point[0].detach()
+        )
+        modes = shadowed.layout.modes
+        torch.testing.assert_close(
+            run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9
+        )
+        plain = evaluated(studio.geometry, studio.camera, given)
+        assert (run.irradiances - plain.irradiances)[0, used].abs().max() > 0.02
+
+
+def test_a_transfer_table_of_another_model_is_refused(teapot) -> None:
+    with pytest.raises(ValueError, match=r"transfer must be \(11, 2636, 9\) like the shape model"):
+        Geometry(teapot.shape_model, transfer=np.zeros((11, 5, 9), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("photo", "sigma", "message"),
+    [
+        ([1], [0.03], "photo must be indices of the 1 photos; got 1 to 1"),
+        ([-1], [0.03], "got -1 to -1"),
+        ([0.5], [0.03], "whole numbers, indices of photos; got torch.float32"),
+        ([0, 0], [0.03], r"must be \(1,\) like the points; got \(2,\) and \(1,\)"),
+        ([0], [0.0], "sigma must be positive"),
+        ([0], [float("nan")], "sigma must be positive"),
+    ],
+)
+def test_photos_and_noise_that_are_none_are_refused(studio, photo: list, sigma: list, message: str) -> None:
+    given = case(studio, 0)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    with pytest.raises(ValueError, match=message):
+        likelihood.at(given.point, torch.tensor(photo), torch.tensor(sigma))
+    with pytest.raises(ValueError, match=r"points must be \(B, 27\)"):
+        likelihood.at(given.point[:, :1], *studio.whose(1))
+    with pytest.raises(ValueError, match="log_prior must be finite"):
+        Photos(given.photo, given.log_prior * float("nan"))
+
+
+def test_no_points_have_no_values(studio) -> None:
+    given = case(studio, 0)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
+    none = likelihood.at(given.point[:0], *studio.whose(0), images=True)
+    assert (
+        none.value.shape == (0,) and none.gradient.shape == (0, 27) and none.coverage.shape == (0, 150, 150)
+    )
+
+
+def test_rims_stiffen_what_moves_them(studio) -> None:
+    """The normal matrix of the exact silhouette is the paper's and what the edges' gain adds to it."""
+    given = case(studio, 60)
+    photos = Photos(given.photo, given.log_prior)
+    exact, paper = (
+        Likelihood(studio.geometry, studio.camera, photos, silhouette)
+        .at(given.point, *studio.whose(1))
+        .normal
+        for silhouette in ("exact", "paper")
+    )
+    added = torch.diagonal((exact - paper)[0]) / torch.diagonal(paper[0])
+    modes = studio.geometry.layout.modes
+    assert (added[: modes + 2] > 0.005).all()
+    assert added[modes + 2 : -3].abs().max() < 1e-12  # colour and light do not move an edge

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import threading
+
+import pytest
+import torch
+
+from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, thread_count
+
+
+@pytest.fixture
+def three_threads():
+    before = torch.get_num_threads()
+    torch.set_num_threads(3)
+    yield
+    torch.set_num_threads(before)
+
+
+def test_work_is_shared_out_to_as_many_threads_as_torch_has(three_threads) -> None:
+    met = threading.Barrier(3, timeout=10)
+    seen: list[tuple[int, int]] = []
+
+    def work(index: int) -> None:
+        met.wait()  # passes only when three are here at once
+        seen.append((index, thread_count()))
+
+    run_on_threads(work, thread_count())
+    assert sorted(seen) == [(0, 1), (1, 1), (2, 1)]
+    assert torch.get_num_threads() == 3
+
+
+def test_shared_out_work_that_shares_out_stays_on_its_thread(three_threads) -> None:
+    """Else three threads would wait for each other's places in one pool."""
+
+    def outer(item: int) -> int:
+        return sum(map_on_threads(lambda inner: item * inner, range(5)))
+
+    assert list(map_on_threads(outer, range(6))) == [10 * item for item in range(6)]
+
+
+def test_on_one_core_torch_has_one_thread_and_work_all(three_threads) -> None:
+    def work() -> tuple[int, int, int]:
+        return torch.get_num_threads(), thread_count(), on_one_core(thread_count)
+
+    assert on_one_core(work) == (1, 3, 3)
+    assert torch.get_num_threads() == 3 and thread_count() == 3
+
+
+def test_the_setting_of_other_threads_is_left_alone(three_threads) -> None:
+    seen, ready = [], threading.Barrier(5, timeout=10)
+
+    def use() -> None:
+        torch.get_num_threads()  # from here on this thread has a setting of its own
+        ready.wait()
+        run_on_threads(lambda index: None, 2)
+        seen.append((torch.get_num_threads(), on_one_core(torch.get_num_threads)))
+
+    users = [threading.Thread(target=use) for _ in range(5)]
+    for user in users:
+        user.start()
+    for user in users:
+        user.join()
+    assert seen == [(3, 1)] * 5
+    assert torch.get_num_threads() == 3
+
+
+def test_a_suspended_map_changes_nothing_for_its_consumer(three_threads) -> None:
+    results = map_on_threads(lambda item: torch.get_num_threads(), range(6))
+    assert next(results) == 1
+    assert torch.get_num_threads() == 3 and thread_count() == 3
+    results.close()
+
+
+def test_an_error_in_a_thread_is_the_callers(three_threads) -> None:
+    def work(index: int) -> None:
+        if index == 1:
+            raise ValueError("one of three")
+
+    with pytest.raises(ValueError, match="one of three"):
+        run_on_threads(work, 3)
+    assert torch.get_num_threads() == 3

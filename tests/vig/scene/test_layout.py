@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from vig.scene import Block, LatentLayout, latent_layout, point_layout
+
+ROLL = Block("roll", 1, -0.5, 0.5)
+
+
+def test_blocks_stand_one_after_another_in_their_order() -> None:
+    layout = LatentLayout((Block("a", 2), Block("b", 0), Block("c", 3)))
+    assert (layout["a"], layout["b"], layout["c"]) == (slice(0, 2), slice(2, 2), slice(2, 5))
+    assert layout.size == 5 and layout.at("c") == 2 and layout.count("b") == 0
+    assert layout.indices("c", "a") == [2, 3, 4, 0, 1]
+    assert layout.labels == ("a_0", "a_1", "c_0", "c_1", "c_2")
+
+
+def test_a_fit_moves_the_latents_and_then_the_framing() -> None:
+    latents, point = latent_layout(10), point_layout(10)
+    assert point.labels[: latents.size] == latents.labels
+    assert point.labels[latents.size :] == ("shift_x", "shift_y", "log_scale")
+    assert (latents.size, point.size) == (24, 27)
+    assert point.indices("azimuth", "elevation") == [10, 11]
+
+
+def test_split_and_join_are_inverse() -> None:
+    layout = point_layout(3)
+    vector = torch.arange(2.0 * layout.size).view(2, -1)
+    parts = layout.split(vector)
+    assert parts["light"].tolist() == vector[:, 8:17].tolist()
+    assert torch.equal(layout.join(parts), vector)
+    assert torch.equal(layout.join(dict(reversed(parts.items()))), vector)
+
+
+def test_blocks_are_added_replaced_held_and_left_out() -> None:
+    layout = point_layout(2).with_blocks(ROLL)
+    assert layout["roll"] == slice(19, 20)
+    assert layout.with_blocks(ROLL.held()).size == layout.size
+    lower, upper = layout.with_blocks(ROLL.held(0.1)).bounds()
+    assert lower[19] == upper[19] == 0.1
+    assert "roll" not in layout.without("roll") and layout.without("roll") == point_layout(2)
+    assert layout.without("azimuth").at("elevation") == layout.at("azimuth")
+    assert layout.block("roll") == ROLL and layout.count("perspective") == 0
+
+
+def test_bounds_are_those_of_the_blocks() -> None:
+    lower, upper = point_layout(1).bounds()
+    assert lower == (-3.0, -math.inf, 0.0, *[0.0] * 3, *[-math.inf] * 9, -0.15, -0.15, -0.35)
+    assert upper == (3.0, math.inf, math.pi / 2, *[1.0] * 3, *[math.inf] * 9, 0.15, 0.15, 0.35)
+
+
+def test_misuse_is_named() -> None:
+    layout = latent_layout(2)
+    with pytest.raises(KeyError, match="no block 'roll' in this layout; it has shape, azimuth"):
+        layout["roll"]
+    with pytest.raises(KeyError, match="no block 'roll'"):
+        layout.without("roll")
+    with pytest.raises(ValueError, match=r"must be \(\.\.\., 16\) for 2 shape \+ 1 azimuth .* got \(4, 15\)"):
+        layout.split(torch.zeros(4, 15))
+    with pytest.raises(ValueError, match="expected blocks of sizes .* got {'shape': 3}"):
+        layout.join({"shape": torch.zeros(1, 3)})
+    with pytest.raises(ValueError, match="different names; got roll, roll"):
+        LatentLayout((ROLL, ROLL))
+    with pytest.raises(ValueError, match="upper of block 'x' must be 2; got 3"):
+        Block("x", 2, 0.0, (1.0, 2.0, 3.0))
+    with pytest.raises(ValueError, match="0 numbers or more; got -1"):
+        Block("x", -1)

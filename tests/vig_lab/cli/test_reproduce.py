@@ -1,0 +1,39 @@
+"""`vig reproduce` as its user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from vig.cli.main import main
+from vig_lab.cli.reproduce import command_line
+from vig_lab.cli.settings import Reproduce, Stage
+from vig_lab.reproduction import STAGES
+
+
+def test_the_stages_that_help_offers_are_the_stages() -> None:
+    assert get_args(Stage) == STAGES
+
+
+def test_the_command_tells_all_that_changes_numbers() -> None:
+    chosen = Reproduce("tiny", Path("my run"), epochs=3, methods=("rm", "robust"), no_cycles=True, workers=2)
+    expected = "vig reproduce --scale tiny --out 'my run' --epochs 3 --methods rm robust --no-cycles"
+    assert command_line(chosen) == expected
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--scale", "huge"], "tiny"),
+        (["--scale", "tiny", "--test-images", "0"], "--test-images of at least 1; got 0"),
+        (["--scale", "tiny", "--stages", "paint"], "figures"),
+        (["--scale", "tiny", "--workers", "0"], "--workers of at least 1; got 0"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_written(capsys, tmp_path: Path, more, said: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["reproduce", "--out", str(tmp_path / "r"), *more])
+    assert ended.value.code == 2 and said in capsys.readouterr().err
+    assert not (tmp_path / "r").exists()

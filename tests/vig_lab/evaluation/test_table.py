@@ -1,0 +1,105 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vig.errors import UserError
+from vig_lab.evaluation import build_table, save_table
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+def small() -> dict:
+    """Four images, the last one hidden too far."""
+    results = {
+        "baseline": {"azimuth_deg": [90.0, 100.0, 80.0, 1.0], "shape_mm": [10.0, 20.0, 40.0, 1.0]},
+        "robust": {
+            "azimuth_deg": [1.0, 2.0, 9.0, 1000.0],
+            "shape_mm": [5.0, 1.0, 9.0, 1000.0],
+            "segmentation_iou": [0.9, 0.8, 0.7, 0.0],
+        },
+    }
+    return build_table(results, [0.0, 0.5, 0.75, 0.76], "raster", rng())
+
+
+def test_only_images_within_the_limit_count_the_limit_included() -> None:
+    table = small()
+    assert (table["tier"], table["count"], table["max_occlusion"]) == ("raster", 3, 0.75)
+    robust = table["rows"]["azimuth_deg"]["robust"]
+    assert (robust["median"], robust["mean"]) == (2.0, 4.0)
+    assert table["rows"]["segmentation_iou"].keys() == {"robust"}
+
+
+def test_the_shape_ratio_is_taken_within_the_limit() -> None:
+    # Medians 5 and 20 over the first three images.
+    ratio = small()["rows"]["shape_ratio"]
+    assert ratio["robust"]["median"] == 0.25
+    assert (ratio["baseline"]["median"], ratio["baseline"]["ci95"]) == (1.0, [1.0, 1.0])
+
+
+def test_no_ratio_without_a_baseline() -> None:
+    table = build_table({"robust": {"shape_mm": [1.0]}}, [0.0], "raster", rng())
+    assert table["rows"].keys() == {"shape_mm"}
+
+
+def test_the_interval_has_the_width_of_theory() -> None:
+    # The median of n standard normal draws has a standard error of sqrt(pi / 2 / n): for 2,000 images 0.028,
+    # so the interval is 0.110 wide; the bootstrap's own scatter is some 10 %.
+    errors = np.random.default_rng(3).normal(size=2000)
+    summary = build_table({"m": {"azimuth_deg": errors}}, np.zeros(2000), "raster", rng())
+    low, high = summary["rows"]["azimuth_deg"]["m"]["ci95"]
+    assert low < summary["rows"]["azimuth_deg"]["m"]["median"] < high
+    assert high - low == pytest.approx(2 * 1.96 * np.sqrt(np.pi / 2 / 2000), rel=0.25)
+
+
+def test_the_same_seed_gives_the_same_table_whatever_the_other_methods() -> None:
+    errors = np.random.default_rng(4).uniform(size=50)
+    alone = build_table({"a": {"appearance": errors}}, np.zeros(50), "raster", rng())
+    beside = build_table(
+        {"b": {"appearance": errors**2}, "a": {"appearance": errors}}, np.zeros(50), "raster", rng()
+    )
+    assert alone["rows"]["appearance"]["a"] == beside["rows"]["appearance"]["a"]
+
+
+def test_it_is_written_as_json(tmp_path: Path) -> None:
+    save_table(tmp_path / "table.json", small())
+    assert json.loads((tmp_path / "table.json").read_text()) == small()
+
+
+def test_other_metrics_have_rows_of_their_own() -> None:
+    table = build_table({"rm": {"azimuth_deg": [1.0], "appearance_ab": [7.0]}}, [0.0], "raster", rng())
+    assert table["rows"].keys() == {"azimuth_deg"}
+    assert table["other_rows"]["appearance_ab"]["rm"]["median"] == 7.0
+
+
+def test_the_lower_limit_is_left_out() -> None:
+    errors = {"rm": {"azimuth_deg": [1.0, 2.0, 4.0]}}
+    table = build_table(errors, [0.0, 0.5, 0.6], "raster", rng(), min_occlusion=0.5)
+    assert (table["count"], table["min_occlusion"]) == (1, 0.5)
+    assert table["rows"]["azimuth_deg"]["rm"]["median"] == 4.0
+
+
+def test_no_image_within_the_limit_is_the_users_error() -> None:
+    with pytest.raises(UserError, match="at most 75% .* the lowest is 80%. Raise the limit"):
+        build_table({}, [0.8, 0.9], "raster", rng())
+    with pytest.raises(UserError, match="more than 30% and at most 75% .* they have from 10% to 90%"):
+        build_table({}, [0.1, 0.9], "raster", rng(), min_occlusion=0.3)
+    with pytest.raises(UserError, match="no images at all"):
+        build_table({}, [], "raster", rng())
+
+
+@pytest.mark.parametrize(
+    ("metrics", "match"),
+    [
+        ({"azimut": [1.0]}, "unknown metric 'azimut' of 'rm'"),
+        ({"shape_ratio": [1.0]}, "unknown metric 'shape_ratio'"),
+        ({"azimuth_deg": [1.0, 2.0]}, r"expected one value per image \(1,\); got \(2,\)"),
+        ({"azimuth_deg": [np.nan]}, "1 values are not finite"),
+    ],
+)
+def test_misuse_is_refused(metrics: dict, match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        build_table({"rm": metrics}, [0.0], "raster", rng())

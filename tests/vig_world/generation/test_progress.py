@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import pytest
+
+from vig_world.generation.progress import Meter
+
+
+def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    return capsys.readouterr().err.splitlines()
+
+
+def test_a_log_gets_a_line_for_each_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+    with Meter(200, 40) as meter:
+        for _ in range(160):
+            meter.advance(1)
+    said = lines(capsys)
+    assert [line.split(",")[0] for line in said] == [f"{n} of 200 samples" for n in range(60, 201, 20)]
+    assert all(line.endswith("left") and "/s" in line for line in said)
+
+
+def test_a_slow_run_says_that_it_lives(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    with Meter(1000, 0) as meter:
+        for _ in range(3):
+            clock[0] += 16
+            meter.advance(1)
+        assert lines(capsys) == ["2 of 1000 samples, 16.0 s each, 4:26:08 left"]
+    assert lines(capsys) == ["3 of 1000 samples, 16.0 s each, 4:25:52 left"]
+
+
+def test_nothing_is_said_when_not_wanted(capsys: pytest.CaptureFixture[str]) -> None:
+    with Meter(10, 0, show=False) as meter:
+        meter.advance(10)
+    assert lines(capsys) == []

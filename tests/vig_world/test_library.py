@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from vig.dataset.spec import SPLITS, Split
+from vig.scene import ObjectClass
+from vig.scene.designs import NO_DESIGN, shape_vertices
+from vig_world.assets.designs import (
+    HELD_OUT_DESIGNS,
+    TRAINING_DESIGNS,
+    VALIDATION_DESIGNS,
+    TeapotDesign,
+    teapot_vertices,
+)
+from vig_world.assets.panoramas import local_light
+from vig_world.assets.props import FAMILIES
+from vig_world.assets.target import draw_shape
+from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
+from vig_world.rooms import material_under
+from vig_world.streams import asset_rng
+
+
+@pytest.fixture(scope="module")
+def splits() -> tuple[Library, ...]:
+    return tuple(Library(split) for split in SPLITS)
+
+
+ONE_MOULD = {"egg_box", "figurine", "hairbrush", "mouse", "soap", "teddy"}
+"""Families whose members may differ in size and finish only."""
+
+
+def disjoint(sets: list[set]) -> bool:
+    return len(set.union(*sets)) == sum(len(each) for each in sets)
+
+
+def test_the_splits_keep_their_numbers() -> None:
+    """Every scene of a split depends on its place in the list; numbers of designs stand in datasets."""
+    assert SPLITS == ("train", "test", "validation")
+    drawn = [int(asset_rng(split, "layout", 0).integers(10**6)) for split in SPLITS]
+    assert drawn == [334666, 41261, 325627]
+
+
+def test_the_pack_holds_the_held_out_designs() -> None:
+    held, built = ObjectClass.load("teapot").designs, held_out_designs()
+    assert held is not None
+    assert (held.names, held.splits) == (built.names, built.splits)
+    np.testing.assert_array_equal(held.vertices, built.vertices)
+    assert held.numbers("test") == [*range(8)] and held.numbers("validation") == [*range(8, 16)]
+    assert held.numbers("train") == []
+
+
+def test_splits_share_no_prop(splits: tuple[Library, ...]) -> None:
+    """No shape of one split's members is one of the other's, whatever their sizes; sizes always differ."""
+    for family in FAMILIES:
+        shapes: list[set[bytes]] = []
+        sizes: list[set[float]] = []
+        for library in splits:
+            clouds = [
+                np.concatenate([mesh.vertices for mesh, _ in library.prop(family, number).parts])
+                for number in range(PROPS_PER_FAMILY[library.split])
+            ]
+            sizes.append({float(np.ptp(cloud, axis=0).max()) for cloud in clouds})
+            shapes.append({np.round(cloud / np.ptp(cloud, axis=0).max(), 4).tobytes() for cloud in clouds})
+        assert disjoint(sizes), family
+        assert family in ONE_MOULD or disjoint(shapes), family
+
+
+def test_splits_share_no_layout_finish_or_panorama(splits: tuple[Library, ...]) -> None:
+    outlines = [{lib.layout(n).outline.tobytes() for n in range(12)} for lib in splits]
+    assert disjoint(outlines) and len(outlines[0]) == 12
+    finishes = [{lib.finish("wood", n).tobytes() for n in range(12)} for lib in splits]
+    assert disjoint(finishes)
+    lights = [np.array([lib.light(n, 0.0, 0.3) for n in range(24)]) for lib in splits]
+    for one, other in combinations(lights, 2):
+        assert np.abs(one[:, None] - other[None]).max(-1).min() > 1e-3
+
+
+def test_there_are_enough_rooms() -> None:
+    assert LAYOUTS["train"] >= 80 and min(LAYOUTS["test"], LAYOUTS["validation"]) >= 24
+
+
+@pytest.mark.parametrize(
+    ("split", "designs"), [("test", HELD_OUT_DESIGNS), ("validation", VALIDATION_DESIGNS)]
+)
+def test_shapes_beyond_training_are_of_the_splits_own_designs(
+    split: Split, designs: tuple[TeapotDesign, ...]
+) -> None:
+    """Each deviates from the model as one of the split's designs does, and all of them occur."""
+    teapot = ObjectClass.load("teapot")
+    rng = np.random.default_rng(0)
+    held = np.stack([teapot_vertices(design) for design in HELD_OUT_DESIGNS + VALIDATION_DESIGNS])
+    model = teapot.shape_model
+    used = set()
+    for _ in range(40):
+        shape, design = draw_shape(rng, teapot, split)
+        vertices = shape_vertices(shape, design, teapot)
+        deviation = vertices - shape_vertices(shape, NO_DESIGN, teapot)
+        assert 1e-4 < np.linalg.norm(deviation, axis=1).mean() < 3e-3
+        # The deviation is the design's own: orthogonal to what the model can do.
+        basis = model.basis.reshape(model.modes, -1).astype(float)
+        flat = (held[design] - model.mean).ravel()
+        residual = flat - basis.T @ np.linalg.lstsq(basis.T, flat, rcond=None)[0]
+        np.testing.assert_allclose(deviation.ravel(), residual, atol=2e-3)
+        used.add((HELD_OUT_DESIGNS + VALIDATION_DESIGNS)[design])
+    assert used == set(designs)
+    assert draw_shape(rng, teapot, "train")[1] == NO_DESIGN
+    assert len(TRAINING_DESIGNS) == 23
+
+
+def test_a_brighter_support_sends_more_light_up(splits: tuple[Library, ...]) -> None:
+    """Y10 grows with height, so light from below lowers its coefficient at the same exposure."""
+    radiance = splits[0].radiance(0)
+    dark, bright = local_light(radiance, 0.05), local_light(radiance, 0.8)
+    assert bright[2] < dark[2]
+
+
+def test_every_slot_has_finishes(splits: tuple[Library, ...]) -> None:
+    rng = np.random.default_rng(1)
+    for slot in SLOTS:
+        finish = splits[0].draw_finish(slot, rng)
+        assert splits[0].finish(finish.kind, finish.asset).shape == (128, 128, 3)
+        assert 0 < splits[0].albedo(finish.kind, finish.asset) < 0.9
+
+
+def test_light_from_below_is_that_of_the_support(splits: tuple[Library, ...]) -> None:
+    """The material found under a support is what a ray from above meets; most have a slot's finish."""
+    library, found, missing = splits[0], [], 0
+    for number in range(6):
+        layout = library.layout(number)
+        for index, support in enumerate(layout.supports):
+            material = material_under(layout, support)
+            missing += material is None
+            slot, _ = library.ground(number, index)
+            found.append(slot)
+            if support.zone == "floor":
+                assert slot == "floor"
+    assert missing <= 0.05 * len(found)
+    assert {"top", "wood", "fabric", "floor"} <= set(found)
