@@ -105,8 +105,8 @@ class Likelihood:
             photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         )
         self.background = self.log_prior[..., 2].double().sum(1)
-        load_kernels(geometry.dtype, geometry.layout.modes, geometry.device)
-        k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
+        load_kernels(geometry.dtype, geometry.rows.modes, geometry.device)
+        k = likelihood_kernels(geometry.dtype, geometry.rows.modes)
         self.photo_arrays = {
             "observed": warp_array(self.observed, k.vec3),
             "log_prior": warp_array(self.log_prior, k.vec3),

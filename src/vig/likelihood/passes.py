@@ -46,7 +46,7 @@ class Pass:
         geometry, camera = likelihood.geometry, likelihood.camera
         self.geometry, self.count, self.silhouette = geometry, count, likelihood.silhouette
         self.kind = count, camera, likelihood.silhouette, likelihood.stride
-        self.layout, dtype = geometry.layout, geometry.dtype
+        self.layout, dtype = geometry.rows, geometry.dtype
         self._kernels = k = likelihood_kernels(dtype, self.layout.modes)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
         width, height, stride = camera.width, camera.height, likelihood.stride

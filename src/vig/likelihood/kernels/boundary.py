@@ -24,6 +24,9 @@ BEHIND_EDGE = 0.002
 BEFORE_EDGE = 0.04
 """Metres by which the edge's own surface may come forward within a pixel."""
 
+LEAST_SQUARE = 1e-12
+"""Squared length in the image of an edge's normal below which its direction is lost in rounding."""
+
 
 @functools.cache
 def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
@@ -210,7 +213,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                         crossed = one / behind_seen[1] >= edge_depth + behind_edge
                     normal = na * (one - share) + nb * share
                     square = normal[0] * normal[0] + normal[1] * normal[1]
-                    if crossed and square >= real(1e-12):
+                    if crossed and square >= real(LEAST_SQUARE):
                         weight = fold * normal[axis] * normal[axis] / square
                         t = u - half - real(low)
                         blend = wp.abs(t - half)

@@ -10,7 +10,7 @@ import warp as wp
 
 from vig.likelihood.kernels.surface import RowLayout, surface_functions
 from vig.render.device import warp_array
-from vig.scene import ShapeModel
+from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
 
 
@@ -34,10 +34,10 @@ class Geometry:
         if model.modes < 1:
             raise ValueError("the renderer needs a shape model with one component or more; got none")
         self.model, self.dtype, self.device = model, dtype, device
-        self.layout = RowLayout(model.modes)
+        self.layout, self.rows = point_layout(model.modes), RowLayout(model.modes)
         stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)
         self.positions = torch.from_numpy(stack.reshape(len(stack), -1)).to(device, dtype).contiguous()
-        padded = np.zeros((len(model.mean), 3, self.layout.shape))
+        padded = np.zeros((len(model.mean), 3, self.rows.shape))
         padded[:, :, : model.modes] = model.basis.transpose(1, 2, 0)
         self.basis = torch.from_numpy(padded).to(device, dtype)
         self.transfer: torch.Tensor | None = None
