@@ -99,6 +99,7 @@ class Likelihood:
         if size != (camera.height, camera.width):
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
+        self.layout = geometry.layout
         count = len(photos.linear)
         self.observed = photos.linear.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         self.log_prior = (
@@ -149,7 +150,7 @@ class Likelihood:
         count = len(points)
         group = 1 if self.geometry.device == "cpu" else max(count, 1)
         threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
-        size = self.geometry.layout.size
+        size = self.layout.size
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
         gradient = torch.empty(count, size, **place) if derivatives else None
@@ -180,7 +181,7 @@ class Likelihood:
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
         """ValueError for what kernels cannot see: they would read beyond an array, or answer NaN."""
-        size, count = self.geometry.layout.size, len(points)
+        size, count = self.layout.size, len(points)
         if points.ndim != 2 or points.shape[1] != size:
             raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")
         if not torch.isfinite(points).all():

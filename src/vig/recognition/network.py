@@ -8,6 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from vig.parallel.internals import has_bfloat16
 from vig.scene.light import L_COUNT
 
 MASK_CLASSES = ("visible", "hidden", "background")
@@ -93,7 +94,7 @@ def bfloat16(device: torch.device) -> torch.autocast:
     """Arithmetic in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
     if device.type == "cuda":
         return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
-    return torch.autocast("cpu", torch.bfloat16, enabled=torch.cpu._is_avx512_bf16_supported())
+    return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())
 
 
 class _Residual(nn.Module):

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.surface import RowLayout, surface_functions
+from vig.likelihood.kernels.types import RowLayout, kernel_types
 from vig.render.device import warp_array
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
@@ -51,8 +51,7 @@ class Geometry:
         self.faces, self.edges, self.ring_start, self.ring = (
             torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
         )
-        shape_row = surface_functions(dtype, model.modes).shape_row
-        self.basis_wp = warp_array(self.basis, shape_row)
+        self.basis_wp = warp_array(self.basis, kernel_types(dtype, model.modes).shape_row)
         self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
         self.ring_start_wp = warp_array(self.ring_start, wp.int32)
         self.ring_wp = warp_array(self.ring, wp.int32)
