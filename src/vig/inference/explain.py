@@ -8,14 +8,14 @@ import torch
 
 from vig.inference.calibration import calibration_of
 from vig.inference.explanation import Explanation
-from vig.inference.judging import DISTINCT_AZIMUTH, judge, turn
+from vig.inference.judging import DISTINCT_AZIMUTH, judge
 from vig.inference.posterior import objectives_of
 from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
 from vig.likelihood import load_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, angle_difference
 
 
 def explain(
@@ -102,7 +102,10 @@ def going_on(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.T
     order = scores.argsort(descending=True, stable=True).tolist()
     chosen = order[: (count + 1) // 2]
     for index in order:
-        if len(chosen) < count and (turn(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all():
+        if (
+            len(chosen) < count
+            and (angle_difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
+        ):
             chosen.append(index)
     chosen += [index for index in order if index not in chosen][: count - len(chosen)]
     return torch.tensor(chosen)

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from vig.inference import Belief, Objective
-from vig.inference.prior import FRAMING_SD
 from vig.scene import Latents, ObjectClass, rotate_z
+from vig.scene.layout import FRAMING
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_the_prior_is_that_of_shape_light_and_framing(
     light = torch.distributions.MultivariateNormal(
         torch.from_numpy(teapot.light_prior_mean), torch.from_numpy(teapot.light_prior_covariance)
     ).log_prob(points[:, 15:24])
-    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING_SD)).log_prob(points[:, 24:]).sum(1)
+    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING.deviation)).log_prob(points[:, 24:]).sum(1)
     expected = shape + light + framing
     off = objective.prior.value(points) - expected
     torch.testing.assert_close(off, off[:1].expand(3))  # equal up to one constant
