@@ -22,7 +22,7 @@ def test_a_point_is_the_latents_then_the_framing(studio, objective: Objective) -
     latents = studio.latents(np.random.default_rng(1), 4)
     framing = torch.full((4, 3), 0.01, dtype=torch.float64)
     points = objective.point(latents, framing)
-    assert points.shape == (4, objective.size) == (4, 27)
+    assert points.shape == (4, objective.layout.size) == (4, 27)
     torch.testing.assert_close(points, torch.cat([latents.to_vector(), framing], dim=1))
     torch.testing.assert_close(objective.latents(points).to_vector(), latents.to_vector())
     assert not objective.point(latents)[:, -3:].any()

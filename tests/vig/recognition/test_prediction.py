@@ -71,7 +71,7 @@ def test_rows_are_independent() -> None:
 
 def test_the_best_guess_stands_at_the_heaviest_peak_within_bounds() -> None:
     prediction = of_azimuth(0.6 * bump(300) + 0.4 * bump(120))
-    prediction.numbers[0] = torch.tensor([2.0, *[5.0] * 10, 1.2, 0.4, -0.1, 2.0, 1.0, *[0.0] * 7])
+    prediction.numbers[0] = torch.tensor([*[5.0] * 10, 2.0, 1.2, 0.4, -0.1, 2.0, 1.0, *[0.0] * 7])
     best = prediction.best()
     assert len(best) == 1 and turn(best.azimuth[0], 300) < 0.5
     assert best.elevation[0] == pytest.approx(math.pi / 2)
