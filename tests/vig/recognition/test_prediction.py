@@ -100,3 +100,13 @@ def test_log_mass_is_that_of_the_bins_round_an_angle_and_never_rules_a_view_out(
     mass = prediction.log_mass(centre_of_10).exp()
     expected = torch.tensor([0.8, 0.2, 0.2, 0.001], dtype=torch.float64)
     torch.testing.assert_close(mass, expected, atol=1e-6, rtol=0)
+
+
+def test_log_mass_counts_two_bins_on_either_hand():
+    """At the centre of bin 10, bins 8 to 12 count and 7 and 13 do not; between two bins, the mean of both."""
+    azimuth = torch.zeros(1, 72)
+    azimuth[0, 7:14] = torch.tensor([0.03, 0.05, 0.1, 0.4, 0.2, 0.15, 0.07])
+    prediction = of_azimuth(azimuth[0])
+    mass = prediction.log_mass(torch.deg2rad(torch.tensor([52.5, 55.0]))).exp()
+    here, next_one = 0.05 + 0.1 + 0.4 + 0.2 + 0.15, 0.1 + 0.4 + 0.2 + 0.15 + 0.07
+    assert mass.tolist() == pytest.approx([here, (here + next_one) / 2], abs=1e-5)
