@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.recognition.test_training import InMemory, tiny_dataset
 
+from tests.vig.recognition.test_training import InMemory, tiny_dataset
 from vig.recognition.examples import HELD_SHARE, hold_out
 
 

@@ -39,7 +39,7 @@ HELD_RUN = f"""
 import os, sys, time
 from pathlib import Path
 from vig.cli.main import main
-from vig.dataset import job, pool
+from vig_world.generation import job, pool
 
 write_bytes, go, process = job.write_bytes, Path(sys.argv[-1] + ".go"), os.getpid()
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-import vig.dataset
-import vig.recognition
 from vig.cli.main import main
 from vig.recognition import TrainingSettings
+from vig_lab.cli import train as verb
 from vig_lab.paper_network.training import PaperTrainingSettings
 
 
@@ -36,9 +35,9 @@ def test_each_net_is_trained_with_its_own_defaults(
 
         return trained
 
-    monkeypatch.setattr(vig.dataset, "read_dataset", lambda folder, split: f"{folder.name} {split}")
-    monkeypatch.setattr(vig.recognition, "train", training("vig"))
-    monkeypatch.setattr(vig.recognition, "train_paper", training("paper"))
+    monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
+    monkeypatch.setattr(verb, "train_network", training("vig"))
+    monkeypatch.setattr(verb, "train_paper", training("paper"))
     with pytest.raises(SystemExit) as ended:
         main(["train", "--dataset", "D", "--out", str(tmp_path / "w"), *given])
     assert ended.value.code == 0 and seen == [("D train", expected)]
