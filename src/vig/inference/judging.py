@@ -7,7 +7,7 @@ import math
 import torch
 
 from vig.inference.calibration import Calibration
-from vig.inference.explanation import Explanation, Verdict
+from vig.inference.fit import Fit, Verdict
 from vig.inference.objective import Objective, Valuation
 from vig.inference.roll import roll_gain
 from vig.inference.settings import ExplainSettings
@@ -39,7 +39,7 @@ def judge(
     settings: ExplainSettings,
     evaluations: int,
     calibration: Calibration | None,
-) -> Explanation:
+) -> Fit:
     """Choose the best end by score and say how far to trust it.
 
     values (S,) is the evidence of the ends (S, P'), scores (S,) what they are compared by. With a
@@ -94,7 +94,7 @@ def judge(
     deviation = _deviation(objective, chosen[0], at_fit.normal[0])
     if calibration is not None:
         deviation = calibration.widened(deviation, clues, verdict is Verdict.TRUSTED)
-    return Explanation(
+    return Fit(
         latents=found,
         framing=objective.framing(chosen)[0],
         deviation=deviation,

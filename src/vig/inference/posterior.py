@@ -54,7 +54,7 @@ def objectives_of(
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
         objectives[scale] = Objective(
-            likelihood, object_class, settings.free_framing, belief, settings.prior_weight
+            likelihood, object_class, bool(settings.free_framing), belief, settings.prior_weight
         )
     return objectives
 

@@ -15,7 +15,7 @@ from vig.likelihood.kernels.assembly import likelihood_kernels, load_kernels
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import run_on_threads, thread_count
-from vig.render import warp_array
+from vig.renderer import warp_array
 from vig.scene import Camera, Latents, point_layout
 
 CURVATURE_LINES = 75

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.cli.explaining import OPTIMIZERS
+from vig.cli.fit import OPTIMIZERS
 from vig.cli.main import main
 from vig.cli.settings import Fit
 from vig.examples import example_photos

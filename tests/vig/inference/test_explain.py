@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import ExplainSettings, Explanation, Objective, Verdict, explain, explain_one
+from vig.inference import ExplainSettings, Fit, Objective, Verdict, explain, explain_one
 from vig.inference.calibration import CLUES, LEAST_DEVIATION, Calibration
 from vig.inference.explain import going_on
 from vig.inference.judging import AMBIGUOUS_NATS, MOST_LEAD, judge
@@ -276,7 +276,7 @@ def test_a_photo_is_of_an_unknown_kind_from_one_half_on(
     assert found.verdict is Verdict.AMBIGUOUS and ("unlike those" in found.reason) == unlike
 
 
-def judged(case: Case, teapot: ObjectClass, turned_deg: float, gap: float) -> Explanation:
+def judged(case: Case, teapot: ObjectClass, turned_deg: float, gap: float) -> Fit:
     """The truth, and beside it a view turned by so much whose score is so many nats less."""
     objective = objective_of(case.photo, case.prediction, teapot, SETTINGS)
     other = replace(case.truth, azimuth=case.truth.azimuth + math.radians(turned_deg))

@@ -12,8 +12,8 @@ from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.likelihood.reference import constant_mask_value, irradiance_at, shade
-from vig.render import rasterize
-from vig.render.raster import FACE_MASK, NOTHING
+from vig.renderer import rasterize
+from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents, point_layout
 
 SIGMA = 0.03
