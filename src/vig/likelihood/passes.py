@@ -14,9 +14,9 @@ import warp as wp
 from vig.likelihood.kernels.assembly import PARTS, likelihood_kernels
 from vig.likelihood.kernels.types import LANES
 from vig.parallel.internals import group_fields, type_parts
-from vig.render import NOTHING, warp_array
-from vig.render.device import Prepared
-from vig.render.raster import KEYS_MARGIN
+from vig.renderer import NOTHING, warp_array
+from vig.renderer.device import Prepared
+from vig.renderer.raster import KEYS_MARGIN
 from vig.scene.light import L_COUNT
 
 if TYPE_CHECKING:

@@ -48,9 +48,9 @@ GAUSSIAN = PixelModel(sigma=0.05, alpha=1.0)
 """The paper's Gaussian pixel model, Eq. 2: every pixel of the object is visible."""
 
 ROBUST = PixelModel(sigma=0.03, alpha=0.55)
-"""The paper's robust pixel model, Eq. 3. alpha is learned, as the paper proposes: the mean visible share of the
-teapot in the training images (`python -m benchmarks.alpha`). The paper's code has 0.9, under which fits end
-farther from the truth (docs/occlusion.md)."""
+"""The paper's robust pixel model, Eq. 3. alpha is learned, as the paper proposes: the mean share of the
+teapot that is visible in the training images. The paper's code has 0.9, under which fits end farther from the
+truth (docs/occlusion.md)."""
 
 
 def mixture(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image
 
 from vig.errors import UserError
-from vig.scene import IMAGE_SIZE
+from vig.scene import IMAGE_SIZE, Camera
 
 WINDOW_OVER_BOX = 1.4
 """Side of the window over the longer side of the object's box, as in training images (median)."""
@@ -37,7 +38,14 @@ class Window:
             side = float(max(width, height))
             return Window((width - side) / 2, (height - side) / 2, side)
         x, y, w, h = box
-        if min(w, h) < SMALLEST_BOX or x < 0 or y < 0 or x + w > width or y + h > height:
+        if (
+            not all(map(math.isfinite, box))
+            or min(w, h) < SMALLEST_BOX
+            or x < 0
+            or y < 0
+            or x + w > width
+            or y + h > height
+        ):
             raise UserError(
                 f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side within the photo of"
                 f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}"
@@ -68,6 +76,17 @@ class Window:
             for channel in channels
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+
+    def camera(self, camera: Camera, width: int, height: int) -> Camera:
+        """The camera of the whole photo of width x height from that of its window."""
+        scale = self.side / camera.width
+        return replace(
+            camera.scaled(scale),
+            width=width,
+            height=height,
+            cx=camera.cx * scale + self.left,
+            cy=camera.cy * scale + self.top,
+        )
 
     def back(self, image: np.ndarray, width: int, height: int) -> np.ndarray:
         """A map (S, S) of the window, in [0, 1], drawn into the photo's frame: (height, width) float32.

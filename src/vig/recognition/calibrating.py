@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
-from safetensors import safe_open
 from safetensors.torch import save_file
 from torch.nn import functional
 
+from vig.checks import read_tensors
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
@@ -18,6 +18,7 @@ from vig.recognition.calibration import PREFIX, Calibration, temperature, wideni
 from vig.recognition.examples import Examples
 from vig.recognition.network import Heads, bfloat16
 from vig.recognition.prediction import Recognizer
+from vig.recognition.targets import layout_of_numbers
 
 LEAST = 50
 """Images below which a calibration means nothing."""
@@ -39,9 +40,8 @@ def calibrate(path: Path, datasets: Sequence[Dataset], say: Callable[[str], None
     cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::7]  # cells lie too close to need them all
     shares = (examples.mask.float() / 255).movedim(1, -1).reshape(-1, mask.shape[1])[::7]
     made = Calibration(temperature(azimuth, labels), temperature(cells, shares), widening(error, deviation))
-    with safe_open(path, framework="pt") as file:
-        metadata = file.metadata()
-        tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith(PREFIX)}
+    held, metadata = read_tensors(path, "pt")
+    tensors = {name: value for name, value in held.items() if not name.startswith(PREFIX)}
     with atomic_write(path) as temporary:
         save_file(tensors | made.tensors(), temporary, metadata=metadata)
     bins = azimuth.shape[1]
@@ -106,13 +106,9 @@ def _plot(
         left.plot(stated, (levels <= stated[:, None]).float().mean(1), label=name)
     left.set_title("azimuth")
     reach = math.sqrt(2) * torch.erfinv(stated.clamp_max(0.9999))
-    groups = {
-        "elevation": slice(0, 1),
-        "shape": slice(1, -12),
-        "albedo": slice(-12, -9),
-        "light": slice(-9, None),
-    }
-    for number, (name, group) in enumerate(groups.items()):
+    layout = layout_of_numbers(standard.shape[1])
+    for number, name in enumerate(("elevation", "shape", "albedo", "light")):
+        group = layout[name]
         for factor, style in ((torch.ones(()), ":"), (made.deviation[group], "-")):
             off = (standard[:, group] / factor).abs().flatten()
             held = (off <= reach[:, None]).float().mean(1)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import nn
 from torch.nn import functional
 
+from vig.checks import check_number
 from vig.parallel.internals import has_bfloat16
-from vig.scene.light import L_COUNT
+from vig.scene import regressed_layout
+from vig.scene.shape_model import MOST_MODES
 
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
@@ -33,20 +36,57 @@ class NetworkSettings:
     features: int = 320
     dropout: float = 0.1
 
+    def __post_init__(self) -> None:
+        check_sizes("widths", self.widths, 1, 2048)
+        check_sizes("blocks", self.blocks, 0, 64)
+        check_sizes("modes", (self.modes,), 1, MOST_MODES)
+        check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
+        check_sizes("squeezed, features", (self.squeezed, self.features), 1, 8192)
+        check_number("dropout", self.dropout, 0.0, 0.99)
+
 
 @dataclass(frozen=True)
 class Heads:
     """What the network says of B images.
 
-    azimuth (B, bins): logits over equal bins, the first centred at half a bin. mean, log_variance (B, N),
-    N = 1 + K + 3 + 9: elevation, shape, albedo and light in the heading frame (see `targets`), in units of
-    the targets' standard deviations. mask (B, 3, h, w): logits of MASK_CLASSES at a quarter of the size.
+    azimuth (B, bins): logits over equal bins, the first centred at half a bin. mean, log_variance (B, M): the
+    regressed numbers (`regressed_layout`), light in the heading frame (see `targets`), in units of the
+    targets' standard deviations. mask (B, 3, h, w): logits of MASK_CLASSES at a quarter of the size.
     """
 
     azimuth: torch.Tensor
     mean: torch.Tensor
     log_variance: torch.Tensor
     mask: torch.Tensor
+
+
+def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
+    """ValueError unless all sizes of a network lie in [low, high]."""
+    if not all(low <= size <= high for size in sizes):
+        raise ValueError(f"{name} must be from {low} to {high}; got {sizes}")
+
+
+def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> None:
+    """Give a network made on torch's "meta" device, which holds no numbers, those of a weights file.
+
+    Floating-point tensors of any precision become float32. Raises ValueError when names, shapes or types
+    are not the network's, so that a file cannot ask for more memory than it fills.
+    """
+    wanted = network.state_dict()
+    if odd := sorted(wanted.keys() ^ tensors.keys()):
+        raise ValueError(f"weights are missing or unknown: {', '.join(odd)[:100]}")
+    for name, held in tensors.items():
+        floats = held.is_floating_point(), wanted[name].is_floating_point()
+        if held.shape != wanted[name].shape or floats[0] != floats[1]:
+            raise ValueError(
+                f"'{name}' must be {tuple(wanted[name].shape)} {wanted[name].dtype};"
+                f" it is {tuple(held.shape)} {held.dtype}"
+            )
+    own = {name: held.to(wanted[name].dtype) for name, held in tensors.items()}
+    for name, value in own.items():
+        if not value.isfinite().all() or (name.endswith("running_var") and (value < 0).any()):
+            raise ValueError(f"'{name}' has numbers that are infinite, or variances below 0")
+    network.load_state_dict(own, assign=True)
 
 
 class RecognitionNetwork(nn.Module):
@@ -71,7 +111,7 @@ class RecognitionNetwork(nn.Module):
             nn.Dropout(settings.dropout),
         )
         self.azimuth = nn.Linear(settings.features, settings.azimuth_bins)
-        self.numbers = nn.Linear(settings.features, 2 * (1 + settings.modes + 3 + L_COUNT))
+        self.numbers = nn.Linear(settings.features, 2 * regressed_layout(settings.modes).size)
         self.mask_coarse = _convolution(c, a, 1, 1)
         self.mask_middle = _convolution(b, a, 1, 1)
         self.mask = nn.Sequential(_convolution(a, a, 3, 1), nn.Conv2d(a, len(MASK_CLASSES), 1))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 
 FOCAL_OVER_WIDTH = 1.12
 DISTANCE = 0.4
 IMAGE_SIZE = 150
+MOST_PIXELS = 16_384
+"""A side of an image."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,24 @@ class Camera:
     distance: float = DISTANCE
     target_height: float = 0.0
 
+    def __post_init__(self) -> None:
+        for side in (self.width, self.height):
+            if side != int(side) or not 1 <= side <= MOST_PIXELS:
+                raise ValueError(
+                    f"a camera's image must have 1 to {MOST_PIXELS} whole pixels a side;"
+                    f" got {self.width} x {self.height}"
+                )
+        if not (0 < self.focal < math.inf and 0 < self.distance < math.inf):
+            raise ValueError(
+                f"focal (pixels) and distance (metres) must be positive and finite;"
+                f" got {self.focal} and {self.distance}"
+            )
+        if not all(map(math.isfinite, (self.cx, self.cy, self.target_height))):
+            raise ValueError(
+                f"cx, cy (pixels) and target_height (metres) must be finite;"
+                f" got {self.cx}, {self.cy} and {self.target_height}"
+            )
+
     @staticmethod
     def standard(size: int = IMAGE_SIZE, target_height: float = 0.0) -> Camera:
         """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m."""
@@ -42,6 +64,28 @@ class Camera:
             cx=self.cx * factor,
             cy=self.cy * factor,
         )
+
+    def framed(self, shift_x: float, shift_y: float, log_scale: float) -> Camera:
+        """This camera with its image shifted (in widths, right and down) and magnified about its centre."""
+        return replace(
+            self,
+            focal=self.focal * math.exp(log_scale),
+            cx=self.cx + shift_x * self.width,
+            cy=self.cy + shift_y * self.width,
+        )
+
+    @property
+    def K(self) -> np.ndarray:  # noqa: N802
+        """Intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column, row, 1)."""
+        return np.array([[self.focal, 0.0, self.cx], [0.0, self.focal, self.cy], [0.0, 0.0, 1.0]])
+
+    def camera_from_world(self, azimuth: float, elevation: float) -> np.ndarray:
+        """Pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
+        angles = torch.tensor([[azimuth], [elevation]], dtype=torch.float64)
+        rotation, translation = self.pose(*angles)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation[0].numpy(), translation[0].numpy()
+        return pose
 
     def pose(self, azimuth: torch.Tensor, elevation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields
 
 import torch
 
-from vig.scene.layout import latent_layout
+from vig.scene.layout import latent_layout, layout_of_width
+from vig.scene.light import L_COUNT
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,17 @@ class Latents:
     albedo: torch.Tensor
     light: torch.Tensor
 
+    def __post_init__(self) -> None:
+        count = self.azimuth.shape[:1]
+        shapes = {name: tuple(value.shape) for name, value in vars(self).items()}
+        fits = self.shape.ndim == 2 and self.azimuth.ndim == 1 and shapes["shape"][:1] == count
+        fits = fits and self.elevation.shape == count and shapes["albedo"] == (*count, 3)
+        if not fits or shapes["light"] != (*count, L_COUNT):
+            raise ValueError(
+                "latents must be shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
+                f" light (B, {L_COUNT}); got " + ", ".join(f"{k} {v}" for k, v in shapes.items())
+            )
+
     def __len__(self) -> int:
         return len(self.azimuth)
 
@@ -42,10 +54,8 @@ class Latents:
     @staticmethod
     def from_vector(vector: torch.Tensor) -> Latents:
         """The inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
-        others = latent_layout(0).size
-        modes = vector.shape[1] - others if vector.ndim == 2 else -1
-        if modes < 0:
-            raise ValueError(f"latents must be (B, K + {others}); got {tuple(vector.shape)}")
-        parts = latent_layout(modes).split(vector)
+        if vector.ndim != 2 or vector.shape[1] < latent_layout(0).size:
+            raise ValueError(f"latents must be (B, K + {latent_layout(0).size}); got {tuple(vector.shape)}")
+        parts = layout_of_width(vector.shape[1]).split(vector)
         parts |= {name: parts[name][:, 0] for name in ("azimuth", "elevation")}
         return Latents(**parts)

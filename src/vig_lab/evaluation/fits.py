@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
 from vig import __version__
+from vig.checks import check_arrays, decode, parse_json, read_tensors
 from vig.files import atomic_write
-from vig.inference import ExplainSettings, Explanation, calibration_of, explain_one
+from vig.inference import ExplainSettings, Fit, calibration_of, explain_one
 from vig.inference.calibration import CLUES
 from vig.likelihood import load_kernels
 from vig.parallel.processes import map_in_processes
@@ -38,7 +39,7 @@ class Fits:
 
     latents, deviation (N, P) float32. masks, masks_by_pixel (N, H, W) bool: the visible pixels, and what each
     by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues
-    (N, C), confidence (N,): see `vig.inference.Explanation`. verdicts: N names.
+    (N, C), confidence (N,): see `vig.inference.Fit`. verdicts: N names.
     """
 
     latents: np.ndarray
@@ -50,7 +51,7 @@ class Fits:
     verdicts: tuple[str, ...]
 
     @staticmethod
-    def of(fits: list[Explanation], whole: bool) -> Fits:
+    def of(fits: list[Fit], whole: bool) -> Fits:
         """The same of explanations; whole: the silhouette is the mask."""
         return Fits(
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
@@ -193,24 +194,29 @@ def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainS
 def _read(path: Path, key: str) -> Fits | None:
     """A chunk of that key; None when there is none, or one of another key or unreadable."""
     try:
-        with safe_open(path, framework="np") as file:
-            told = file.metadata()
-            if told["key"] != key:
-                return None
-            size = tuple(json.loads(told["size"]))
-            masks, by_pixel = (
-                np.unpackbits(file.get_tensor(name), axis=1, count=size[1] * size[2]).astype(bool)
-                for name in ("masks", "masks_by_pixel")
-            )
-            return Fits(
-                file.get_tensor("latents"),
-                file.get_tensor("deviation"),
-                masks.reshape(size),
-                by_pixel.reshape(size),
-                file.get_tensor("clues"),
-                file.get_tensor("confidence"),
-                tuple(json.loads(told["verdicts"])),
-            )
+        held, told = read_tensors(path, finite=False)
+        if told["key"] != key:
+            return None
+        size = decode(tuple[int, int, int], parse_json(told["size"]))
+        row = -(-size[1] * size[2] // 8)
+        bits, floats = ("uint8", (size[0], row)), "float32 float64"
+        rows: dict[str, tuple[str, tuple[int | str, ...]]]
+        rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
+        rows |= {"clues": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
+        check_arrays(held, rows | {"masks": bits, "masks_by_pixel": bits})
+        masks, by_pixel = (
+            np.unpackbits(held[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
+            for name in ("masks", "masks_by_pixel")
+        )
+        return Fits(
+            held["latents"],
+            held["deviation"],
+            masks,
+            by_pixel,
+            held["clues"],
+            held["confidence"],
+            decode(tuple[str, ...], parse_json(told["verdicts"])),
+        )
     except (OSError, KeyError, TypeError, ValueError, SafetensorError):
         return None
 

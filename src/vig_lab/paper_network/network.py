@@ -14,10 +14,12 @@ from typing import Any
 import torch
 from torch import nn
 
-from vig.recognition.network import MASK_CLASSES
+from vig.checks import check_number, decode
+from vig.recognition.network import MASK_CLASSES, check_sizes, load_network
 from vig.recognition.targets import azimuth_labels
-from vig.scene import IMAGE_SIZE, Latents, rotate_z
+from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
+from vig.scene.shape_model import MOST_MODES
 
 FACTORS = ("pose", "shape", "appearance", "light")
 GREY_FACTORS = ("pose", "shape")
@@ -35,6 +37,12 @@ class PaperSettings:
     filters: tuple[int, int, int] = (64, 64, 64)
     dense: tuple[int, int] = (256, 32)
     dropout: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_sizes("modes", (self.modes,), 1, MOST_MODES)
+        check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
+        check_sizes("filters, dense", (*self.filters, *self.dense), 1, 8192)
+        check_number("dropout", self.dropout, 0.0, 0.99)
 
 
 class FactorNetwork(nn.Module):
@@ -86,8 +94,8 @@ class FactorNetwork(nn.Module):
 class PaperNetworks(nn.Module):
     """The four networks, and how far off they are: what a `Prediction` holds, from images.
 
-    azimuth_deviation (): standard deviation of azimuth in radians. deviation (1 + K + 3 + 9,): those of
-    elevation, shape, albedo and light in the heading frame.
+    azimuth_deviation (): standard deviation of azimuth in radians. deviation (M,): those of
+    the regressed numbers, light in the heading frame.
     """
 
     azimuth_deviation: torch.Tensor
@@ -101,7 +109,7 @@ class PaperNetworks(nn.Module):
             {name: FactorNetwork(counts[name], name in GREY_FACTORS, settings) for name in FACTORS}
         )
         self.register_buffer("azimuth_deviation", torch.tensor(1.0))
-        self.register_buffer("deviation", torch.ones(settings.modes + 13))
+        self.register_buffer("deviation", torch.ones(regressed_layout(settings.modes).size))
 
     def of(self, factor: str) -> FactorNetwork:
         """One factor's network."""
@@ -110,14 +118,16 @@ class PaperNetworks(nn.Module):
         return network
 
     def numbers(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Azimuth (B,) in radians, and elevation, shape, albedo and heading-frame light (B, M).
+        """Azimuth (B,) in radians, and the regressed numbers (B, M), light in the heading frame.
 
         The light is predicted in the object's frame, as in the paper, and turned by the predicted azimuth.
         """
         pose, shape, albedo, light = (self.factors[name](image) for name in FACTORS)
         azimuth, elevation = torch.atan2(pose[:, 1], pose[:, 0]), torch.atan2(pose[:, 3], pose[:, 2])
-        numbers = [elevation[:, None], shape, albedo, rotate_z(light, -azimuth)]
-        return torch.remainder(azimuth, 2 * math.pi), torch.cat(numbers, dim=1)
+        parts = {"shape": shape, "elevation": elevation[:, None], "albedo": albedo}
+        parts["light"] = rotate_z(light, -azimuth)
+        numbers = regressed_layout(self.settings.modes).join(parts)
+        return torch.remainder(azimuth, 2 * math.pi), numbers
 
     def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """The fields of a `Prediction` for images (B, 3, 150, 150), sRGB in [0, 1].
@@ -144,13 +154,11 @@ def targets_of(latents: Latents) -> dict[str, torch.Tensor]:
 def networks_from(settings: Mapping[str, Any], tensors: Mapping[str, torch.Tensor]) -> PaperNetworks:
     """The networks of a weights file, from its settings and tensors.
 
-    Raises KeyError, TypeError, ValueError or RuntimeError when these are not of the paper's networks.
+    Raises ValueError when these are not of the paper's networks.
     """
-    known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
-    networks = PaperNetworks(PaperSettings(**known))
-    networks.load_state_dict(
-        {name.removeprefix("network."): value.float() for name, value in tensors.items()}
-    )
+    with torch.device("meta"):
+        networks = PaperNetworks(decode(PaperSettings, dict(settings)))
+    load_network(networks, {name.removeprefix("network."): value for name, value in tensors.items()})
     if not (networks.deviation > 0).all() or not networks.azimuth_deviation > 0:
         raise ValueError("a standard deviation is not positive")
     return networks

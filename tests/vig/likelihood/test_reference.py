@@ -12,8 +12,8 @@ from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.likelihood.reference import constant_mask_value, shade, surface_at
-from vig.render import rasterize
-from vig.render.raster import FACE_MASK, NOTHING
+from vig.renderer import rasterize
+from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents
 
 SIGMA = 0.03
@@ -151,7 +151,7 @@ def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
         diagonals = (torch.diagonal(found.normal[0]) for found in (sparse, full))
         ratios.append(torch.div(*diagonals))
     # What moves pixels has its curvature from few steep ones; colour and light from all of them.
-    linear = slice(studio.geometry.rows.modes + 2, -3)
+    linear = studio.geometry.layout.indices("albedo", "light")
     off = torch.stack(ratios).log().abs()
     assert off[:, linear].max() < 0.15
     assert off.median() < 0.3 and off.max() < 1.5

@@ -11,10 +11,10 @@ from vig.likelihood.kernels.groups import argument_groups
 from vig.likelihood.kernels.interior import interior_kernels
 from vig.likelihood.kernels.types import RowLayout, kernel_types, module_name
 from vig.likelihood.kernels.vertices import vertex_kernels
-from vig.render.raster import raster_kernels
+from vig.renderer.raster import raster_kernels
 
 PARTS = 32
-"""Pieces into which vertices, faces, lines of pixels and occlusion edges of one image are cut, one thread each."""
+"""Pieces into which an image's vertices, faces, lines of pixels and edges are cut, one thread each."""
 
 
 @functools.cache

@@ -21,7 +21,7 @@ from vig.likelihood.kernels.groups import argument_groups
 from vig.likelihood.kernels.surface import surface_functions
 from vig.likelihood.kernels.types import kernel_types, module_name
 from vig.likelihood.pixel import LOG_UNIT
-from vig.render.raster import FACE_MASK, NOTHING
+from vig.renderer.raster import FACE_MASK, NOTHING
 
 BEHIND_EDGE = 0.002
 """Metres by which the surface beyond an occlusion edge must lie behind it."""
@@ -112,12 +112,12 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         on which the edge's object lies. inner, outer: the pixels on its two sides, as places in the image
         and as image points; `found` where both are in the image."""
 
-        axis: wp.int32
+        axis: int
         share: real
         length: real
         t: real
         inside: real
-        found: wp.bool
+        found: bool
         inner: wp.int32
         outer: wp.int32
         inner_pixel: vec2
@@ -128,22 +128,22 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         """The surfaces that the two pixels show, with their (irradiance, 1 / depth) there. `crossed` unless
         the inner one is not the edge's, or what the outer one shows is not behind the edge."""
 
-        crossed: wp.bool
-        has_behind: wp.bool
+        crossed: bool
+        has_behind: bool
         front: Surface
         behind: Surface
         front_seen: vec2
         behind_seen: vec2
 
     @wp.func
-    def along(axis: wp.int32, u: real, v: real):
+    def along(axis: int, u: real, v: real):
         """(x, y) of what lies u along an axis and v across it."""
         if axis == 0:
             return vec3(u, v, real(0.0))
         return vec3(v, u, real(0.0))
 
     @wp.func
-    def edge_of(image: wp.int32, edge: wp.int32, mesh: Mesh, vertices: Vertices, facing: Occluding, eye: Eye):
+    def edge_of(image: int, edge: int, mesh: Mesh, vertices: Vertices, facing: Occluding, eye: Eye):
         """An edge between a face turned to the eye and one turned away.
 
         Where both lie on one side of it, it is a fold into the object if the one beyond is nearer. Near the
@@ -188,7 +188,7 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         )
 
     @wp.func
-    def lines_of(edge: Edge, axis: wp.int32, view: View):
+    def lines_of(edge: Edge, axis: int, view: View):
         """The lines of pixels that an edge crosses: first, and one after the last."""
         count = view.height
         if axis == 1:
@@ -199,7 +199,7 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         return first, wp.min(int(wp.ceil(wp.max(va, vb) - half)), count)
 
     @wp.func
-    def crossing_of(edge: Edge, axis: wp.int32, line: wp.int32, view: View):
+    def crossing_of(edge: Edge, axis: int, line: int, view: View):
         """Where an edge crosses a line; u runs along the line, v across."""
         c = Crossing()
         c.axis = axis
@@ -230,7 +230,7 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def sides_of(
-        image: wp.int32, edge: Edge, c: Crossing, mesh: Mesh, vertices: Vertices, keys: wp.array2d(dtype=wp.int64)
+        image: int, edge: Edge, c: Crossing, mesh: Mesh, vertices: Vertices, keys: wp.array2d(dtype=wp.int64)
     ):
         sides = Sides()
         if not c.found:
@@ -269,7 +269,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """What blending across a crossing adds to Eq. 4, and its derivatives."""
     t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
     p, e = pixel_functions(dtype, modes), edge_functions(dtype, modes)
-    real, vec2, vec3, vec4, mat33, rest_row = t.real, t.vec2, t.vec3, t.vec4, t.mat33, t.rest_row
+    real, vec2, vec3, vec4, rest_row = t.real, t.vec2, t.vec3, t.vec4, t.rest_row
     Mesh, Vertices, Photos, Cotangents = groups.mesh, groups.vertices, groups.photos, groups.cotangents
     NormalRows, Eye, Noise = groups.normal_rows, f.Eye, p.Noise
     Edge, Crossing, Sides, along, explained = e.Edge, e.Crossing, e.Sides, e.along, p.explained
@@ -294,7 +294,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
         weight: real
         taken: real
-        gives: wp.bool
+        gives: bool
         at: wp.int32
         normal: vec3
         front_irradiance: real
@@ -306,7 +306,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def blend_of(
-        image: wp.int32,
+        image: int,
         normal: vec3,
         edge: Edge,
         c: Crossing,
@@ -343,9 +343,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         return blend
 
     @wp.func
-    def pull_normal(
-        image: wp.int32, edge: Edge, c: Crossing, blend: Blend, cotangents: Cotangents
-    ):
+    def pull_normal(image: int, edge: Edge, c: Crossing, blend: Blend, cotangents: Cotangents):
         """Pull the weight's cotangent back to the edge's normals; the one on `share` is returned."""
         normal = blend.normal
         square = normal[0] * normal[0] + normal[1] * normal[1]
@@ -363,7 +361,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_front(
-        image: wp.int32,
+        image: int,
         on_front: real,
         on_share: real,
         edge: Edge,
@@ -387,7 +385,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_blend(
-        image: wp.int32,
+        image: int,
         edge: Edge,
         c: Crossing,
         sides: Sides,
@@ -406,9 +404,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         painted = error * (strength * blend.front_irradiance)
         on_front = strength * wp.dot(colour, error)
         if blend.gives:
-            pull_pixel(
-                image, sides.front, c.inner_pixel, sides.front_seen, on_front, vertices, cotangents
-            )
+            pull_pixel(image, sides.front, c.inner_pixel, sides.front_seen, on_front, vertices, cotangents)
             on_front = real(0.0)
         pull_front(image, on_front, on_share, edge, c, blend.perspective, vertices, cotangents)
         if sides.has_behind:
@@ -416,24 +412,22 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             strength = -blend.taken * blend.back_fit[1] * precision
             painted = painted + error * (strength * sides.behind_seen[0])
             on_behind = strength * wp.dot(colour, error)
-            pull_pixel(
-                image, sides.behind, c.outer_pixel, sides.behind_seen, on_behind, vertices, cotangents
-            )
+            pull_pixel(image, sides.behind, c.outer_pixel, sides.behind_seen, on_behind, vertices, cotangents)
         return painted
 
     @wp.func
     def add_row(
-        slot: wp.int32,
-        image: wp.int32,
+        slot: int,
+        image: int,
         edge: Edge,
         on_a: vec3,
         on_b: vec3,
         mesh: Mesh,
         eye: Eye,
-        back: mat33,
         rows: NormalRows,
     ):
         """A row of the normal matrix from cotangents on the edge's screen points."""
+        back = wp.transpose(eye.rotation)
         to_a = back * camera_cotangent(eye, edge.a, on_a)
         to_b = back * camera_cotangent(eye, edge.b, on_b)
         rows.normal_shape[image, slot] = along_basis(mesh, edge.i, to_a) + along_basis(mesh, edge.j, to_b)
@@ -441,7 +435,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_motion(
-        image: wp.int32,
+        image: int,
         edge: Edge,
         c: Crossing,
         blend: Blend,
@@ -467,7 +461,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             if slot < rows.normal_shape.shape[1]:
                 brightness = wp.max(wp.dot(colour, colour), least_brightness)
                 root = wp.sqrt(curvature / ((wp.abs(on_u) + least_gain) * brightness))
-                add_row(slot, image, edge, on_a * root, on_b * root, mesh, eye, wp.transpose(eye.rotation), rows)
+                add_row(slot, image, edge, on_a * root, on_b * root, mesh, eye, rows)
 
     return SimpleNamespace(blend_of=blend_of, pull_blend=pull_blend, pull_motion=pull_motion)
 
@@ -489,7 +483,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     module = module_name("boundary", dtype, modes)
 
     @wp.kernel(module=module)
-    def collect_edges(mesh: Mesh, chunk: wp.int32, occluding: Occluding):
+    def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):
         """List the edges between a face turned to the eye and one turned away, or none."""
         image, part = wp.tid()
         first = part * chunk
@@ -502,22 +496,28 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                 slot = wp.atomic_add(occluding.counts, image, 1)
                 occluding.occluding_edges[image, slot] = edge
 
+    @wp.struct
+    class Task:
+        """What is the same at all edges of an image."""
+
+        eye: Eye
+        noise: Noise
+        curvature: real
+        differentiate: int
+        images: int
+
     @wp.func
     def cross_line(
-        image: wp.int32,
+        image: int,
         edge: Edge,
-        axis: wp.int32,
-        line: wp.int32,
+        axis: int,
+        line: int,
         mesh: Mesh,
         view: View,
         vertices: Vertices,
         photos: Photos,
         keys: wp.array2d(dtype=wp.int64),
-        eye: Eye,
-        noise: Noise,
-        curvature: real,
-        differentiate: wp.int32,
-        images: wp.int32,
+        task: Task,
         cotangents: Cotangents,
         normal_rows: NormalRows,
         pictures: Pictures,
@@ -528,15 +528,17 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         normal = edge.normal_a * (one - c.share) + edge.normal_b * c.share
         if not sides.crossed or normal[0] * normal[0] + normal[1] * normal[1] < least_square:
             return vec4()
-        blend = blend_of(image, normal, edge, c, sides, vertices, photos, noise)
-        if images != 0 and not sides.has_behind:
+        blend = blend_of(image, normal, edge, c, sides, vertices, photos, task.noise)
+        if task.images != 0 and not sides.has_behind:
             wp.atomic_add(pictures.coverage, image, blend.at, blend.taken)
         painted = vec3()
-        if differentiate != 0:
-            painted = pull_blend(image, edge, c, sides, blend, noise, vertices, photos, cotangents)
-            stiffness = wp.where(differentiate > 1, curvature, real(0.0))
+        if task.differentiate != 0:
+            painted = pull_blend(image, edge, c, sides, blend, task.noise, vertices, photos, cotangents)
+            stiffness = task.curvature
+            if task.differentiate < 2:
+                stiffness = real(0.0)
             colour = photos.albedo[image]
-            pull_motion(image, edge, c, blend, colour, stiffness, mesh, eye, cotangents, normal_rows)
+            pull_motion(image, edge, c, blend, colour, stiffness, mesh, task.eye, cotangents, normal_rows)
         return vec4(blend.taken * blend.gain, painted[0], painted[1], painted[2])
 
     @wp.kernel(module=module)
@@ -549,8 +551,8 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         occluding: Occluding,
         threads: wp.int32,
         curvature: real,
-        differentiate: wp.int32,
-        images: wp.int32,
+        differentiate: int,
+        images: int,
         totals: Totals,
         cotangents: Cotangents,
         normal_rows: NormalRows,
@@ -559,13 +561,19 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         """Every `threads`th occlusion edge of an image: what blending across it adds to Eq. 4, the way back
         with differentiate >= 1, rows of the normal matrix with 2."""
         image, part = wp.tid()
-        eye = eye_of(image, view)
-        noise = noise_of(photos.sigma[image])
+        task = Task()
+        task.eye = eye_of(image, view)
+        task.noise = noise_of(photos.sigma[image])
+        task.curvature = curvature
+        task.differentiate = differentiate
+        task.images = images
         total = vec4()
         for index in range(part, occluding.counts[image], threads):
             number = occluding.occluding_edges[image, index]
-            edge = edge_of(image, number, mesh, vertices, occluding, eye)
-            for axis in range(wp.where(in_frame(edge, view), 2, 0)):
+            edge = edge_of(image, number, mesh, vertices, occluding, task.eye)
+            if not in_frame(edge, view):
+                continue
+            for axis in range(2):
                 first, end = lines_of(edge, axis, view)
                 for line in range(first, end):
                     total += cross_line(
@@ -578,11 +586,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                         vertices,
                         photos,
                         keys,
-                        eye,
-                        noise,
-                        curvature,
-                        differentiate,
-                        images,
+                        task,
                         cotangents,
                         normal_rows,
                         pictures,

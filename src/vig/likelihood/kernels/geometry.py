@@ -9,7 +9,7 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.types import RowLayout, kernel_types
-from vig.render.device import warp_array
+from vig.renderer.device import warp_array
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
 

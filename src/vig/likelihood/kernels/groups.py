@@ -32,8 +32,8 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class View:
-        """Camera of each point: camera_from_world (B,), (focal length, cx, cy) in pixels (B,), metres from the
-        eye to the target, and the size of the image in pixels."""
+        """Camera of each point (B,): camera_from_world, (focal length, cx, cy) in pixels; metres from the eye
+        to the target; the image's size in pixels."""
 
         rotation: wp.array(dtype=mat33)
         intrinsics: wp.array(dtype=vec3)
@@ -72,7 +72,7 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Photos:
-        """Photos (N, H * W) linear RGB with their log priors, and of each point its photo, noise, albedo (B,)."""
+        """Photos (N, H * W) in linear RGB, log priors, and of each point (B,) photo, noise and albedo."""
 
         observed: wp.array2d(dtype=vec3)
         log_prior: wp.array2d(dtype=vec3)

@@ -10,7 +10,7 @@ from vig.likelihood.kernels.groups import argument_groups
 from vig.likelihood.kernels.surface import surface_functions
 from vig.likelihood.kernels.types import LANES, kernel_types, module_name, native_file
 from vig.likelihood.pixel import LOG_UNIT
-from vig.render.raster import FACE_MASK, NOTHING
+from vig.renderer.raster import FACE_MASK, NOTHING
 
 NEGLIGIBLE = 1e-9
 """Posterior of being visible below which a pixel moves nothing: most of what is hidden."""

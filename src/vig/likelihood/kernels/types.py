@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.render.device import initialise, native_code, scalar_type
+from vig.renderer.device import initialise, native_code, scalar_type
 from vig.scene import Block, LatentLayout, point_layout
 from vig.scene.light import L_COUNT
 

@@ -10,7 +10,7 @@ from vig.likelihood.kernels.groups import argument_groups
 from vig.likelihood.kernels.rings import ring_functions
 from vig.likelihood.kernels.surface import surface_functions
 from vig.likelihood.kernels.types import REST, RowLayout, kernel_types, module_name
-from vig.render.raster import NEAR
+from vig.renderer.raster import NEAR
 from vig.scene.light import L_COUNT
 
 
@@ -75,8 +75,8 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def write_rows(
-        image: wp.int32,
-        vertex: wp.int32,
+        image: int,
+        vertex: int,
         row: rest_row,
         total: real,
         mesh: Mesh,

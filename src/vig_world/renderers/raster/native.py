@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from vig.render.device import Prepared, initialise
+from vig.renderer.device import Prepared, initialise
 from vig_world.renderers.raster.encoding import encode_image
 from vig_world.renderers.raster.fragments import collect_fragments
 from vig_world.renderers.raster.records import address
