@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from vig.cli.explaining import parse_box
+from vig.cli.fit import parse_box
 
 from tests.fuzz.mutations import damaged, outcomes
 from vig.errors import UserError
