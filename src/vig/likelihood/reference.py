@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.likelihood.kernels.boundary import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
+from vig.likelihood.kernels.edges import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.pixel import mixture
 from vig.scene import Camera, Latents, camera_rotation, irradiance, sh_basis

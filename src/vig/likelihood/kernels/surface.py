@@ -71,19 +71,14 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         scale = eye.focal * screen[2]
         along = on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy)
         return vec3(
-            scale * on_screen[0],
-            scale * on_screen[1],
-            -screen[2] * (along + screen[2] * on_screen[2]),
+            scale * on_screen[0], scale * on_screen[1], -screen[2] * (along + screen[2] * on_screen[2])
         )
 
     @wp.func
     def turned(eye: Eye, cotangent: vec3, arm: vec3):
         """What a cotangent on a vector that turns with the camera's rotation says of azimuth, elevation."""
         up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
-        return vec2(
-            -wp.dot(cotangent, wp.cross(up, arm)),
-            cotangent[2] * arm[1] - cotangent[1] * arm[2],
-        )
+        return vec2(-wp.dot(cotangent, wp.cross(up, arm)), cotangent[2] * arm[1] - cotangent[1] * arm[2])
 
     @wp.func
     def framed(eye: Eye, on_screen: vec3, screen: vec3):
@@ -247,12 +242,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         )
 
     @wp.func
-    def moved(
-        row: rest_row,
-        eye: Eye,
-        on_screen: vec3,
-        screen: vec3,
-    ):
+    def moved(row: rest_row, eye: Eye, on_screen: vec3, screen: vec3):
         """Add what a cotangent on a screen point says of pose and framing to a row's rest."""
         point = camera_point(eye, screen)
         arm = vec3(point[0], point[1], point[2] - eye.distance)
