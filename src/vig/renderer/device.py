@@ -17,7 +17,10 @@ import warp as wp
 from vig.errors import UserError
 from vig.parallel.internals import packed_launch
 
-wp.config.log_level = wp.LOG_ERROR
+if hasattr(wp, "LOG_ERROR"):
+    wp.config.log_level = wp.LOG_ERROR
+else:  # Warp 1.13 has no levels
+    wp.config.quiet = True
 wp.config.enable_backward = False
 
 _NATIVE = {wp.float32: "float", wp.float64: "double"}
