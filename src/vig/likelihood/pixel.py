@@ -62,6 +62,6 @@ def mixture(
     (...). The plain reference of what the kernels compute.
     """
     square = ((observed - rendered) ** 2).sum(-1)
-    inlier = log_prior[..., 0] - square / (2 * sigma**2) - 3 * math.log(sigma) - LOG_UNIT
+    inlier = log_prior[..., 0] - square / (2 * sigma**2) - 3 * math.log(sigma * math.sqrt(2 * math.pi))
     both = torch.stack([inlier, log_prior[..., 1]], dim=-1)
     return both.logsumexp(-1), both.softmax(-1)[..., 0]

@@ -25,7 +25,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """Device functions for one scalar type and number of shape components."""
     t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
     real, vec2, vec3, vec4, mat33 = t.real, t.vec2, t.vec3, t.vec4, t.mat33
-    rest_row, lobe_vector = t.rest_row, t.lobe_vector
+    shape_row, rest_row, lobe_vector = t.shape_row, t.rest_row, t.lobe_vector
     Mesh, View, Vertices, Cotangents = groups.mesh, groups.view, groups.vertices, groups.cotangents
     azimuth, elevation, framing, light_at = (
         REST.at(name) for name in ("azimuth", "elevation", "framing", "light")
@@ -233,10 +233,11 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         )
 
     @wp.func
-    def along_basis(mesh: Mesh, vertex: wp.int32, cotangent: vec3):
-        """What a cotangent on a vertex's place in the world is on the shape coefficients."""
+    def add_basis(row: shape_row, mesh: Mesh, vertex: wp.int32, cotangent: vec3):
+        """Add what a cotangent on a vertex's place in the world is on the shape coefficients."""
         return (
-            mesh.basis[vertex, 0] * cotangent[0]
+            row
+            + mesh.basis[vertex, 0] * cotangent[0]
             + mesh.basis[vertex, 1] * cotangent[1]
             + mesh.basis[vertex, 2] * cotangent[2]
         )
@@ -267,6 +268,6 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         lobes=lobes,
         add_lobes=add_lobes,
         light_slope=light_slope,
-        along_basis=along_basis,
+        add_basis=add_basis,
         moved=moved,
     )
