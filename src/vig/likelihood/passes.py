@@ -124,7 +124,7 @@ class Pass:
     def look_at(self, likelihood: Likelihood) -> None:
         """Take the photos of a likelihood, which differs from the one before in nothing else.
 
-        They are the likelihood's to keep: a pass that outlives it holds none of them.
+        The likelihood keeps them: a pass that outlives it refers to none of them.
         """
         self._likelihood = weakref.ref(likelihood)
         for launch, names in self._launches:

@@ -3,7 +3,7 @@
 Between two neighbouring pixels an occlusion edge may pass, at a share t of the way from one centre to the
 other. The nearer pixel is then partly the other's surface: by |t - 1/2|, which is its analytic coverage
 along that direction. Log-likelihoods (not colours) are blended by it, so the objective is continuous and
-differentiable in the edge's place (docs/objective.md says where it is not). An edge is seen both by rows and
+differentiable in the edge's place (docs/objective.md lists where it is not). An edge is seen both by rows and
 by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
 area is kept and nothing jumps where one edge hands over to the next.
 
