@@ -14,7 +14,7 @@ from vig_world.assets.props.shapes import box
 from vig_world.rooms import Layout, draw_layout
 from vig_world.rooms.shell import inside, walls_of
 
-from .test_furniture import ZONES, bytes_of, check_support, gap, joined, spread
+from tests.vig_world.assets.test_furniture import ZONES, bytes_of, check_support, gap, joined, spread
 
 COUNT = 64
 SHELL = ("wall", "floor", "ceiling")
