@@ -22,9 +22,9 @@ from vig_world.assets.furniture import FAMILIES as FURNITURE
 from vig_world.assets.furniture import Furniture
 from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
 from vig_world.assets.panoramas import light_parts, local_light, panorama
-from vig_world.assets.props import FAMILIES, ZONES, Prop
+from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
-from vig_world.assets.textures import FINISHES, METRES, texture
+from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.renderers.raster import Packed, Pyramid
 from vig_world.rooms import Layout, draw_layout, material_under
 from vig_world.streams import asset_rng
@@ -39,7 +39,7 @@ TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
 SLOTS = tuple(FINISHES)
-ALL_ZONES = tuple(sorted({zone for zones in ZONES.values() for zone in zones}))
+ALL_ZONES = tuple(sorted(ZONE_NAMES))
 BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
 """The environment variable that names an interpreter which can import bpy."""
 
@@ -172,7 +172,9 @@ class Library:
     def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
         """A random finish that suits a slot."""
         kind = str(rng.choice(FINISHES[slot]))
-        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[kind]))
+        return Surface(
+            kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*KINDS[kind].metres)
+        )
 
     def _finish(self, kind: str, number: int) -> np.ndarray:
         """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish; less gaudy than props are."""

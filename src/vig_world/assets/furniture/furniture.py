@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,3 +47,15 @@ class Furniture:
     family: str
     parts: tuple[tuple[Mesh, Material], ...]
     supports: tuple[Support, ...]
+
+
+Maker = Callable[[np.random.Generator], Furniture]
+
+FAMILIES: dict[str, Maker] = {}
+"""Every family of furniture by name: a function from a generator to a piece."""
+
+
+def family(make: Maker) -> Maker:
+    """Register the decorated function as the maker of a family, named like the function."""
+    FAMILIES[make.__name__] = make
+    return make

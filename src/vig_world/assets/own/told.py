@@ -19,11 +19,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from vig.errors import UserError
+from vig_world.assets.props.families import ZONE_NAMES
 
 FILE = "vig.toml"
-ZONES = (
-    "cooking", "dining", "drinks", "desk", "reading", "display", "storage", "bedside", "washing", "floor",
-)  # fmt: skip
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -101,9 +99,7 @@ def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]
             "up": (value in AXES, "one of " + " ".join(AXES)),
             "scale": (number and value > 0, "a positive number of metres per unit"),
             "turn": (number, "a number of degrees"),
-            "zones": (
-                strings and all(item in ZONES for item in value), "a list of some of " + " ".join(ZONES),
-            ),
+            "zones": (strings and set(value) <= set(ZONE_NAMES), "a list of some of " + " ".join(ZONE_NAMES)),
             "family": (isinstance(value, str) and value != "", "a name"),
             "nodes": (strings and value != [], "a list of the scene's node names"),
             "skip": (isinstance(value, bool), "true or false"),
