@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vig.scene.colour import linear_from_srgb
 from vig.scene.light import COSINE_LOBE, Y1
 from vig_world.renderers.picture import CANVAS, Picture
-from vig_world.renderers.raster.encoding import srgb_tables
 from vig_world.renderers.raster.items import HARMONICS, Item, Target, item_table
 from vig_world.renderers.raster.native import workspace
 from vig_world.renderers.raster.packed import Packed
-from vig_world.renderers.raster.records import DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
-from vig_world.renderers.raster.shadow import cast_shadows
+from vig_world.renderers.raster.records import BINS, DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
+from vig_world.renderers.raster.shadows import cast_shadows
 from vig_world.renderers.view import View
 
 NEAR = 0.02
@@ -164,3 +165,13 @@ def _rasterise(
     )
     workspace.launch("draw", "task")
     return q[:size], ids[:size]
+
+
+@functools.cache
+def srgb_tables() -> tuple[np.ndarray, np.ndarray]:
+    """The 8-bit sRGB level of each bin's lower edge (BINS + 1,), and the lower bound of each level (257,)."""
+    thresholds = np.full(257, np.inf, np.float32)
+    thresholds[:256] = linear_from_srgb((np.arange(256) - 0.5) / 255)
+    thresholds[0] = 0
+    edges = np.arange(BINS + 1, dtype=np.float32) / BINS
+    return (np.searchsorted(thresholds, edges, side="right") - 1).astype(np.uint8), thresholds

@@ -1,21 +1,12 @@
-"""The rasteriser: which face is nearest at each sample. In C++ for the sake of its speed.
+// The rasteriser: which face is nearest at each sample.
+//
+// As in `vig.render.raster`, 16 faces are set up side by side in vector registers and culled before one is
+// drawn; here whole parts outside the frame are skipped first, faces that reach behind the camera are clipped
+// at the near plane, and depth and face lie in two buffers of 32 bits, so that twice as many samples fit a
+// register.
+//
+// The body of a function of `Task* const task`; `native.py` puts the declarations before it.
 
-As in `vig.render.raster`, 16 faces are set up side by side in vector registers and culled before one is
-drawn; here whole parts outside the frame are left out before, faces that reach behind the eye are cut off at
-the near plane, and depth and face lie in two buffers of 32 bits, so that twice as many samples fit a
-register.
-"""
-
-from __future__ import annotations
-
-import warp as wp
-
-from vig_world.renderers.raster.records import native
-
-SLACK = 4.8e-7
-"""A sample that lies beyond an edge by rounding only is covered, so that no gap opens between neighbours."""
-
-_DRAW = """
 typedef float Floats __attribute__((ext_vector_type(8), aligned(4)));
 typedef int Ints __attribute__((ext_vector_type(8), aligned(4)));
 const Floats eight = {0, 1, 2, 3, 4, 5, 6, 7};
@@ -199,7 +190,6 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
             }
         };
 
-        constexpr int LANES = 16;
         const int end = part.faces[1];
         for (int base = part.faces[0]; base < end; base += LANES) {
             int corner[LANES][4], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
@@ -271,8 +261,3 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
 task->part_count = part_count;
 task->face_count = face_count;
 task->clipped_count = clipped_count;
-"""
-
-
-@wp.func_native(snippet=native("Task", _DRAW, SLACK=SLACK))
-def draw_faces(address: wp.uint64): ...
