@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from vig.render.device import Prepared, initialise
+from vig.render.raster import PIXEL_BOX
 from vig_world.renderers.raster.records import address, declarations
 
 MODULE = "vig_world_raster"
@@ -36,7 +37,7 @@ def source(name: str) -> str:
         "#pragma clang fp contract(fast)\n"
         + declarations()
         + f"{record}* const task = ({record}*)address;\n"
-        + body
+        + body.replace("#include <pixel_box>\n", PIXEL_BOX)
     )
 
 

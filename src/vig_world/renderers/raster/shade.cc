@@ -327,7 +327,8 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                     lobe[lane] *= lobe[lane];
             const float bright = part.emission, metal = part.metal, plain = 1 - metal, mirror = part.mirror;
             for (int lane = 0; lane < LANES; ++lane) {
-                const float open = left[lane] > LEAST_LIGHT ? left[lane] < MOST_LIGHT ? left[lane] : MOST_LIGHT : LEAST_LIGHT;
+                const float open = left[lane] > LEAST_LIGHT
+                    ? left[lane] < MOST_LIGHT ? left[lane] : MOST_LIGHT : LEAST_LIGHT;
                 const float x = rx[lane], y = ry[lane], z = rz[lane];
                 float l = L[0] + L[1] * y + L[2] * z + L[3] * x + L[4] * x * y + L[5] * y * z
                     + L[6] * (3 * z * z - 1) + L[7] * x * z + L[8] * (x * x - y * y);
