@@ -39,9 +39,11 @@ def extreme_points(vertices: np.ndarray) -> np.ndarray:
 class Footprint:
     """A bound of a solid: its shadow on the ground, its heights, its depths along one axis.
 
-    outline: (..., P, 2) points whose convex hull is its shadow. support: (..., 16) extents of the outline
-    along sixteen directions. heights: (..., 2) lowest and highest z. depths: (..., 2) least and greatest
-    coordinate along the axis. Leading axes hold many solids at once.
+    Attributes:
+        outline: (..., P, 2) points whose convex hull is its shadow.
+        support: (..., 16) extents of the outline along sixteen directions.
+        heights: (..., 2) lowest and highest z.
+        depths: (..., 2) least and greatest coordinate along the axis. Leading axes hold many solids at once.
     """
 
     outline: np.ndarray

@@ -17,8 +17,9 @@ def read_panorama(path: str | Path) -> np.ndarray:
 
     Values below 0 by at most `UNDERSHOOT` of the mean become 0: filters that resample leave such.
 
-    Raises UserError for a missing, unreadable or damaged file, one that is not twice as wide as high, tiny
-    or huge, one that holds NaN, infinite or more negative values, and one that is black throughout.
+    Raises:
+        UserError: For a missing, unreadable or damaged file, one that is not twice as wide as high, tiny or
+            huge, one that holds NaN, infinite or more negative values, and one that is black throughout.
     """
     path = existing_file(path)
     if not head_of(path).startswith(HDR_MAGIC):

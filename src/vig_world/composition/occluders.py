@@ -17,9 +17,10 @@ from vig_world.library import ALL_ZONES
 class Candidate:
     """Props that move together along a line: at offset `least` they hide most, at `most` little or nothing.
 
-    motion: (3,) metres per unit of offset, across the line of sight. Between `least` and `most` they are
-    above the support, on it if they stand, and the hand that holds them is in the frame. stands: on the
-    object's own support; otherwise in mid-air, held.
+    Attributes:
+        motion: (3,) metres per unit of offset, across the line of sight. Between `least` and `most` they are
+            above the support, on it if they stand, and the hand that holds them is in the frame.
+        stands: On the object's own support; otherwise in mid-air, held.
     """
 
     parts: list[Placed]
@@ -79,7 +80,11 @@ def draw_large(
 ) -> tuple[str, int]:
     """A random prop whose broadest side is within `areas`, square metres, or the last drawn.
 
-    First from the zone of the object's support, then from any. upright: it is seen from the side.
+    First from the zone of the object's support, then from any.
+
+    Args:
+        areas: Least and greatest area, square metres.
+        upright: Whether it is seen from the side.
     """
     library = stage.library
     for draw, (zone_at, family_at, member_at) in enumerate(rng.random((DRAWS, 3)).tolist()):

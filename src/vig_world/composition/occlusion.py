@@ -25,7 +25,8 @@ def hide(
 ) -> bool:
     """Add one to three occluders that together with the room hide `target`; False when nothing fits.
 
-    last_resort: shelf boards out of nowhere are allowed too.
+    Args:
+        last_resort: Shelf boards out of nowhere are allowed too.
     """
     if target == 0 or abs(stage.hidden() - target) <= FIT_TOLERANCE:
         return True

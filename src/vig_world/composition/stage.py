@@ -27,10 +27,16 @@ NEAREST = 0.09
 class Actor:
     """The object as seen from its eye.
 
-    item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those
-    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner,
-    middle: their mean row and column, pixels. body: its bound. ahead, aside: unit vectors (3,) in the ground
-    plane, away from the eye and to its right.
+    Attributes:
+        item: Its geometry.
+        depth: (75, 75) metres, the object alone; inf where it is not.
+        pixels: Flat indices of the pixels that show it.
+        own: Their depths.
+        sums: (76, 76), how many of them lie above and left of each corner.
+        middle: Their mean row and column, pixels.
+        body: Its bound.
+        ahead: Unit vectors (3,) in the ground plane, away from the eye and to its right.
+        aside: Unit vectors (3,) in the ground plane, away from the eye and to its right.
     """
 
     item: Item
@@ -73,8 +79,11 @@ class Actor:
 class Stage:
     """Where a scene is put together.
 
-    support: what the object stands on, in the layout's frame. behind, blockers: (75, 75) metres, inf =
-    nothing: the room, and the nearest of room and props. solids: bounds of the props so far.
+    Attributes:
+        support: What the object stands on, in the layout's frame.
+        behind: (75, 75) metres, inf = nothing: the room, and the nearest of room and props.
+        blockers: (75, 75) metres, inf = nothing: the room, and the nearest of room and props.
+        solids: Bounds of the props so far.
     """
 
     library: Library

@@ -34,7 +34,11 @@ THREADS = 2
 class Findings:
     """What a check found.
 
-    problems: one line each, in the order of the samples. samples, files, rendered: how many were checked.
+    Attributes:
+        problems: One line each, in the order of the samples.
+        samples: How many were checked.
+        files: How many were checked.
+        rendered: How many were checked.
     """
 
     split: str
@@ -64,11 +68,14 @@ def check_dataset(
 ) -> Findings:
     """Check one split of a dataset: hashes, pictures, labels; docs/dataset.md lists the facts.
 
-    split: the only one by default. render: this many samples, evenly chosen, are made again from their specs
-    and compared. object_class: the class it was made with, by default the packaged one of the recorded name.
-    own: the user's assets it was made with, needed to render.
+    Args:
+        split: The only one by default.
+        render: This many samples, evenly chosen, are made again from their specs and compared.
+        object_class: The class it was made with, by default the packaged one of the recorded name.
+        own: The user's assets it was made with, needed to render.
 
-    Raises UserError when there is no such dataset, or the class or the assets are others.
+    Raises:
+        UserError: When there is no such dataset, or the class or the assets are others.
     """
     root = Path(path)
     if render < 0:

@@ -44,7 +44,9 @@ def describe(
 ) -> dict[str, Any]:
     """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
-    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
+    Args:
+        depth: The depth image as stored, see `depth_units`.
+        photo: How the picture was photographed, if it was.
     """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
     info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)

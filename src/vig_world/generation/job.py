@@ -63,8 +63,10 @@ class _Raster:
 class Job:
     """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
 
-    options: settings of the tier's renderer; they are recorded in the dataset. own: the user's assets. photo:
-    pictures are photographed (`vig_world.renderers.photo`).
+    Attributes:
+        options: Settings of the tier's renderer; they are recorded in the dataset.
+        own: The user's assets.
+        photo: Pictures are photographed (`vig_world.renderers.photo`).
     """
 
     seed: int

@@ -32,7 +32,9 @@ def label_problems(
 ) -> Iterator[str]:
     """What is wrong with a sample's labels, a line each; raises KeyError and the like when some are missing.
 
-    item: row, camera, gt, gt_info as merged. pictures: rgb, depth, mask, mask_visib as stored.
+    Args:
+        item: Row, camera, gt, gt_info as merged.
+        pictures: Rgb, depth, mask, mask_visib as stored.
     """
     for kind in ("mask", "mask_visib"):
         if not np.isin(pictures[kind], (0, 255)).all():

@@ -16,7 +16,10 @@ SECONDS, SHARE = 30.0, 0.1
 class Meter:
     """Counts samples, or what `unit` names, of a run of `total`, of which `done` were there at its start.
 
-    Use as a context. show: False says nothing. Everything goes to standard error.
+    Use as a context.
+
+    Args:
+        show: False says nothing. Everything goes to standard error.
     """
 
     def __init__(self, total: int, done: int, show: bool = True, unit: str = "samples") -> None:

@@ -31,8 +31,13 @@ def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
 def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: bool = True) -> Path:
     """Write `count` samples, from freely seen to hidden, as one picture; numbers and occlusion below.
 
-    The same samples whenever it is called. tint: colour the object's hidden part. Raises UserError when
-    count is below 1 or the file cannot be written.
+    The same samples whenever it is called.
+
+    Args:
+        tint: Colour the object's hidden part.
+
+    Raises:
+        UserError: When count is below 1 or the file cannot be written.
     """
     if count < 1:
         raise UserError(f"count must be at least 1; got {count}")
@@ -62,7 +67,8 @@ def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: boo
 def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     """Write the distributions of a split as one picture: occlusion, pose, size, light, causes.
 
-    Raises UserError when the split cannot be read or the file cannot be written.
+    Raises:
+        UserError: When the split cannot be read or the file cannot be written.
     """
     from matplotlib.figure import Figure  # 0.2 s that worker processes need not spend
     from matplotlib.layout_engine import ConstrainedLayoutEngine

@@ -63,10 +63,16 @@ def make_dataset(
 ) -> Path:
     """Make (or go on making) `count` samples of a split in folder `out`; see docs/dataset.md.
 
-    A run that was killed is completed by the same call: samples that are there stay. workers: processes;
-    None takes one per CPU. progress: a bar on a terminal, a line now and then in a log. object_class: the
-    packaged teapot by default. options: the tier's settings. own: the user's assets. photo:
-    photograph the pictures. ray: the address of a Ray cluster, or `auto`, in place of worker processes.
+    A run that was killed is completed by the same call: samples that are there stay.
+
+    Args:
+        workers: Processes; None takes one per CPU.
+        progress: A bar on a terminal, a line now and then in a log.
+        object_class: The packaged teapot by default.
+        options: The tier's settings.
+        own: The user's assets.
+        photo: Photograph the pictures.
+        ray: The address of a Ray cluster, or `auto`, in place of worker processes.
 
     Returns:
         `out`.
@@ -136,7 +142,8 @@ def _require(tier: str, ray: str | None) -> None:
 def alone(root: Path, split: str) -> Iterator[None]:
     """Hold a split's lock, so that two runs do not make it at once; the lock dies with the process.
 
-    Raises UserError when another run holds it, or the folder cannot be made.
+    Raises:
+        UserError: When another run holds it, or the folder cannot be made.
     """
     if fcntl is None or (root.exists() and not root.is_dir()):
         yield

@@ -76,8 +76,11 @@ def ray_kernels() -> SimpleNamespace:
 class Rays:
     """What N points meet in R directions each, cosine-weighted about their normals.
 
-    origins (N, 3), directions (N, R, 3). face (N, R): index of the face met, -1 nothing, -2 a face seen from
-    behind. weights (N, R, 3): barycentric, of the face's corners.
+    Attributes:
+        origins: (N, 3).
+        directions: (N, R, 3).
+        face: (N, R) index of the face met, -1 nothing, -2 a face seen from behind.
+        weights: (N, R, 3) barycentric, of the face's corners.
     """
 
     origins: np.ndarray
@@ -151,9 +154,12 @@ def unoccluded(normals: np.ndarray) -> np.ndarray:
 class Occlusion:
     """What a shape's vertices see of the shape itself.
 
-    normals (V, 3). blocked (V, 9): mean over directions of Y where something is met. seen (V, V): sparse;
-    times a vertex attribute it is the mean over directions of the attribute of what is met. inside (V,) bool:
-    the vertex lies within another part.
+    Attributes:
+        normals: (V, 3).
+        blocked: (V, 9) mean over directions of Y where something is met.
+        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of what
+            is met.
+        inside: (V,) bool, whether the vertex lies within another part.
     """
 
     normals: np.ndarray

@@ -20,11 +20,19 @@ TARGET = "target"
 class Instance:
     """One thing of one material in the world.
 
-    name: `target`, `wall`, `floor`, `ceiling`, `room-NN` (the rest of the furnished room) or
-    `prop-NN/family/part`. key: two instances of the same key have the same mesh, normals and texture, so a
-    renderer may keep them. mesh: metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside
-    [0, 1]. normals: (V, 3) unit. texture: (h, w, 3) linear albedo, row 0 on top. kind, roughness, emission:
-    of the material. rotation (3, 3), translation (3,): from its own frame to the world.
+    Attributes:
+        name: `target`, `wall`, `floor`, `ceiling`, `room-NN` (the rest of the furnished room) or
+            `prop-NN/family/part`.
+        key: Two instances of the same key have the same mesh, normals and texture, so a renderer may keep
+            them.
+        mesh: Metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside [0, 1].
+        normals: (V, 3) unit.
+        texture: (h, w, 3) linear albedo, row 0 on top.
+        kind: Of the material.
+        roughness: Of the material.
+        emission: Of the material.
+        rotation: (3, 3), from its own frame to the world.
+        translation: (3,), metres.
     """
 
     name: str

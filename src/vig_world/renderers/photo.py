@@ -19,12 +19,18 @@ MOTION_SHARE = 0.2
 class PhotoSettings:
     """How one photograph was taken; plain data.
 
-    exposure: stops by which it is brighter than the picture. white_balance: (3,) factors of the channels
-    behind the sensor, of mean luminance 1. vignetting: share of light lost in the corners. blur: standard
-    deviation of the lens's blur, pixels. motion: length of the camera's path, pixels; motion_angle: its
-    direction, radians from the rows'. electrons: how many a pixel at white (linear 1) collects, their noise
-    being the square root of their number; read_noise: standard deviation of what comes on top, electrons.
-    quality: of the JPEG, in pillow's scale; chroma: whether its colours have half the resolution (4:2:0).
+    Attributes:
+        exposure: Stops by which it is brighter than the picture.
+        white_balance: (3,) factors of the channels behind the sensor, of mean luminance 1.
+        vignetting: Share of light lost in the corners.
+        blur: Standard deviation of the lens's blur, pixels.
+        motion: Length of the camera's path, pixels.
+        motion_angle: Its direction, radians from the rows'.
+        electrons: How many a pixel at white (linear 1) collects, their noise being the square root of their
+            number.
+        read_noise: Standard deviation of what comes on top, electrons.
+        quality: Quality of the JPEG, in pillow's scale.
+        chroma: Whether its colours have half the resolution (4:2:0).
     """
 
     exposure: float
@@ -61,8 +67,10 @@ class PhotoSettings:
 def photograph(linear: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, PhotoSettings]:
     """Photograph a picture: lens, sensor, white balance, sRGB, JPEG, in this order.
 
-    linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are clipped by
-    the sensor. rng: settings and noise come from it, and from nothing else.
+    Args:
+        linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are
+            clipped by the sensor.
+        rng: Settings and noise come from it, and from nothing else.
 
     Returns:
         The photograph (H, W, 3) uint8 sRGB and how it was taken.

@@ -28,9 +28,10 @@ _ATTEMPTS = 8
 def draw_layout(rng: np.random.Generator, furniture: Make | None = None) -> Layout:
     """A furnished room drawn from a generator.
 
-    furniture: gives a piece of a family (a name of `vig_world.assets.furniture.FAMILIES`) from a generator of
-    its own; by default the family's own. What it gives stands on z = 0, centred, with its front to -Y. A
-    piece for which there is no room is left out.
+    Args:
+        furniture: Gives a piece of a family (a name of `vig_world.assets.furniture.FAMILIES`) from a
+            generator of its own; by default the family's own. What it gives stands on z = 0, centred, with
+            its front to -Y. A piece for which there is no room is left out.
     """
     make = furniture or _own
     name = str(rng.choice(list(KINDS), p=[0.2, 0.16, 0.18, 0.1, 0.1, 0.06, 0.08, 0.12]))

@@ -132,7 +132,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class Placed:
-    """A piece of furniture where it stands; along: its place on its wall, if it stands against one."""
+    """A piece of furniture where it stands.
+
+    Attributes:
+        along: Its place on its wall, if it stands against one.
+    """
 
     piece: Piece
     offset: tuple[float, float, float]
@@ -149,7 +153,9 @@ class Placed:
 class Plan:
     """A room being furnished.
 
-    outline: (N, 2) corners of the floor; make: gives a piece of a family.
+    Args:
+        outline: (N, 2) corners of the floor.
+        make: Gives a piece of a family.
     """
 
     def __init__(self, rng: np.random.Generator, outline: Array, height: float, make: Make) -> None:
@@ -191,7 +197,8 @@ class Plan:
     ) -> bool:
         """Whether bodies can stand here, with aisles before them that no other body is in.
 
-        shared: pieces in whose own aisles the bodies may be.
+        Args:
+            shared: Pieces in whose own aisles the bodies may be.
         """
         allowed = {id(aisle) for placed in shared for aisle in self._aisles.get(id(placed), ())}
         return (
@@ -206,8 +213,9 @@ class Plan:
     ) -> bool:
         """Stands a piece there if it fits, with an aisle `front` metres deep before it.
 
-        aside: it stands close before something, so its supports are reached from its side. shared: pieces
-        in whose aisles it may stand.
+        Args:
+            aside: It stands close before something, so its supports are reached from its side.
+            shared: Pieces in whose aisles it may stand.
         """
         low, high = placed.piece.low, placed.piece.high
         bodies = [Body.of(box, placed.offset, placed.turn) for box in placed.piece.boxes]
@@ -260,7 +268,9 @@ class Plan:
     ) -> Placed | None:
         """Stands (or at `lift` hangs) a piece of a family with its back to a wall.
 
-        walls: which walls may do, all if None, tried in random order. at: the place along the wall.
+        Args:
+            walls: Which walls may do, all if None, tried in random order.
+            at: The place along the wall.
         """
         for _ in range(tries):
             piece = self.draw(family)
@@ -298,9 +308,11 @@ class Plan:
         aside: float = 0.0,
         shared: Sequence[Placed] = (),
     ) -> Placed | None:
-        """Stands a piece in front of another, `distance` away and `aside` to a side; facing: turned to it.
+        """Place a piece in front of another, `distance` away and `aside` to a side.
 
-        shared: further pieces in whose aisles it may stand.
+        Args:
+            facing: Whether it is turned to the other.
+            shared: Further pieces in whose aisles it may stand.
         """
         piece = self.draw(family)
         deep = float(-piece.low[1] if facing else piece.high[1])

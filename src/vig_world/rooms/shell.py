@@ -162,7 +162,12 @@ def shell(
     depth: float,
     paint: Material,
 ) -> list[Part]:
-    """All of it. depth: of the windows' recesses; paint: of skirting and cornice."""
+    """All of it.
+
+    Args:
+        depth: Depth of the windows' recesses.
+        paint: Paint of skirting and cornice.
+    """
 
     def stand_in(kind: str, stuff: str, slot: str) -> Material:
         return Material(texture(kind, rng, 32), stuff, 0.8, slot)

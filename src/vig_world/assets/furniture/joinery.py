@@ -95,9 +95,13 @@ def slab(
 ) -> Mesh:
     """A body over a rectangle with rounded corners, closed by flat ends.
 
-    half: half its extents in x and y; radius: of its corners, up to the smaller half (a round or oval body).
-    runs: from the bottom's rim to the top's, each a list of (inset, z) shaded smoothly, with sharp edges
-    between runs. corner: pieces per quarter circle, 0 for sharp corners. soft: the ends join smoothly too.
+    Args:
+        half: Half its extents in x and y.
+        radius: Radius of its corners, up to the smaller half (a round or oval body).
+        runs: From the bottom's rim to the top's, each a list of (inset, z) shaded smoothly, with sharp edges
+            between runs.
+        corner: Pieces per quarter circle, 0 for sharp corners.
+        soft: The ends join smoothly too.
     """
     half = np.asarray(half, np.float64)
     inset, z = np.array([point for run in runs for point in run], np.float64).T

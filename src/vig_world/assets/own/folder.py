@@ -12,8 +12,11 @@ from vig.errors import UserError
 def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, Path]]:
     """All files of a folder and the folders in it with one of the suffixes, hidden ones left out.
 
-    Result: names relative to the folder with `/` between, in their alphabetical order, and paths.
-    Raises UserError when the folder is missing or no folder, or holds no such file.
+    Returns:
+        Names relative to the folder with `/` between, in their alphabetical order, and paths.
+
+    Raises:
+        UserError: When the folder is missing or no folder, or holds no such file.
     """
     root = Path(folder)
     kinds = " ".join(suffixes)

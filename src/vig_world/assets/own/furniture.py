@@ -43,9 +43,12 @@ class OwnFurniture:
 def read_furniture(folder: str | Path) -> tuple[list[OwnFurniture], list[str]]:
     """Read every mesh file of a folder and the folders in it as furniture, in the order of their names.
 
-    Result: the pieces, and one sentence for each file that was left out and for each guess made. A piece on
-    which nothing can stand is kept, with a sentence, if it is `_LOWEST` or higher.
-    Raises UserError when there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
+    Returns:
+        The pieces, and one sentence for each file that was left out and for each guess made. A piece on which
+        nothing can stand is kept, with a sentence, if it is `_LOWEST` or higher.
+
+    Raises:
+        UserError: When there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
     """
     return read_each(folder, _FURNITURE, _made)
 

@@ -50,8 +50,12 @@ class Loaded:
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     """Load a mesh file with the scene's transforms applied.
 
-    root: folder outside which nothing is read. nodes: the only nodes of the scene that are wanted; empty:
-    all. Raises UserError for a file that is huge, unreadable, empty, or has no finite triangle.
+    Args:
+        root: Folder outside which nothing is read.
+        nodes: The only nodes of the scene that are wanted; empty: all.
+
+    Raises:
+        UserError: For a file that is huge, unreadable, empty, or has no finite triangle.
     """
     try:
         refuse_huge(path)

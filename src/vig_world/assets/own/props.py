@@ -29,8 +29,10 @@ Parts = tuple[tuple[Mesh, Material], ...]
 class OwnProp:
     """A prop from a file.
 
-    name: of the file, relative to its folder. fingerprint: sha256 of all files it was read from and of what
-    `vig.toml` tells of it. zones: where it belongs; empty: anywhere.
+    Attributes:
+        name: Name of the file, relative to its folder.
+        fingerprint: sha256 of all files it was read from and of what `vig.toml` tells of it.
+        zones: Where it belongs; empty: anywhere.
     """
 
     name: str
@@ -42,8 +44,11 @@ class OwnProp:
 def read_props(folder: str | Path) -> tuple[list[OwnProp], list[str]]:
     """Read every mesh file of a folder and the folders in it as a prop, in the order of their names.
 
-    Result: the props, and one sentence for each file that was left out and for each guess made.
-    Raises UserError when there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
+    Returns:
+        The props, and one sentence for each file that was left out and for each guess made.
+
+    Raises:
+        UserError: When there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
     """
 
     def made(name: str, mark: str, parts: Parts, said: Told) -> tuple[OwnProp, list[str]]:

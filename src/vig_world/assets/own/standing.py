@@ -40,7 +40,8 @@ class Kind:
 def stand(pieces: list[Piece], told: Told, suffix: str, kind: Kind) -> tuple[list[Piece], list[str]]:
     """The pieces turned upright, in metres, and what had to be guessed, in words.
 
-    Raises ValueError, saying the size, when no usual unit makes it one of this kind.
+    Raises:
+        ValueError: With the size, when no usual unit makes it one of this kind.
     """
     guesses = []
     up = told.up

@@ -29,10 +29,15 @@ AXES = ("x", "y", "z", "-x", "-y", "-z")
 class Told:
     """What is told of a file; None or empty where nothing is.
 
-    up: which of the file's axes points up. scale: metres per unit of the file. turn: degrees,
-    counter-clockwise about the upward axis, after the file's axes were put upright (furniture's front is to
-    face -Y). zones: where it belongs. family: what it is, such as `table`. nodes: the only ones of a scene
-    that are wanted. skip: leave the file out.
+    Attributes:
+        up: Which of the file's axes points up.
+        scale: Metres per unit of the file.
+        turn: Degrees, counter-clockwise about the upward axis, after the file's axes were put upright
+            (furniture's front is to face -Y).
+        zones: Where it belongs.
+        family: What it is, such as `table`.
+        nodes: The only ones of a scene that are wanted.
+        skip: Leave the file out.
     """
 
     up: str | None = None

@@ -18,9 +18,10 @@ def grey_light(image: Array) -> NDArray[np.float64]:
 def light_parts(radiance: Array) -> NDArray[np.float64]:
     """What a panorama gives a place on a level support: (2, 9) grey SH of radiance, unexposed.
 
-    radiance: (H, W, 3), H even. First the panorama's upper hemisphere alone, then what a white support that
-    fills the lower one sends up: everywhere E / pi, E being the irradiance from above. Both turn with
-    `rotate_z`, so they are computed once per panorama.
+    Args:
+        radiance: (H, W, 3), H even. First the panorama's upper hemisphere alone, then what a white support
+            that fills the lower one sends up: everywhere E / pi, E being the irradiance from above. Both turn
+            with `rotate_z`, so they are computed once per panorama.
     """
     rows = len(radiance)
     if rows % 2:
@@ -40,9 +41,13 @@ def light_parts(radiance: Array) -> NDArray[np.float64]:
 def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
     """Grey light (9,) at a place on a level support of this albedo, at the paper's exposure.
 
-    radiance: (H, W, 3), H even, or its `light_parts` (2, 9). The support hides the lower hemisphere and
-    sends back albedo x E / pi, E the irradiance from above. Turning it by `rotate_z` is the same as turning
-    the panorama. Raises ValueError when no light comes from above.
+    Args:
+        radiance: (H, W, 3), H even, or its `light_parts` (2, 9). The support hides the lower hemisphere and
+            sends back albedo x E / pi, E the irradiance from above. Turning it by `rotate_z` is the same as
+            turning the panorama.
+
+    Raises:
+        ValueError: When no light comes from above.
     """
     upper, white = radiance if radiance.shape == (2, 9) else light_parts(radiance)
     return exposed(upper + ground_albedo * white)

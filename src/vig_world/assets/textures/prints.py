@@ -166,7 +166,11 @@ def news(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 def page(
     rng: np.random.Generator, size: int, base: Array | None, layouts: tuple[int, ...] = (1, 1, 2, 3)
 ) -> Array:
-    """A page of text on paper, a letter or a page of a book; layouts: how many columns it may have."""
+    """A page of text on paper, a letter or a page of a book.
+
+    Args:
+        layouts: How many columns it may have.
+    """
     base = shade([0.80, 0.78, 0.72], rng, 0.08) if base is None else base
     image = np.empty((size, size, 3), np.float32)
     image[:] = base

@@ -29,8 +29,9 @@ class WorkerDiedError(Exception):
 class Worker:
     """One process that answers `wire` messages; it ends with this one, even if that is killed.
 
-    command: what to run; a folder for temporary files is added as last argument. `hello`: the header that it
-    sent first. start_timeout: seconds until then.
+    Args:
+        command: What to run; a folder for temporary files is added as last argument.
+        start_timeout: Seconds until it has sent its first header, which is kept as `hello`.
 
     Raises:
         WorkerDiedError: it ended or did not answer in time.

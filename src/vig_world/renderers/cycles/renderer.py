@@ -37,8 +37,12 @@ class TracedPicture(Picture):
     """A path-traced sample: masks and depth are the raster tier's, the rest is Cycles's.
 
     light: SH (9,) of the light that arrives at the object's place without the object, grey, L00 =
-    EXPOSURE_L00. linear: (H, W, 3) float32, what `image` encodes, not clipped. gain: (3,), by which the
-    panorama's radiance was multiplied in each channel to get there: exposure and white balance.
+    EXPOSURE_L00.
+
+    Attributes:
+        linear: (H, W, 3) float32, what `image` encodes, not clipped.
+        gain: (3,), by which the panorama's radiance was multiplied in each channel to get there: exposure and
+            white balance.
     """
 
     linear: np.ndarray
@@ -48,13 +52,18 @@ class TracedPicture(Picture):
 class CyclesRenderer:
     """Renders scenes in one worker process, which is started when it is first needed.
 
-    library, object_class: what scenes are made of. python: an interpreter that can import bpy; None takes the
-    environment variable `VIG_BLENDER_PYTHON`, then the running one. samples: paths per pixel. threads: of the
-    worker. recycle: scenes after which the worker is replaced by a fresh one. finish: of the object:
-    `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat, `painted` also a painted
-    decoration.
-
     Use it as a context manager, or call `close`.
+
+    Args:
+        library: What scenes are made of.
+        object_class: What scenes are made of.
+        python: An interpreter that can import bpy; None takes the environment variable `VIG_BLENDER_PYTHON`,
+            then the running one.
+        samples: Paths per pixel.
+        threads: Threads of the worker.
+        recycle: Scenes after which the worker is replaced by a fresh one.
+        finish: Finish of the object: `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat,
+            `painted` also a painted decoration.
 
     Raises:
         UserError: no interpreter with bpy, or an argument out of range.
@@ -161,8 +170,10 @@ class CyclesRenderer:
 def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarray:
     """SH (9, 3) of the light at a probe, world frame.
 
-    probe: (h, 2h, 4), what it sees of the scene, with coverage. panorama: (H, 2H, 3), what it sees through
-    the gaps. Both have the panorama's columns, which are to be turned by `angle` radians about +Z.
+    Args:
+        probe: (h, 2h, 4), what it sees of the scene, with coverage.
+        panorama: (H, 2H, 3), what it sees through the gaps. Both have the panorama's columns, which are to be
+            turned by `angle` radians about +Z.
     """
     height, width = panorama.shape[:2]
     rows = (2 * np.arange(height) + 1) * len(probe) // (2 * height)

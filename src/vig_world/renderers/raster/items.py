@@ -25,10 +25,14 @@ HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
 class Item:
     """An asset in the world.
 
-    rotation (3, 3), translation (3,): world from the asset's frame, metres. owner: what `depth` calls its
-    pixels, 0 or more. finishes: texture and metres per repeat of each slot of the asset; slots without one
-    show their own texture. is_support: room and furniture, which cast no shadow map and count as support
-    where they hide the object; other items are props.
+    Attributes:
+        rotation: (3, 3), world from the asset's frame.
+        translation: (3,), metres.
+        owner: What `depth` calls its pixels, 0 or more.
+        finishes: Texture and metres per repeat of each slot of the asset; slots without one show their own
+            texture.
+        is_support: Room and furniture, which cast no shadow map and count as support where they hide the
+            object; other items are props.
     """
 
     packed: Packed
@@ -43,7 +47,10 @@ class Item:
 class Target:
     """The object that is to be explained, at the origin, shaded per vertex as the model does.
 
-    packed: its geometry, with the irradiance of each vertex. vertices: (V, 3) float32 metres. albedo: (3,).
+    Attributes:
+        packed: Its geometry, with the irradiance of each vertex.
+        vertices: (V, 3) float32 metres.
+        albedo: (3,).
     """
 
     packed: Packed

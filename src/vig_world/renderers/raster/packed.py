@@ -28,8 +28,10 @@ MATT = ("cloth", "earth", "paper", "paint", "wallpaper", "brick")
 class Packed:
     """An asset as one block of memory that the native code reads; some 50 kB for a prop.
 
-    data: (N,) bytes, see `records.HEADER`. counts: of parts, vertices and faces. slots: names of the finishes
-    that its parts take, in their order.
+    Attributes:
+        data: (N,) bytes, see `records.HEADER`.
+        counts: Counts of parts, vertices and faces.
+        slots: Names of the finishes that its parts take, in their order.
     """
 
     data: np.ndarray
@@ -45,7 +47,10 @@ class Packed:
     def of(parts: Sequence[tuple[Mesh, Material]]) -> Packed:
         """Pack meshes with their materials, in a frame of their own, metres.
 
-        Meshes need texture coordinates, metres for materials with a slot. Raises ValueError without parts.
+        Meshes need texture coordinates, metres for materials with a slot.
+
+        Raises:
+            ValueError: Without parts.
         """
         if not parts:
             raise ValueError("an asset needs one part or more; got none")

@@ -16,9 +16,10 @@ MOST_TEXELS = 2 ** (MOST_LEVELS - 1)
 class Pyramid:
     """A texture for the raster tier.
 
-    texels: (N,) uint32, all levels one after the other, the finest first, row 0 on top; red, green and blue
-    are the three lowest bytes, each 255 times the square root of the linear value. log_size: log2 of the
-    finest level's width and height.
+    Attributes:
+        texels: (N,) uint32, all levels one after the other, the finest first, row 0 on top; red, green and
+            blue are the three lowest bytes, each 255 times the square root of the linear value.
+        log_size: log2 of the finest level's width and height.
     """
 
     texels: np.ndarray
