@@ -9,7 +9,7 @@ import torch
 
 from vig.likelihood import ROBUST, Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
-from vig.render import rasterize
+from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel
 
 SIZES = (75, 150, 300)

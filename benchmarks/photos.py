@@ -10,7 +10,9 @@ import torch
 
 from vig.dataset import read_dataset
 from vig.scene import ObjectClass, linear_from_srgb
-from vig_world import Library, render, sample
+from vig_world.composition.sampling import sample
+from vig_world.library import Library
+from vig_world.renderers.rasterized import render
 
 
 def add_arguments(parser: argparse.ArgumentParser, count: int) -> None:

@@ -30,14 +30,6 @@ def metric(name: str, values: Iterable[float], unit: str, better: Better = "lowe
     }
 
 
-def median_interval(values: Iterable[float], resamples: int = 2000, seed: int = 0) -> tuple[float, float]:
-    """The 95 % percentile bootstrap interval of a median."""
-    numbers = np.asarray(list(values), np.float64)
-    drawn = np.random.default_rng(seed).integers(0, len(numbers), (resamples, len(numbers)))
-    low, high = np.percentile(np.median(numbers[drawn], axis=1), [2.5, 97.5])
-    return float(low), float(high)
-
-
 def report(metrics: list[dict[str, Any]], threads: int, packages: Iterable[str] = ()) -> dict[str, Any]:
     """`{"machine", "versions", "metrics"}`, ready for JSON; `packages` are listed beside our own."""
     names = ["vig", "torch", "warp-lang", "numpy", *packages]

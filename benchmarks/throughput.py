@@ -11,7 +11,7 @@ import torch
 
 from benchmarks.report import metric
 from benchmarks.timing import timed
-from vig.inference import ExplainSettings, Explanation, Objective, explain, geometry_of
+from vig.inference import ExplainSettings, Fit, Objective, explain, geometry_of
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
 from vig.optimizers.optimizer import Budget
@@ -61,7 +61,7 @@ class Fits:
         starts = torch.cat([self.guesses[which], framing], 1)
         return objective, starts.clamp(objective.lower, objective.upper)
 
-    def whole(self, which: torch.Tensor) -> list[Explanation]:
+    def whole(self, which: torch.Tensor) -> list[Fit]:
         """Explain photos `which` (B,), from the recognition model on."""
         return list(explain(self.photos[which], self.object_class, self.recognizer, self.settings))
 

@@ -2,7 +2,7 @@
 
     python examples/fit_pose_and_light.py [--out DIRECTORY]
 
-The gradient comes through `vig.render.render`. The picture is drawn with 4 x 4 samples a pixel, and noise is
+The gradient comes through `vig.render`. The picture is drawn with 4 x 4 samples a pixel, and noise is
 added. The fit starts some 15 degrees and two centimetres off, under a flat grey light, and sees only the
 picture: the loss is the plain mean square of the difference in colour. Prints the errors before and after; a
 few seconds on one core.
@@ -19,8 +19,8 @@ import numpy as np
 import torch
 from PIL import Image
 
-from vig.render import MeshObject, Pinhole, Scene, Topology, render
-from vig.render.primitives import pyramid
+from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
+from vig.renderer.primitives import pyramid
 from vig.scene import Camera, ObjectClass, irradiance, srgb8_from_linear
 
 STEPS = 150

@@ -27,10 +27,12 @@ from vig.examples import FOLDER
 from vig.files import atomic_write
 from vig.photo.images import write_png
 from vig.scene import ObjectClass
-from vig_world import Library, Picture, render, sample
-from vig_world.composition.sampling import target_occlusion
+from vig_world.composition.sampling import sample, target_occlusion
 from vig_world.generation.job import photographed
+from vig_world.library import Library
 from vig_world.renderers.cycles import CyclesRenderer
+from vig_world.renderers.picture import Picture
+from vig_world.renderers.rasterized import render
 
 CLASS_NAME, SPLIT, SEED = "teapot", "test", 20261122
 LEVELS = (0.0, 0.15, 0.3, 0.45, 0.5, 0.6, 0.7, 0.75)

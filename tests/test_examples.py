@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from vig.examples import FOLDER, Example, example_photos
-from vig.render import rasterize
+from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
 from vig.scene.designs import shape_vertices
 from vig_world.assets.designs import HELD_OUT_DESIGNS

@@ -19,22 +19,24 @@ ROOMS = {
 }
 HELPERS = {"vig.errors", "vig.files", "vig.parallel"}
 BELOW = {
-    "vig.render": {"vig.scene"},
-    "vig.likelihood": {"vig.scene", "vig.render"},
+    "vig.renderer": {"vig.scene"},
+    "vig.likelihood": {"vig.scene", "vig.renderer"},
     "vig.optimizers": set(),
     "vig.dataset": {"vig.scene", "vig.photo"},
     "vig.recognition": {"vig.scene", "vig.photo", "vig.dataset"},
     "vig.inference": {
         "vig.scene",
-        "vig.render",
+        "vig.renderer",
         "vig.likelihood",
         "vig.optimizers",
         "vig.recognition",
     },
     "vig.examples": {"vig.scene"},
-    "vig.report": {"vig.scene", "vig.photo", "vig.render", "vig.inference"},
+    "vig.report": {"vig.scene", "vig.photo", "vig.renderer", "vig.inference"},
 }
 ROOMS |= {room: below | HELPERS for room, below in BELOW.items()}
+ROOMS["vig.explanation"] = set(ROOMS)
+ROOMS["vig.explainer"] = set(ROOMS)
 ROOMS["vig.cli"] = set(ROOMS)
 CORE = set(ROOMS)
 WORLD = {
@@ -76,7 +78,7 @@ SEEDED = {"Generator", "SeedSequence", "default_rng", "BitGenerator", "PCG64", "
 
 
 def room_of(module: str) -> str:
-    """`vig.render` of `vig.render.primitives.texture`; a package's own `__init__` is its package."""
+    """`vig.renderer` of `vig.renderer.primitives.texture`; a package's own `__init__` is its package."""
     parts = module.split(".")
     inner = ".".join(parts[:3])
     return inner if inner in ROOMS else ".".join(parts[:2])
@@ -213,7 +215,7 @@ def imports_at_top(tree: ast.Module) -> Iterator[str]:
     ],
 )
 def test_the_check_sees_every_way_to_import_upwards(source: str) -> None:
-    assert upward_imports(source, "vig.render", ["vig", "render"])
+    assert upward_imports(source, "vig.renderer", ["vig", "render"])
 
 
 @pytest.mark.parametrize(
@@ -227,7 +229,7 @@ def test_the_check_sees_every_way_to_import_upwards(source: str) -> None:
     ],
 )
 def test_the_check_lets_downward_imports_pass(source: str) -> None:
-    assert not upward_imports(source, "vig.render", ["vig", "render"])
+    assert not upward_imports(source, "vig.renderer", ["vig", "render"])
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,46 @@
-"""vig: vision as inverse graphics. Explains one object in one photo, even where it is hidden."""
+"""vig: vision as inverse graphics. Explains one object in one photo, even where it is hidden.
 
-__version__ = "0.1.0"
+import vig
+
+explanation = vig.Explainer("teapot").explain("photo.jpg", box=(120, 80, 300, 240))
+explanation.save("result")
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vig.errors import UserError as UserError
+    from vig.explainer import Explainer as Explainer
+    from vig.explanation import Explanation as Explanation
+    from vig.inference import Verdict as Verdict
+    from vig.renderer import render as render
+    from vig.scene import Camera as Camera
+    from vig.scene import Latents as Latents
+    from vig.scene import ObjectClass as ObjectClass
+
+__version__ = "0.2.0"
+
+_HOMES = {
+    "Camera": "vig.scene",
+    "Explainer": "vig.explainer",
+    "Explanation": "vig.explanation",
+    "Latents": "vig.scene",
+    "ObjectClass": "vig.scene",
+    "UserError": "vig.errors",
+    "Verdict": "vig.inference",
+    "render": "vig.renderer",
+}
+"""Where each public name lives: imported when it is first asked for, so that `import vig` is quick."""
+
+__all__ = ["__version__", *_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'vig' has no attribute '{name}'")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -19,7 +19,7 @@ from vig.dataset import Dataset
 from vig.inference import Calibration, ExplainSettings
 from vig.inference.calibration import CLUES, KIND, faded, residual
 from vig.recognition import Recognizer
-from vig.scene import ObjectClass, linear_from_srgb
+from vig.scene import ObjectClass, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 
 RIGHT = math.radians(15.0)
@@ -111,7 +111,9 @@ def calibrate_fits(
 
 def low(dataset: Dataset) -> np.ndarray:
     """Indices of the photos of a dataset from below `HIGHEST_ROLLED`."""
-    return np.flatnonzero(dataset.latents[:, dataset.latents.shape[1] - 13] < HIGHEST_ROLLED)
+    return np.flatnonzero(
+        dataset.latents[:, layout_of_width(dataset.latents.shape[1]).at("elevation")] < HIGHEST_ROLLED
+    )
 
 
 def to_roll(dataset: Dataset) -> np.ndarray:
@@ -144,8 +146,8 @@ def lessons_of(fits: Fits, dataset: Dataset, origin: np.ndarray, strange: np.nda
     strange (M, C): clues of photos that were rolled; origin (M,): indices of these photos.
     """
     error = fits.latents.astype(np.float64) - dataset.latents
-    azimuth = error.shape[1] - 14
-    error[:, azimuth] = (error[:, azimuth] + np.pi) % (2 * np.pi) - np.pi
+    azimuth = layout_of_width(error.shape[1]).at("azimuth")
+    error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
     right = np.abs(error[:, azimuth]) < RIGHT
     weight = np.full(len(right), 1 / len(right))
     deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS

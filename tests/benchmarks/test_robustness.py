@@ -10,7 +10,7 @@ import torch
 from benchmarks.robustness import try_scenes
 from vig.likelihood import ROBUST, Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
-from vig.render import rasterize
+from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 
 

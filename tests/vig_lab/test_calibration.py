@@ -12,22 +12,31 @@ import numpy as np
 import pytest
 import torch
 
+from vig.cli.main import main
 from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.inference import Calibration
+from vig.inference import Calibration, ExplainSettings, explain_one
 from vig.inference.calibration import CLUES
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.calibration import (
     PRECISION,
     Lessons,
+    calibrate_fits,
     describe,
+    fits_of,
     learn,
     least_threshold,
+    lessons_of,
     logistic,
+    out_of_fold,
     roll_angles,
     rolled,
     to_roll,
     widening,
 )
+from vig_lab.evaluation.fits import Fits
+from vig_world.generation.write import make_dataset
 
 ALIKE = np.full(4000, 1 / 4000)
 
@@ -173,3 +182,167 @@ def test_a_rolled_photo_is_in_the_fold_of_the_photo_it_was(lessons: Lessons) -> 
     left = given.without(2)
     assert set(left.fold) == set(left.strange_fold) == {0, 1, 3, 4}
     assert len(left.strange) == 800 and len(left.clues) == len(left.weight) == 3200
+
+
+def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset]:
+    """Fits that are off in azimuth by so many degrees, round the circle, and by 0.1 in all else."""
+    count = len(azimuth_off)
+    truth = np.zeros((count, 24), np.float32)
+    truth[:, 10] = np.radians(np.where(azimuth_off > 0, 359, 1))  # so that errors cross north
+    found = truth + np.float32(0.1)
+    found[:, 10] = np.remainder(truth[:, 10] + np.radians(azimuth_off), 2 * np.pi)
+    masks = np.zeros((count, 2, 2), bool)
+    clues = np.arange(count * len(CLUES), dtype=np.float64).reshape(count, -1)
+    fits = Fits(found, np.full((count, 24), 0.2), masks, masks, clues, np.ones(count), ("trusted",) * count)
+    return fits, cast(Dataset, SimpleNamespace(latents=truth))
+
+
+def test_a_view_is_right_within_15_degrees_and_errors_go_round_the_circle() -> None:
+    off = np.array([0.0, 14.5, -14.5, 15.5, -15.5, 59.0, 180.0])
+    fits, dataset = hand_made(off)
+    learned = lessons_of(fits, dataset, np.array([2, 6]), fits.clues[:2])
+    assert learned.right.tolist() == [True] * 3 + [False] * 4
+    np.testing.assert_allclose(np.abs(np.degrees(learned.error[:, 10])), np.abs(off), atol=1e-3)
+    np.testing.assert_allclose(np.delete(learned.error, 10, 1), 0.1, atol=1e-6)
+    np.testing.assert_array_equal(learned.clues, fits.clues)
+    np.testing.assert_array_equal(learned.deviation, fits.deviation)
+    assert learned.weight.sum() == pytest.approx(1), "a dataset counts alike whatever its size"
+    assert learned.fold.tolist() == [0, 1, 2, 3, 4, 0, 1]
+    assert learned.strange_fold.tolist() == [2, 1], "that of the photo that was rolled"
+
+
+def test_nothing_is_learned_from_a_fit_for_the_confidence_in_itself(lessons: Lessons) -> None:
+    """Were a fold's fits all wrong, confidence in those of the other folds would fall, in its own not."""
+    some = Lessons(**{name: array[:400] for name, array in vars(strange(lessons, off=1.0)).items()})
+    here = some.fold == 1
+    wrong = replace(some, right=some.right & ~here)
+    (before, strange_before), (after, strange_after) = out_of_fold(some), out_of_fold(wrong)
+    np.testing.assert_array_equal(before[here], after[here])
+    np.testing.assert_array_equal(
+        strange_before[some.strange_fold == 1], strange_after[some.strange_fold == 1]
+    )
+    assert (np.abs(before - after)[~here] > 1e-3).mean() > 0.9
+
+
+def test_the_threshold_is_learned_out_of_sample(lessons: Lessons) -> None:
+    """60 fits whose clues say nothing: in sample, thirteen numbers find some that are all right."""
+    rng = np.random.default_rng(0)
+    clues = rng.normal(size=(60, len(CLUES)))
+    some = {name: array[:60] for name, array in vars(lessons).items()}
+    none = Lessons(**some | {"clues": clues, "right": rng.random(60) < 0.5, "strange": clues[:0]})
+    learned = learn(none)
+    in_sample = np.array([learned.confidence(row) for row in torch.from_numpy(clues)])
+    assert learned.threshold == least_threshold(out_of_fold(none)[0], none.right, none.weight)
+    assert learned.threshold != least_threshold(in_sample, none.right, none.weight)
+
+
+@pytest.fixture(scope="module")
+def boastful() -> Calibration:
+    """What says of each fit that it is surely right, and widens all deviations to 7 times the residual."""
+    nothing = torch.zeros(len(CLUES)).double()
+    scale = torch.zeros(2, 24).double()
+    return Calibration(nothing, 9.0, nothing, 9.0, 0.0, scale, torch.full_like(scale, 7.0))
+
+
+def test_fits_are_calibrated_from_what_they_say_uncalibrated(
+    dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings, boastful, tmp_path: Path
+) -> None:
+    recognizer, told = Recognizer(weights), list[int]()
+    given = replace(quick, calibration=boastful)
+    two = [dataset, dataset.first(2)]
+
+    def made() -> tuple[Calibration, Lessons]:
+        return calibrate_fits(two, teapot, recognizer, given, 1, told.append, tmp_path)
+
+    learned, found = made()
+    assert sum(told) == sum(map(fits_of, two)) and fits_of(dataset) == 4 + len(to_roll(dataset))
+    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
+    said = recognizer(photos)
+    plain = [
+        explain_one(photos[i], said[i : i + 1], teapot, replace(quick, calibrated=False)) for i in range(4)
+    ]
+    twice = [*plain, *plain[:2]]  # both datasets, one after the other
+    np.testing.assert_allclose(found.deviation, np.stack([fit.deviation for fit in twice]), rtol=1e-5)
+    np.testing.assert_allclose(found.clues, np.stack([fit.clues for fit in twice]), rtol=1e-5)
+    np.testing.assert_allclose(found.weight, [1 / 4] * 4 + [1 / 2] * 2)
+    truth = np.concatenate([dataset.latents, dataset.latents[:2]])
+    off = np.stack([fit.latents.to_vector()[0] for fit in twice])[:, 10] - truth[:, 10]
+    assert found.right.tolist() == (np.abs(np.degrees((off + np.pi) % (2 * np.pi) - np.pi)) < 15).tolist()
+    origin = np.concatenate([to_roll(each) for each in two])
+    assert len(found.strange) == len(origin) > 0
+    np.testing.assert_array_equal(found.strange_fold, origin % 5)
+    first = to_roll(dataset)[:1]
+    turned = rolled(dataset.images[first], roll_angles(len(to_roll(dataset)))[:1])
+    turned_photo = torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()
+    fit = explain_one(turned_photo[0], recognizer(turned_photo), teapot, replace(quick, calibrated=False))
+    np.testing.assert_allclose(found.strange[0], fit.clues, rtol=1e-4, atol=1e-6)
+    again, _ = made()  # from the fits that were kept
+    assert again.to_json() == learned.to_json()
+    assert len(list(tmp_path.iterdir())) == 4, "photos and rolled photos of either dataset"
+
+
+def run(capsys, *arguments: object) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main(["calibrate", *(str(argument) for argument in arguments)])
+    return ended.value.code, *capsys.readouterr()
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Path:
+    """A dataset's folder: four images of the validation split."""
+    out = tmp_path_factory.mktemp("calibrated") / "d"
+    return make_dataset(out, 4, 3, split="validation", workers=1, progress=False, object_class=teapot)
+
+
+def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_fits(
+    capsys, photos: Path, untrained, tmp_path: Path
+) -> None:
+    """52 photos, as 13 times the same four, whose fits are made once."""
+    weights = untrained(tmp_path / "recognition.safetensors")
+    before = Recognizer(weights)
+    code, printed, _ = run(capsys, *[photos] * 13, "--weights", weights, "--workers", 1)
+    assert code == 0
+    after = Recognizer(weights)
+    assert not torch.equal(before.calibration.deviation, after.calibration.deviation)
+    assert torch.equal(before.network.azimuth.weight, after.network.azimuth.weight)
+    learned = Calibration.load(tmp_path / "calibration.json")
+    assert learned.scale.shape == (2, 24) and torch.isfinite(learned.scale).all()
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "recognition.safetensors",
+        "calibration.json",
+        "reliability.png",
+    }
+    lines = printed.splitlines()
+    assert lines[0].startswith("calibrated on 52 images") and lines[1].startswith("52 fits, ")
+    assert lines[-1] == str(tmp_path)
+
+
+@pytest.mark.parametrize("wrong", ["none", "split", "weights", "workers", "modes"])
+def test_mistakes_are_told_before_any_work(
+    capsys, wrong: str, photos: Path, untrained, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    weights = untrained(tmp_path / "recognition.safetensors")
+    kept = weights.read_bytes()
+    arguments, said = {
+        "none": (["--weights", weights], "at least one dataset"),
+        "split": (
+            [photos, "--split", "train", "--weights", weights],
+            "has no train split; it has validation",
+        ),
+        "weights": (
+            [photos, "--weights", tmp_path / "file"],
+            "expected recognition weights",
+        ),
+        "workers": (
+            [photos, "--weights", weights, "--workers", 0],
+            "--workers of at least 1",
+        ),
+        "modes": (
+            [photos, "--weights", untrained(tmp_path / "w", modes=4)],
+            "10 shape components",
+        ),
+    }[wrong]
+    code, printed, error = run(capsys, *arguments)
+    assert code == 2 and printed == "" and said in " ".join(error.split())
+    assert weights.read_bytes() == kept and not (tmp_path / "calibration.json").exists()

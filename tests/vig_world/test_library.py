@@ -19,6 +19,7 @@ from vig_world.assets.panoramas import local_light
 from vig_world.assets.props import FAMILIES
 from vig_world.assets.target import draw_shape
 from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
+from vig_world.packs.teapot import held_out_designs
 from vig_world.rooms import material_under
 from vig_world.streams import asset_rng
 

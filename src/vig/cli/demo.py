@@ -15,10 +15,12 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from vig.cli.explaining import Explainer
 from vig.cli.settings import Demo
 from vig.dataset.metrics import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
 from vig.examples import Example, example_photos
+from vig.explainer import Explainer
+from vig.explanation import Explanation
+from vig.inference import ExplainSettings
 from vig.photo.images import write_png
 from vig.scene.designs import shape_vertices
 
@@ -28,13 +30,14 @@ def demo(settings: Demo) -> int:
     out, as_json = settings.out, settings.json
     console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
-    explainer = Explainer("teapot")
+    explainer = Explainer("teapot", ExplainSettings(free_framing=False))
     rows = []
     for example in example_photos():
-        described, explanation = explainer(example.photo, out / example.name, framing="fixed")
-        rows.append(_compared(example, described, explanation, explainer))
+        explanation = explainer.explain(example.photo)
+        explanation.save(out / example.name)
+        rows.append(_compared(example, explanation))
         if not as_json:
-            console.print(f"explained {example.name}: {described['verdict']}", highlight=False)
+            console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)
     seconds = time.monotonic() - started
     write_overview(out, [example.photo for example in example_photos()], [row["photo"] for row in rows])
     if as_json:
@@ -79,12 +82,10 @@ def write_overview(
     write_png(out / "overview.png", np.asarray(sheet))
 
 
-def _compared(
-    example: Example, described: dict[str, Any], explanation: Any, explainer: Explainer
-) -> dict[str, Any]:
+def _compared(example: Example, explanation: Explanation) -> dict[str, Any]:
     """Truth and estimate of one example as plain numbers."""
-    truth, found = example.truth, explanation.latents
-    object_class = explainer.object_class
+    truth, found, described = example.truth, explanation.latents, explanation.to_dict()
+    object_class = explanation.object_class
     vertices = shape_vertices(truth.shape[0].numpy(), example.design, object_class)
     shape_error = shape_error_mm(object_class.shape_model.vertices(found.shape), vertices[None])
     visible = np.asarray(Image.open(example.visible_mask)) > 127
@@ -97,7 +98,7 @@ def _compared(
         "azimuth_error_deg": float(angle_error_deg(found.azimuth, truth.azimuth)[0]),
         "appearance_error": float(appearance_error(found.albedo, truth.albedo)[0]),
         "shape_error_mm": float(shape_error[0]),
-        "segmentation_iou": float(segmentation_iou(explanation.mask.numpy()[None], visible[None])[0]),
+        "segmentation_iou": float(segmentation_iou(explanation.mask[None], visible[None])[0]),
         "verdict": described["verdict"],
         "light": [truth.light[0].tolist(), torch.as_tensor(described["light"]).tolist()],
     }

@@ -65,7 +65,7 @@ def check_kernels() -> dict[str, Any]:
     vertices = np.column_stack([(corners - 10) / 20, np.ones(3)]).astype(np.float32)
     start = time.perf_counter()
     try:
-        from vig.render import rasterize
+        from vig.renderer import rasterize
         from vig.scene import Camera
 
         camera = Camera(width=20, height=20, focal=20, cx=10, cy=10)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from vig.scene import linear_from_srgb
+from vig.scene import angle_difference, linear_from_srgb
 
 _WHITE_XYZ = np.array([0.950456, 1.0, 1.088754])
 """CIE XYZ of sRGB's white, D65, luminance 1."""
@@ -26,7 +26,7 @@ def angle_error_deg(predicted: Any, true: Any) -> np.ndarray:
     predicted, true: (B,) radians, any number of turns. Returns degrees in [0, 180].
     """
     predicted, true = _pair(predicted, true, 1)
-    return np.degrees(np.abs((predicted - true + np.pi) % (2 * np.pi) - np.pi))
+    return np.degrees(np.abs(angle_difference(predicted, true)))
 
 
 def appearance_error(predicted: Any, true: Any) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from vig.inference.calibration import Calibration, calibration_of
 from vig.inference.explain import explain, explain_one
-from vig.inference.explanation import Explanation, Verdict
+from vig.inference.fit import Fit, Verdict
 from vig.inference.objective import Objective, Valuation
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.prior import Belief
@@ -13,7 +13,7 @@ __all__ = [
     "Belief",
     "Calibration",
     "ExplainSettings",
-    "Explanation",
+    "Fit",
     "Objective",
     "Stage",
     "Valuation",

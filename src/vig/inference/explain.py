@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import torch
 
 from vig.inference.calibration import calibration_of
-from vig.inference.explanation import Explanation
-from vig.inference.judging import DISTINCT_AZIMUTH, judge, turn
+from vig.inference.fit import Fit
+from vig.inference.judging import DISTINCT_AZIMUTH, judge
 from vig.inference.posterior import objectives_of
 from vig.inference.settings import ExplainSettings
 from vig.inference.starts import starts, strewn_framing
 from vig.likelihood import load_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, angle_difference
 
 
 def explain(
@@ -24,7 +24,7 @@ def explain(
     recognizer: Recognizer,
     settings: ExplainSettings | None = None,
     known: torch.Tensor | None = None,
-) -> Iterator[Explanation]:
+) -> Iterator[Fit]:
     """Explain photos (N, 150, 150, 3) linear RGB in their order, as many at once as torch has threads.
 
     known (N, 150, 150) bool: pixels that were photographed at all; others (padding) count for nothing.
@@ -33,7 +33,7 @@ def explain(
     prediction = recognizer(photos)
     load_kernels(torch.float32, object_class.shape_model.modes)
 
-    def one(index: int) -> Explanation:
+    def one(index: int) -> Fit:
         here = None if known is None else known[index]
         return explain_one(photos[index], prediction[index : index + 1], object_class, chosen, here)
 
@@ -46,7 +46,7 @@ def explain_one(
     object_class: ObjectClass,
     settings: ExplainSettings,
     known: torch.Tensor | None = None,
-) -> Explanation:
+) -> Fit:
     """Refine one photo's prediction (N = 1); see `explain`."""
     return on_one_core(lambda: _explain_one(photo, prediction, object_class, settings, known))
 
@@ -57,7 +57,7 @@ def _explain_one(
     object_class: ObjectClass,
     settings: ExplainSettings,
     known: torch.Tensor | None,
-) -> Explanation:
+) -> Fit:
     scales = {stage.scale for stage in settings.stages} | {1.0}
     objectives = objectives_of(photo, prediction, object_class, settings, scales, known)
     objective = objectives[1.0]
@@ -102,7 +102,10 @@ def going_on(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.T
     order = scores.argsort(descending=True, stable=True).tolist()
     chosen = order[: (count + 1) // 2]
     for index in order:
-        if len(chosen) < count and (turn(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all():
+        if (
+            len(chosen) < count
+            and (angle_difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
+        ):
             chosen.append(index)
     chosen += [index for index in order if index not in chosen][: count - len(chosen)]
     return torch.tensor(chosen)

@@ -7,13 +7,13 @@ import math
 import torch
 
 from vig.inference.calibration import Calibration
-from vig.inference.explanation import Explanation, Verdict
+from vig.inference.fit import Fit, Verdict
 from vig.inference.objective import Objective, Valuation
 from vig.inference.roll import roll_gain
 from vig.inference.settings import ExplainSettings
-from vig.likelihood import FRAMING_COUNT, Evaluation, SpatialModel, spatial_posterior
+from vig.likelihood import Evaluation, SpatialModel, spatial_posterior
 from vig.recognition import Prediction
-from vig.scene import Latents
+from vig.scene import Latents, angle_difference
 
 MASK_SIGMA = 0.1
 """Noise under which a pixel of the fit is judged visible, as in the paper."""
@@ -39,7 +39,7 @@ def judge(
     settings: ExplainSettings,
     evaluations: int,
     calibration: Calibration | None,
-) -> Explanation:
+) -> Fit:
     """Choose the best end by score and say how far to trust it.
 
     values (S,) is the evidence of the ends (S, P'), scores (S,) what they are compared by. With a
@@ -65,7 +65,7 @@ def judge(
     rival, gap = _rival(objective, points, scores, best)
     alternative = objective.latents(guess if rival is None else points[rival : rival + 1])
     found = objective.latents(chosen)
-    off = abs(math.degrees(float(turn(alternative.azimuth, found.azimuth))))
+    off = abs(math.degrees(float(angle_difference(alternative.azimuth, found.azimuth))))
     elsewhere = off > math.degrees(DISTINCT_AZIMUTH)
     clues = _clues(objective, found, seen, mask, amodal, prediction, gap, reverted)
     if calibration is None:
@@ -94,9 +94,9 @@ def judge(
     deviation = _deviation(objective, chosen[0], at_fit.normal[0])
     if calibration is not None:
         deviation = calibration.widened(deviation, clues, verdict is Verdict.TRUSTED)
-    return Explanation(
+    return Fit(
         latents=found,
-        framing=chosen[0, -FRAMING_COUNT:],
+        framing=objective.framing(chosen)[0],
         deviation=deviation,
         visible=visible,
         mask=mask,
@@ -135,20 +135,20 @@ def _clues(
     guess = prediction.best().azimuth
     chances = prediction.azimuth[0].double()
     entropy = float(-(chances * chances.clamp_min(1e-12).log()).sum())
-    modes = found.shape.shape[1]
+    stated = prediction.layout.split(prediction.deviation[0])
     return torch.tensor(
         [
             0.0 if reverted else math.log1p(min(gap, MOST_LEAD)),
             float(prediction.log_mass(found.azimuth)[0]),
-            float(abs(float(turn(guess, found.azimuth)[0])) < DISTINCT_AZIMUTH),
+            float(abs(float(angle_difference(guess, found.azimuth)[0])) < DISTINCT_AZIMUTH),
             1 - pixels / max(1, int(amodal.sum())),
             math.log1p(pixels),
             math.log(max(1e-4, float(misfit.square().mean().sqrt()) if pixels else 1.0)),
             math.sin(float(found.elevation[0])),
             _accord(prediction.mask[0], mask, amodal),
             math.log(max(entropy, 1e-3)),
-            math.log(max(float(prediction.deviation[0, 0]), 1e-4)),
-            float(prediction.deviation[0, 1 : 1 + modes].mean()),
+            math.log(max(float(stated["elevation"]), 1e-4)),
+            float(stated["shape"].mean()),
             max(
                 -MOST_ROLL, min(MOST_ROLL, roll_gain(rendered, seen.coverage[0], observed, log_prior, pixels))
             ),
@@ -190,15 +190,10 @@ def _rival(
 ) -> tuple[int | None, float]:
     """The best end that is another view of the object, None if there is none near, and its gap in nats."""
     azimuth = objective.latents(points).azimuth
-    other = turn(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
+    other = angle_difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
     gaps = torch.where(other, scores[best] - scores, math.inf)
     gap = float(gaps.min())
     return (int(gaps.argmin()) if gap < AMBIGUOUS_NATS else None), gap
-
-
-def turn(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
-    """a - b round the circle, in [-pi, pi) radians."""
-    return torch.remainder(a - b + math.pi, 2 * math.pi) - math.pi
 
 
 def _deviation(objective: Objective, point: torch.Tensor, normal: torch.Tensor) -> torch.Tensor:
@@ -206,6 +201,6 @@ def _deviation(objective: Objective, point: torch.Tensor, normal: torch.Tensor) 
     free = objective.lower < objective.upper
     matrix = normal[free][:, free].double()
     matrix = matrix + 1e-9 * matrix.diagonal().max() * torch.eye(len(matrix), dtype=torch.float64)
-    deviation = torch.zeros(len(point), dtype=torch.float64)
-    deviation[free] = torch.linalg.inv(matrix).diagonal().clamp_min(0.0).sqrt()
-    return deviation[: len(point) - FRAMING_COUNT]
+    deviation = torch.zeros(1, len(point), dtype=torch.float64)
+    deviation[0, free] = torch.linalg.inv(matrix).diagonal().clamp_min(0.0).sqrt()
+    return objective.latents(deviation).to_vector()[0]

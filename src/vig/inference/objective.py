@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 
 from vig.inference.prior import Belief, Prior
-from vig.likelihood import FRAMING_COUNT, Evaluation, Likelihood
-from vig.scene import SHAPE_LIMIT, Latents, ObjectClass
-
-FRAMING_LIMIT = (0.15, 0.15, 0.35)
-
-LOWEST_ELEVATION, HIGHEST_ELEVATION = 0.0, math.pi / 2
+from vig.likelihood import Evaluation, Likelihood
+from vig.scene import Latents, ObjectClass, latent_layout
 
 
 @dataclass(frozen=True)
@@ -28,11 +23,10 @@ class Valuation:
 
 
 class Objective:
-    """log p(photo | z) + log p(z), to be maximised over points (B, P'), P' = K + 14 + 3.
+    """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
-    A point is a latent vector (see `Latents.to_vector`) followed by the framing (2 shifts in widths, log
-    magnification). Its prior is `Prior`; shape stays within +-3, albedo in [0, 1], elevation between the
-    horizon and the zenith, and the framing at 0 unless it is free.
+    What a point's numbers are, and within which bounds they stay, says the likelihood's `layout`; its framing
+    is held at 0 unless it is free. The prior is `Prior`.
     """
 
     def __init__(
@@ -44,33 +38,38 @@ class Objective:
         prior_weight: float = 1.0,
     ):
         self.likelihood, self.free_framing = likelihood, free_framing
-        modes = object_class.shape_model.modes
-        self.modes, self.size = modes, modes + 14 + FRAMING_COUNT
-        infinity = [math.inf] * 9
-        reach = list(FRAMING_LIMIT) if free_framing else [0.0] * FRAMING_COUNT
-        upper = [SHAPE_LIMIT] * modes + [math.inf, HIGHEST_ELEVATION] + [1.0] * 3 + infinity + reach
-        lower = [-SHAPE_LIMIT] * modes + [-math.inf, LOWEST_ELEVATION] + [0.0] * 3
-        lower += [-number for number in infinity + reach]
+        layout = likelihood.layout
+        if not free_framing and "framing" in layout:
+            layout = layout.with_blocks(layout.block("framing").held())
+        self.layout = layout
+        names = [block.name for block in latent_layout(layout.count("shape")).blocks]
+        self._latents = layout.indices(*names)
         geometry = likelihood.geometry
         self.dtype, self.device = geometry.dtype, geometry.device
         place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
-        self.prior = Prior(object_class, belief, place, prior_weight)
-        self.lower, self.upper = torch.tensor(lower, **place), torch.tensor(upper, **place)
+        self.prior = Prior(layout, object_class, belief, place, prior_weight)
+        self.lower, self.upper = (torch.tensor(bound, **place) for bound in layout.bounds())
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
         """Points (B, P') within the bounds from latents and framing (B, 3), zero by default."""
         vector = latents.to_vector().to(self.device, self.dtype)
         if not torch.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
-        if vector.shape[1] != self.size - FRAMING_COUNT:
-            raise ValueError(f"latents must be (B, {self.size - FRAMING_COUNT}); got {tuple(vector.shape)}")
-        if framing is None:
-            framing = vector.new_zeros(len(vector), FRAMING_COUNT)
-        return torch.cat([vector, framing.to(vector)], dim=1).clamp(self.lower, self.upper)
+        if vector.shape[1] != len(self._latents):
+            raise ValueError(f"latents must be (B, {len(self._latents)}); got {tuple(vector.shape)}")
+        points = vector.new_zeros(len(vector), self.layout.size)
+        points[:, self._latents] = vector
+        if framing is not None:
+            points[:, self.layout["framing"]] = framing.to(vector)
+        return points.clamp(self.lower, self.upper)
 
     def latents(self, points: torch.Tensor) -> Latents:
         """The latents of points (B, P')."""
-        return Latents.from_vector(points[:, : self.size - FRAMING_COUNT])
+        return Latents.from_vector(points[:, self._latents])
+
+    def framing(self, points: torch.Tensor) -> torch.Tensor:
+        """The framing (B, 3) of points (B, P')."""
+        return points[:, self.layout["framing"]]
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

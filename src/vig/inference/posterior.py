@@ -13,7 +13,7 @@ from vig.inference.settings import ExplainSettings
 from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density, log_prior_of
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
-from vig.scene import Camera, ObjectClass
+from vig.scene import Camera, ObjectClass, latent_layout
 
 
 @functools.lru_cache(maxsize=8)
@@ -54,7 +54,7 @@ def objectives_of(
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
         objectives[scale] = Objective(
-            likelihood, object_class, settings.free_framing, belief, settings.prior_weight
+            likelihood, object_class, bool(settings.free_framing), belief, settings.prior_weight
         )
     return objectives
 
@@ -63,12 +63,12 @@ def belief_of(prediction: Prediction, settings: ExplainSettings) -> Belief | Non
     """What one photo's prediction says of every latent but azimuth, as a factor of the prior."""
     if settings.belief_weight == 0:
         return None
-    # Regressed are elevation, shape, albedo, light; latents have azimuth and elevation after shape.
-    modes = prediction.numbers.shape[1] - 13
-    order = [*range(1, modes + 1), 0, 0, *range(modes + 1, modes + 13)]
-    precision = settings.belief_weight / prediction.deviation[0, order] ** 2
-    precision[modes] = 0.0
-    return Belief(prediction.numbers[0, order], precision)
+    layout, regressed = latent_layout(prediction.layout.count("shape")), prediction.numbers[0]
+    places = layout.indices(*(block.name for block in prediction.layout.blocks))
+    mean, precision = regressed.new_zeros(2, layout.size)
+    mean[places] = regressed
+    precision[places] = settings.belief_weight / prediction.deviation[0] ** 2
+    return Belief(mean, precision)
 
 
 def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:

@@ -7,16 +7,12 @@ from typing import Any
 
 import torch
 
-from vig.likelihood import FRAMING_COUNT
-from vig.scene import ObjectClass, rotations_z, turn_rate_z
-
-FRAMING_SD = (0.04, 0.04, 0.12)
-"""Prior of a free framing: shift in widths, log magnification."""
+from vig.scene import LatentLayout, ObjectClass, latent_layout, rotations_z, turn_rate_z
 
 
 @dataclass(frozen=True)
 class Belief:
-    """A Gaussian word of the recognition model on one photo's latents, (K + 14,) each, in their order.
+    """A Gaussian word of the recognition model on one photo's latents, (P,) each, see `latent_layout`.
 
     mean; precision: one over the variance, 0 where nothing is said. The light is meant in the heading frame,
     the world turned about Z so that the eye is on -Y: as a point's azimuth changes, it turns along.
@@ -29,36 +25,41 @@ class Belief:
 class Prior:
     """log p(z) of points (B, P') up to a constant, and its derivatives.
 
-    Shape coefficients are N(0, 1), light has the class's Gaussian in the world frame, framing is Gaussian;
-    a belief multiplies these. All but the framing's is raised to the power `weight`.
+    Blocks have the Gaussian that the layout states, light the class's in the world frame; a belief multiplies
+    these. All but those of blocks that are not `weighted` are raised to the power `weight`.
     """
 
     def __init__(
-        self, object_class: ObjectClass, belief: Belief | None, place: dict[str, Any], weight: float = 1.0
+        self,
+        layout: LatentLayout,
+        object_class: ObjectClass,
+        belief: Belief | None,
+        place: dict[str, Any],
+        weight: float = 1.0,
     ):
-        modes = object_class.shape_model.modes
-        size = modes + 14 + FRAMING_COUNT
-        mean = torch.zeros(size, dtype=torch.float64)
-        precision = torch.zeros(size, size, dtype=torch.float64)
-        precision[range(modes), range(modes)] = 1.0
-        self.azimuth, self.light = modes, slice(modes + 5, modes + 14)
+        mean = torch.zeros(layout.size, dtype=torch.float64)
+        precision = torch.zeros(layout.size, layout.size, dtype=torch.float64)
+        for name, (deviation, weighted) in layout.prior_deviations().items():
+            factor = weight if weighted else 1.0
+            numbers = layout.indices(name)
+            precision[numbers, numbers] = factor * torch.tensor(deviation, dtype=torch.float64) ** -2
+        self.azimuth, self.light = layout.at("azimuth"), layout["light"]
         mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
         covariance = torch.from_numpy(object_class.light_prior_covariance)
-        precision[self.light, self.light] = torch.linalg.inv(covariance)
-        precision *= weight
-        framing = range(modes + 14, size)
-        precision[framing, framing] = torch.tensor(FRAMING_SD, dtype=torch.float64) ** -2
+        precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
         self.heading_mean: torch.Tensor | None = None
         if belief is not None:
-            first = modes + 5
-            added = weight * belief.precision[:first].double()
-            total = precision.diagonal()[:first] + added
-            mean[:first] = added * belief.mean[:first].double() / total.clamp_min(1e-12)
-            precision[range(first), range(first)] = total
-            self.heading_mean = belief.mean[first:].to(**place)
-            self.heading_precision = (weight * belief.precision[first:]).to(**place)
+            said = latent_layout(layout.count("shape"))
+            names = [block.name for block in said.blocks if block.name != "light"]
+            here, there = layout.indices(*names), said.indices(*names)
+            added = weight * belief.precision[there].double()
+            total = precision.diagonal()[here] + added
+            mean[here] = added * belief.mean[there].double() / total.clamp_min(1e-12)
+            precision[here, here] = total
+            self.heading_mean = belief.mean[said["light"]].to(**place)
+            self.heading_precision = (weight * belief.precision[said["light"]]).to(**place)
         self.mean, self.precision = mean.to(**place), precision.to(**place)
-        places = [self.azimuth, *range(self.light.start, self.light.stop)]
+        places = layout.indices("azimuth", "light")
         self._places = torch.tensor(places, device=place.get("device"))
 
     def value(self, points: torch.Tensor) -> torch.Tensor:

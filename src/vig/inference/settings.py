@@ -49,7 +49,8 @@ class ExplainSettings:
     descents are compared, for the same reason.
     self_shadow: shade with the class's transfer table, where it has one: what its parts take from and throw
     upon each other.
-    free_framing: also fit the image's shift and magnification, for photos that were cropped by hand.
+    free_framing: also fit the image's shift and magnification, for photos that were cropped by hand; None is
+    False, unless an `Explainer` knows better.
     calibrated: whether verdict and deviations are what `calibration` makes of them, the class's by default.
     silhouette: "exact", or "paper" for the authors' constant mask.
     """
@@ -68,7 +69,7 @@ class ExplainSettings:
     prior_weight: float = 100.0
     view_weight: float = 1000.0
     self_shadow: bool = True
-    free_framing: bool = False
+    free_framing: bool | None = None
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
     calibrated: bool = True

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import torch
 
-from vig.inference.prior import FRAMING_SD
 from vig.recognition import Prediction
 from vig.recognition.targets import latents_of
 from vig.scene import Latents
+from vig.scene.layout import FRAMING
 
 PEAKS = 4
 LEAST_WEIGHT = 0.02
@@ -34,20 +34,24 @@ def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
     peaks = _allot(share, count)
     azimuth = angles[0, peaks]
     numbers = prediction.numbers.expand(count, -1).clone()
-    modes = numbers.shape[1] - 13
+    layout = prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
     strewn = np.array([i > 0 and peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
-    noise = torch.from_numpy(rng.standard_normal((count, 2 + modes)).astype(np.float32) * strewn)
-    numbers[:, : 1 + modes] += SPREAD * prediction.deviation[:, : 1 + modes] * noise[:, 1:]
+    noise = torch.from_numpy(
+        rng.standard_normal((count, 2 + layout.count("shape"))).astype(np.float32) * strewn
+    )
+    moved = layout.indices("elevation", "shape")
+    numbers[:, moved] += SPREAD * prediction.deviation[:, moved] * noise[:, 1:]
     return latents_of(numbers, azimuth + SPREAD_AZIMUTH * noise[:, 0])
 
 
 def strewn_framing(count: int, seed: int = 0) -> torch.Tensor:
     """Framings (count, 3) for as many starts, the first 0, the others strewn by the prior's deviations."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
-    noise = rng.standard_normal((count, len(FRAMING_SD))).astype(np.float32)
+    deviation = np.array(FRAMING.deviation, np.float32)
+    noise = rng.standard_normal((count, FRAMING.size)).astype(np.float32)
     noise[0] = 0.0
-    return torch.from_numpy(noise * np.array(FRAMING_SD, np.float32))
+    return torch.from_numpy(noise * deviation)
 
 
 def _allot(share: np.ndarray, count: int) -> list[int]:

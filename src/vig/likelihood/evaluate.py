@@ -15,8 +15,8 @@ from vig.likelihood.kernels.assembly import likelihood_kernels, load_kernels
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import run_on_threads, thread_count
-from vig.render import warp_array
-from vig.scene import Camera, Latents
+from vig.renderer import warp_array
+from vig.scene import Camera, Latents, point_layout
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
@@ -98,6 +98,7 @@ class Likelihood:
         size = tuple(photos.linear.shape[1:3])
         if size != (camera.height, camera.width):
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
+        self.layout = point_layout(geometry.model.modes)
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
         count = len(photos.linear)
         self.observed = photos.linear.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()

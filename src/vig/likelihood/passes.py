@@ -13,9 +13,9 @@ import warp as wp
 
 from vig.likelihood.kernels.assembly import PARTS, likelihood_kernels
 from vig.likelihood.kernels.surface import LANES
-from vig.render import NOTHING, warp_array
-from vig.render.device import Prepared
-from vig.render.raster import KEYS_MARGIN
+from vig.renderer import NOTHING, warp_array
+from vig.renderer.device import Prepared
+from vig.renderer.raster import KEYS_MARGIN
 from vig.scene.light import L_COUNT
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from vig.optimizers.annealing import Annealed
 from vig.optimizers.bfgs import BFGS
-from vig.optimizers.closed_form import Alternating, ClosedForm
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
@@ -13,10 +12,8 @@ from vig.optimizers.optimizer import Budget, Descent, Optimizer, Problem
 __all__ = [
     "BFGS",
     "LBFGS",
-    "Alternating",
     "Annealed",
     "Budget",
-    "ClosedForm",
     "ConjugateGradient",
     "Descent",
     "Dogleg",

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+import torch
 from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
 
 from vig.errors import UserError
@@ -60,6 +61,43 @@ def read_photo(path: str | Path) -> np.ndarray:
             refuse(path, _PHOTO, "something else", "Convert it to JPEG or PNG.")
         except Exception as error:  # a decoder may raise anything on a damaged file
             refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
+
+
+def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
+    """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in.
+
+    Args:
+        photo: A file (see `read_photo`), a PIL image, or an array or tensor (H, W, 3) or grey (H, W): uint8
+            is taken as sRGB, floating point as linear RGB in [0, 1].
+
+    Raises:
+        UserError: It is none of these, has another shape, type or range, or is tiny or huge.
+    """
+    if isinstance(photo, str | Path):
+        return read_photo(photo)
+    name = Path("the photo")
+    if isinstance(photo, Image.Image):
+        check_size(name, *photo.size)
+        return _linear(name, photo)
+    if not isinstance(photo, np.ndarray | torch.Tensor):
+        refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
+    array = photo.detach().cpu().numpy() if isinstance(photo, torch.Tensor) else photo
+    if array.ndim == 2:
+        array = np.repeat(array[:, :, None], 3, axis=2)
+    if array.ndim != 3 or array.shape[2] != 3:
+        batch = array.ndim == 4 or (array.ndim == 3 and array.shape[0] in (1, 3))
+        remedy = "Pass one photo with channels last." if batch else "Convert it to RGB."
+        refuse(name, "(H, W, 3) or (H, W)", f"shape {tuple(array.shape)}", remedy)
+    check_size(name, array.shape[1], array.shape[0])
+    if array.dtype == np.uint8:
+        return linear_from_srgb(np.arange(256) / 255).astype(np.float32)[array]
+    if not np.issubdtype(array.dtype, np.floating):
+        refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to one.")
+    least, most = float(array.min()), float(array.max())
+    if not (least >= 0 and most <= 1):  # NaN fails both
+        remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."
+        refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
+    return np.ascontiguousarray(array, np.float32)
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image
 
 from vig.errors import UserError
-from vig.scene import IMAGE_SIZE
+from vig.scene import IMAGE_SIZE, Camera
 
 WINDOW_OVER_BOX = 1.4
 """Side of the window over the longer side of the object's box, as in training images (median)."""
@@ -68,6 +68,17 @@ class Window:
             for channel in channels
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+
+    def camera(self, camera: Camera, width: int, height: int) -> Camera:
+        """The camera of the whole photo of width x height from that of its window."""
+        scale = self.side / camera.width
+        return replace(
+            camera.scaled(scale),
+            width=width,
+            height=height,
+            cx=camera.cx * scale + self.left,
+            cy=camera.cy * scale + self.top,
+        )
 
     def back(self, image: np.ndarray, width: int, height: int) -> np.ndarray:
         """A map (S, S) of the window, in [0, 1], drawn into the photo's frame: (height, width) float32.

@@ -18,6 +18,7 @@ from vig.recognition.calibration import PREFIX, Calibration, temperature, wideni
 from vig.recognition.examples import Examples
 from vig.recognition.network import Heads, bfloat16
 from vig.recognition.prediction import Recognizer
+from vig.recognition.targets import layout_of_numbers
 
 LEAST = 50
 """Images below which a calibration means nothing."""
@@ -106,13 +107,9 @@ def _plot(
         left.plot(stated, (levels <= stated[:, None]).float().mean(1), label=name)
     left.set_title("azimuth")
     reach = math.sqrt(2) * torch.erfinv(stated.clamp_max(0.9999))
-    groups = {
-        "elevation": slice(0, 1),
-        "shape": slice(1, -12),
-        "albedo": slice(-12, -9),
-        "light": slice(-9, None),
-    }
-    for number, (name, group) in enumerate(groups.items()):
+    layout = layout_of_numbers(standard.shape[1])
+    for number, name in enumerate(("elevation", "shape", "albedo", "light")):
+        group = layout[name]
         for factor, style in ((torch.ones(()), ":"), (made.deviation[group], "-")):
             off = (standard[:, group] / factor).abs().flatten()
             held = (off <= reach[:, None]).float().mean(1)

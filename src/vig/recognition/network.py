@@ -8,7 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from vig.scene.light import L_COUNT
+from vig.scene import regressed_layout
 
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
@@ -37,9 +37,9 @@ class NetworkSettings:
 class Heads:
     """What the network says of B images.
 
-    azimuth (B, bins): logits over equal bins, the first centred at half a bin. mean, log_variance (B, N),
-    N = 1 + K + 3 + 9: elevation, shape, albedo and light in the heading frame (see `targets`), in units of
-    the targets' standard deviations. mask (B, 3, h, w): logits of MASK_CLASSES at a quarter of the size.
+    azimuth (B, bins): logits over equal bins, the first centred at half a bin. mean, log_variance (B, M): the
+    regressed numbers (`regressed_layout`), light in the heading frame (see `targets`), in units of the
+    targets' standard deviations. mask (B, 3, h, w): logits of MASK_CLASSES at a quarter of the size.
     """
 
     azimuth: torch.Tensor
@@ -70,7 +70,7 @@ class RecognitionNetwork(nn.Module):
             nn.Dropout(settings.dropout),
         )
         self.azimuth = nn.Linear(settings.features, settings.azimuth_bins)
-        self.numbers = nn.Linear(settings.features, 2 * (1 + settings.modes + 3 + L_COUNT))
+        self.numbers = nn.Linear(settings.features, 2 * regressed_layout(settings.modes).size)
         self.mask_coarse = _convolution(c, a, 1, 1)
         self.mask_middle = _convolution(b, a, 1, 1)
         self.mask = nn.Sequential(_convolution(a, a, 3, 1), nn.Conv2d(a, len(MASK_CLASSES), 1))

@@ -15,8 +15,8 @@ from vig.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.calibration import Calibration
 from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
-from vig.recognition.targets import latents_of, mask_at_pixels
-from vig.scene import Latents, ObjectClass, srgb_from_linear
+from vig.recognition.targets import latents_of, layout_of_numbers, mask_at_pixels
+from vig.scene import LatentLayout, Latents, ObjectClass, regressed_layout, srgb_from_linear
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Prediction:
     """What is believed of N photos before any fit.
 
     azimuth (N, bins): probabilities of equal bins, the first centred at half a bin. numbers, deviation
-    (N, M): mean and standard deviation of elevation, shape, albedo and heading-frame light. mask
-    (N, H, W, 3): probability of each pixel showing the object, something before it, or neither.
+    (N, M): mean and standard deviation of the regressed numbers, see `layout`; light in the heading frame.
+    mask (N, H, W, 3): probability of each pixel showing the object, something before it, or neither.
     """
 
     azimuth: torch.Tensor
@@ -35,6 +35,11 @@ class Prediction:
 
     def __len__(self) -> int:
         return len(self.azimuth)
+
+    @property
+    def layout(self) -> LatentLayout:
+        """What the regressed numbers are."""
+        return layout_of_numbers(self.numbers.shape[1])
 
     def best(self) -> Latents:
         """The most probable explanation of each photo: (N,) latents."""
@@ -104,7 +109,7 @@ class Recognizer:
             self._read(settings, tensors)
             if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
                 raise ValueError("the weights are not finite")
-            self.calibration = Calibration.of(tensors, self.network.settings.modes + 13)
+            self.calibration = Calibration.of(tensors, regressed_layout(self.network.settings.modes).size)
         except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             came = "nothing" if isinstance(error, FileNotFoundError) else f"a file of no use ({reason})"

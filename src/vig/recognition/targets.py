@@ -12,7 +12,7 @@ import math
 import torch
 from torch.nn import functional
 
-from vig.scene import Latents, rotate_z
+from vig.scene import LatentLayout, Latents, angle_difference, regressed_layout, rotate_z
 
 MASK_STRIDE = 4
 
@@ -23,33 +23,36 @@ _MIRRORED_LIGHT = (3, 4, 7)
 def azimuth_labels(azimuth: torch.Tensor, bins: int, spread: float = math.radians(4.0)) -> torch.Tensor:
     """Soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians."""
     centres = (torch.arange(bins, device=azimuth.device) + 0.5) * (2 * math.pi / bins)
-    off = torch.remainder(azimuth[:, None] - centres + math.pi, 2 * math.pi) - math.pi
+    off = angle_difference(azimuth[:, None], centres)
     return torch.softmax(-0.5 * (off / spread) ** 2, dim=1)
 
 
 def numbers_of(latents: Latents) -> torch.Tensor:
-    """The regressed numbers (B, 1 + K + 3 + 9): elevation, shape, albedo, light in the heading frame."""
+    """The regressed numbers (B, M), see `regressed_layout`; light in the heading frame."""
     light = rotate_z(latents.light, -latents.azimuth)
-    return torch.cat([latents.elevation[:, None], latents.shape, latents.albedo, light], dim=1)
+    parts = {"shape": latents.shape, "elevation": latents.elevation[:, None], "albedo": latents.albedo}
+    return regressed_layout(latents.shape.shape[1]).join(parts | {"light": light})
+
+
+def layout_of_numbers(count: int) -> LatentLayout:
+    """The layout of M regressed numbers; their K follows from it."""
+    return regressed_layout(count - regressed_layout(0).size)
 
 
 def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
     """The inverse of `numbers_of` for azimuths (B,) radians, clipped to what latents may be."""
-    modes = numbers.shape[1] - 13
-    elevation, shape, albedo, light = numbers.split([1, modes, 3, 9], dim=1)
+    layout = layout_of_numbers(numbers.shape[1])
+    lower, upper = (numbers.new_tensor(bound) for bound in layout.bounds())
+    parts = layout.split(numbers.clamp(lower, upper))
     return Latents(
-        shape.clamp(-3.0, 3.0),
-        azimuth,
-        elevation[:, 0].clamp(0.0, math.pi / 2),
-        albedo.clamp(0.0, 1.0),
-        rotate_z(light, azimuth),
+        parts["shape"], azimuth, parts["elevation"][:, 0], parts["albedo"], rotate_z(parts["light"], azimuth)
     )
 
 
 def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Targets of the photo flipped left to right, for a class that is its own mirror image in y = 0."""
     flipped = numbers.clone()
-    first_light = numbers.shape[1] - 9
+    first_light = layout_of_numbers(numbers.shape[1]).at("light")
     for coefficient in _MIRRORED_LIGHT:
         flipped[:, first_light + coefficient] *= -1
     return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped

@@ -21,6 +21,8 @@ from vig.recognition.examples import Examples, hold_out
 from vig.recognition.log import Log
 from vig.recognition.losses import PARTS, WEIGHTS, losses, total
 from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
+from vig.recognition.targets import layout_of_numbers
+from vig.scene import angle_difference
 
 FOLLOW = 0.998
 """Share of the averaged weights that a step keeps."""
@@ -122,7 +124,7 @@ class _Run:
         numbers = examples.numbers[chosen]
         scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
         torch.manual_seed(settings.seed)
-        sizes = replace(settings.network, modes=numbers.shape[1] - 13)
+        sizes = replace(settings.network, modes=layout_of_numbers(numbers.shape[1]).count("shape"))
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         average.load_state_dict(network.state_dict())
@@ -194,10 +196,10 @@ def validate(
             sums[name] += float(loss) * len(part) / len(chosen)
         bins = heads.azimuth.shape[1]
         guess = (heads.azimuth.argmax(1).cpu() + 0.5) * (2 * math.pi / bins)
-        off = torch.remainder(guess - some.azimuth + math.pi, 2 * math.pi) - math.pi
+        off = angle_difference(guess, some.azimuth)
         azimuths.append(off.abs().rad2deg())
         error = (heads.mean - targets).abs().cpu() * scale["deviation"]
-        elevations.append(error[:, 0].rad2deg())
+        elevations.append(error[:, layout_of_numbers(error.shape[1]).at("elevation")].rad2deg())
         shapes.append(error[:, 1:4].mean(1))
         seen, said = mask[:, 0] > 0.5, heads.mask.argmax(1) == 0
         hits, unions = hits + float((seen & said).sum()), unions + float((seen | said).sum())

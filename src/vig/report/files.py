@@ -13,68 +13,80 @@ import trimesh
 
 from vig import __version__
 from vig.files import atomic_write
-from vig.inference import Explanation
+from vig.inference import Fit
 from vig.photo.images import write_png
 from vig.photo.window import Window
-from vig.report.overlay import overlay
-from vig.scene import Latents, ObjectClass, latent_layout, srgb8_from_linear
+from vig.scene import Camera, Latents, ObjectClass, latent_layout
 
 
 def write_explanation(
-    folder: Path, photo: np.ndarray, window: Window, explanation: Explanation, object_class: ObjectClass
-) -> dict[str, Any]:
-    """Write the files of one explained photo; returns what stands in the JSON.
+    folder: Path,
+    described: dict[str, Any],
+    picture: np.ndarray,
+    amodal: np.ndarray,
+    visible: np.ndarray,
+    latents: Latents,
+    object_class: ObjectClass,
+) -> None:
+    """Write the files of one explained photo.
 
-    photo (H, W, 3) linear RGB, the whole one; the explanation is of its window. mask.png is 255 where the
-    object is visible, 128 where it is hidden, 0 elsewhere.
+    Args:
+        folder: Made when it is missing.
+        described: For explanation.json, see `describe`.
+        picture: (H, W, 3) uint8, for overlay.png.
+        amodal: (H, W) bool, all that the object covers.
+        visible: (H, W) bool, where it is seen; mask.png is 255 there, 128 where it is hidden, 0 elsewhere.
+        latents: The explanation (B = 1), for object.glb.
+        object_class: Its class.
     """
-    height, width = photo.shape[:2]
-    amodal = window.back(explanation.amodal.float().numpy(), width, height) > 0.5
-    visible = (window.back(explanation.mask.float().numpy(), width, height) > 0.5) & amodal
-    covered = int(amodal.sum())
-    hidden = 1 - int(visible.sum()) / covered if covered else None
-    described = describe(explanation, object_class, window, hidden)
-    write_png(folder / "overlay.png", overlay(srgb8_from_linear(photo), amodal, visible))
+    write_png(folder / "overlay.png", picture)
     write_png(folder / "mask.png", np.where(visible, 255, np.where(amodal, 128, 0)).astype(np.uint8))
-    write_glb(folder / "object.glb", explanation.latents, object_class)
+    write_glb(folder / "object.glb", latents, object_class)
     with atomic_write(folder / "explanation.json") as temporary:
         Path(temporary).write_text(json.dumps(described, indent=2) + "\n")
-    return described
 
 
 def describe(
-    explanation: Explanation, object_class: ObjectClass, window: Window, hidden: float | None
+    fit: Fit, object_class: ObjectClass, window: Window, camera: Camera, hidden: float | None
 ) -> dict[str, Any]:
-    """The explanation in plain numbers: degrees, linear RGB; see `explanation.json`.
+    """A fit in plain numbers: degrees, linear RGB; what `explanation.json` holds.
 
-    hidden: share of the object's pixels within the photo that are hidden, None when there are none.
+    Args:
+        fit: Of the window.
+        object_class: Its class.
+        window: Where in the photo it is.
+        camera: Of the whole photo.
+        hidden: Share of the object's pixels within the photo that are hidden, None when there are none.
     """
-    latents = explanation.latents
-    modes = object_class.shape_model.modes
-    numbers = dict(zip(latent_layout(modes).labels, explanation.deviation.tolist(), strict=True))
+    deviation = latent_layout(object_class.shape_model.modes).split(fit.deviation)
+    pose = camera.camera_from_world(float(fit.latents.azimuth), float(fit.latents.elevation))
     return {
         "vig": __version__,
         "class": object_class.name,
-        "verdict": explanation.verdict.name.lower(),
-        "reason": explanation.reason,
-        "confidence": None if math.isnan(explanation.confidence) else _rounded(explanation.confidence),
-        **describe_latents(latents),
-        "alternative": explanation.alternative and describe_latents(explanation.alternative),
+        "verdict": fit.verdict.name.lower(),
+        "reason": fit.reason,
+        "confidence": None if math.isnan(fit.confidence) else _rounded(fit.confidence),
+        **describe_latents(fit.latents),
+        "alternative": fit.alternative and describe_latents(fit.alternative),
         "deviation": {
-            "azimuth_deg": _rounded(math.degrees(numbers["azimuth"])),
-            "elevation_deg": _rounded(math.degrees(numbers["elevation"])),
-            "albedo": [_rounded(numbers[f"albedo_{c}"]) for c in "rgb"],
-            "light": [_rounded(v) for k, v in numbers.items() if k.startswith("light")],
-            "shape": [_rounded(v) for k, v in numbers.items() if k.startswith("shape")],
+            "azimuth_deg": _rounded(math.degrees(deviation["azimuth"])),
+            "elevation_deg": _rounded(math.degrees(deviation["elevation"])),
+            **{name: _rounded(deviation[name]) for name in ("albedo", "light", "shape")},
         },
         "hidden_fraction": None if hidden is None else _rounded(hidden),
-        "evidence_nats": _rounded(explanation.evidence),
-        "start_evidence_nats": _rounded(explanation.start_evidence),
-        "evaluations": explanation.evaluations,
+        "evidence_nats": _rounded(fit.evidence),
+        "start_evidence_nats": _rounded(fit.start_evidence),
+        "evaluations": fit.evaluations,
         "window": {"left": window.left, "top": window.top, "side": window.side},
         "framing": {
-            "shift": _rounded(explanation.framing[:2]),
-            "magnification": _rounded(math.exp(float(explanation.framing[2]))),
+            "shift": _rounded(fit.framing[:2]),
+            "magnification": _rounded(math.exp(float(fit.framing[2]))),
+        },
+        "camera": {
+            "width": camera.width,
+            "height": camera.height,
+            "K": camera.K.tolist(),
+            "camera_from_object": pose.tolist(),
         },
     }
 

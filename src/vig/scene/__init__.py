@@ -1,9 +1,18 @@
 """What is explained: latents, shape model, light, camera, object class."""
 
+from vig.scene.angles import angle_difference
 from vig.scene.camera import IMAGE_SIZE, Camera, camera_rotation
 from vig.scene.colour import linear_from_srgb, srgb8_from_linear, srgb_from_linear
 from vig.scene.latents import Latents
-from vig.scene.layout import SHAPE_LIMIT, Block, LatentLayout, latent_layout, point_layout
+from vig.scene.layout import (
+    SHAPE_LIMIT,
+    Block,
+    LatentLayout,
+    latent_layout,
+    layout_of_width,
+    point_layout,
+    regressed_layout,
+)
 from vig.scene.light import (
     EXPOSURE_L00,
     exposed,
@@ -30,15 +39,18 @@ __all__ = [
     "Mesh",
     "ObjectClass",
     "ShapeModel",
+    "angle_difference",
     "camera_rotation",
     "exposed",
     "face_normals",
     "grey",
     "irradiance",
     "latent_layout",
+    "layout_of_width",
     "linear_from_srgb",
     "point_layout",
     "project_panorama",
+    "regressed_layout",
     "rotate_z",
     "rotations_z",
     "sh_basis",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 
 FOCAL_OVER_WIDTH = 1.12
@@ -42,6 +44,28 @@ class Camera:
             cx=self.cx * factor,
             cy=self.cy * factor,
         )
+
+    def framed(self, shift_x: float, shift_y: float, log_scale: float) -> Camera:
+        """This camera with its image shifted (in widths, right and down) and magnified about its centre."""
+        return replace(
+            self,
+            focal=self.focal * math.exp(log_scale),
+            cx=self.cx + shift_x * self.width,
+            cy=self.cy + shift_y * self.width,
+        )
+
+    @property
+    def K(self) -> np.ndarray:  # noqa: N802
+        """Intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column, row, 1)."""
+        return np.array([[self.focal, 0.0, self.cx], [0.0, self.focal, self.cy], [0.0, 0.0, 1.0]])
+
+    def camera_from_world(self, azimuth: float, elevation: float) -> np.ndarray:
+        """Pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
+        angles = torch.tensor([[azimuth], [elevation]], dtype=torch.float64)
+        rotation, translation = self.pose(*angles)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation[0].numpy(), translation[0].numpy()
+        return pose
 
     def pose(self, azimuth: torch.Tensor, elevation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.

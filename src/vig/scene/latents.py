@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import torch
 
-from vig.scene.layout import latent_layout
+from vig.scene.layout import latent_layout, layout_of_width
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,8 @@ class Latents:
     @staticmethod
     def from_vector(vector: torch.Tensor) -> Latents:
         """The inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
-        others = latent_layout(0).size
-        modes = vector.shape[1] - others if vector.ndim == 2 else -1
-        if modes < 0:
-            raise ValueError(f"latents must be (B, K + {others}); got {tuple(vector.shape)}")
-        parts = latent_layout(modes).split(vector)
+        if vector.ndim != 2 or vector.shape[1] < latent_layout(0).size:
+            raise ValueError(f"latents must be (B, K + {latent_layout(0).size}); got {tuple(vector.shape)}")
+        parts = layout_of_width(vector.shape[1]).split(vector)
         parts |= {name: parts[name][:, 0] for name in ("azimuth", "elevation")}
         return Latents(**parts)

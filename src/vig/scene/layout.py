@@ -25,6 +25,9 @@ class Block:
         lower: Least value of each number; one for all, or `size` of them.
         upper: Greatest value of each; a number whose bounds are equal is held.
         labels: A name for each number, as written in tables; `name`, or `name_0`, `name_1`, ... by default.
+        deviation: Standard deviation of each number's Gaussian prior about 0; None when it has none, or one
+            that the class or the recognition model states.
+        weighted: Whether an objective's `prior_weight` applies to that prior.
     """
 
     name: str
@@ -32,13 +35,16 @@ class Block:
     lower: float | tuple[float, ...] = -math.inf
     upper: float | tuple[float, ...] = math.inf
     labels: tuple[str, ...] = ()
+    deviation: float | tuple[float, ...] | None = None
+    weighted: bool = True
 
     def __post_init__(self) -> None:
         if self.size < 0:
             raise ValueError(f"a block has 0 numbers or more; got {self.size} for '{self.name}'")
-        for told, what in ((self.lower, "lower"), (self.upper, "upper"), (self.labels or 0, "labels")):
-            if isinstance(told, tuple) and len(told) != self.size:
-                raise ValueError(f"{what} of block '{self.name}' must be {self.size}; got {len(told)}")
+        for what in ("lower", "upper", "labels", "deviation"):
+            value = getattr(self, what)
+            if isinstance(value, tuple) and value and len(value) != self.size:
+                raise ValueError(f"{what} of block '{self.name}' must be {self.size}; got {len(value)}")
 
     def held(self, value: float = 0.0) -> Block:
         """The same block with every number kept at `value`."""
@@ -135,6 +141,14 @@ class LatentLayout:
             raise ValueError(f"expected blocks of sizes {wanted}; got {found}")
         return torch.cat([parts[block.name] for block in self.blocks], dim=-1)
 
+    def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:
+        """The blocks that have a Gaussian prior about 0: deviation of each number, and `Block.weighted`."""
+        return {
+            block.name: (tuple(_each(block.deviation, block.size)), block.weighted)
+            for block in self.blocks
+            if block.deviation is not None
+        }
+
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each of the P numbers."""
         lower = tuple(value for block in self.blocks for value in _each(block.lower, block.size))
@@ -148,7 +162,15 @@ def _each(value: float | tuple[float, ...], size: int) -> Iterable[float]:
 
 LIGHT_LABELS = tuple(f"light_{degree}_{order}" for degree in range(3) for order in range(-degree, degree + 1))
 
-FRAMING = Block("framing", 3, (-0.15, -0.15, -0.35), (0.15, 0.15, 0.35), ("shift_x", "shift_y", "log_scale"))
+FRAMING = Block(
+    "framing",
+    3,
+    (-0.15, -0.15, -0.35),
+    (0.15, 0.15, 0.35),
+    ("shift_x", "shift_y", "log_scale"),
+    deviation=(0.04, 0.04, 0.12),
+    weighted=False,
+)
 """Shift of the image in its widths, right and down, and the log of its magnification."""
 
 
@@ -156,13 +178,33 @@ def latent_layout(modes: int) -> LatentLayout:
     """The latents of a scene with K shape components, as datasets and tables have them: P = K + 14."""
     return LatentLayout(
         (
-            Block("shape", modes, -SHAPE_LIMIT, SHAPE_LIMIT, tuple(f"shape_{mode}" for mode in range(modes))),
+            Block(
+                "shape",
+                modes,
+                -SHAPE_LIMIT,
+                SHAPE_LIMIT,
+                tuple(f"shape_{mode}" for mode in range(modes)),
+                deviation=1.0,
+            ),
             Block("azimuth", 1),
             Block("elevation", 1, 0.0, math.pi / 2),
             Block("albedo", 3, 0.0, 1.0, ("albedo_r", "albedo_g", "albedo_b")),
             Block("light", L_COUNT, labels=LIGHT_LABELS),
         )
     )
+
+
+def layout_of_width(width: int) -> LatentLayout:
+    """The latents of a scene from how many numbers they have, P = K + 14. ValueError for too few."""
+    modes = width - latent_layout(0).size
+    if modes < 0:
+        raise ValueError(f"latents must be K + {latent_layout(0).size} numbers; got {width}")
+    return latent_layout(modes)
+
+
+def regressed_layout(modes: int) -> LatentLayout:
+    """What a recognition network regresses: the latents without azimuth, which it classifies."""
+    return latent_layout(modes).without("azimuth")
 
 
 def point_layout(modes: int) -> LatentLayout:

@@ -17,7 +17,7 @@ from safetensors.numpy import save_file
 
 from vig import __version__
 from vig.files import atomic_write
-from vig.inference import ExplainSettings, Explanation, calibration_of, explain_one
+from vig.inference import ExplainSettings, Fit, calibration_of, explain_one
 from vig.inference.calibration import CLUES
 from vig.likelihood import load_kernels
 from vig.parallel.processes import map_in_processes
@@ -38,7 +38,7 @@ class Fits:
 
     latents, deviation (N, P) float32. masks, masks_by_pixel (N, H, W) bool: the visible pixels, and what each
     by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues
-    (N, C), confidence (N,): see `vig.inference.Explanation`. verdicts: N names.
+    (N, C), confidence (N,): see `vig.inference.Fit`. verdicts: N names.
     """
 
     latents: np.ndarray
@@ -50,7 +50,7 @@ class Fits:
     verdicts: tuple[str, ...]
 
     @staticmethod
-    def of(fits: list[Explanation], whole: bool) -> Fits:
+    def of(fits: list[Fit], whole: bool) -> Fits:
         """The same of explanations; whole: the silhouette is the mask."""
         return Fits(
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),

@@ -25,7 +25,7 @@ from vig.errors import UserError
 from vig.inference import ExplainSettings
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL
 from vig.recognition import MASK_CLASSES, Recognizer
-from vig.scene import EXPOSURE_L00, Latents, ObjectClass, linear_from_srgb
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig.scene.designs import shape_vertices
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 from vig_lab.evaluation.rendering import silhouettes
@@ -75,7 +75,7 @@ def evaluate(
     """
     if not methods:
         raise UserError(f"expected at least one method among {', '.join(METHODS)}; got none")
-    modes, found = object_class.shape_model.modes, dataset.latents.shape[1] - 14
+    modes, found = object_class.shape_model.modes, layout_of_width(dataset.latents.shape[1]).count("shape")
     if found != modes:
         raise UserError(
             f"expected a dataset of class '{object_class.name}' with {modes} shape components;"

@@ -12,7 +12,7 @@ import torch
 from vig.dataset import Dataset
 from vig.files import atomic_write
 from vig.recognition import Prediction
-from vig.scene import Latents, rotations_z
+from vig.scene import Latents, angle_difference, latent_layout, rotations_z
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,12 @@ def stated_deviation(prediction: Prediction) -> np.ndarray:
     best = prediction.best().azimuth.double()
     bins = prediction.azimuth.shape[1]
     centres = (torch.arange(bins, dtype=torch.float64) + 0.5) * (2 * torch.pi / bins)
-    turns = torch.remainder(centres - best[:, None] + torch.pi, 2 * torch.pi) - torch.pi
+    turns = angle_difference(centres, best[:, None])
     azimuth = (prediction.azimuth.double() * turns**2).sum(1).sqrt()
-    numbers = prediction.deviation.double()
-    modes = numbers.shape[1] - 13
-    elevation, shape, albedo, light = numbers.split([1, modes, 3, 9], dim=1)
-    turned = (rotations_z(best) ** 2 @ light[:, :, None] ** 2)[:, :, 0].sqrt()
-    return torch.cat([shape, azimuth[:, None], elevation, albedo, turned], dim=1).numpy()
+    parts = prediction.layout.split(prediction.deviation.double())
+    parts["light"] = (rotations_z(best) ** 2 @ parts["light"][:, :, None] ** 2)[:, :, 0].sqrt()
+    layout = latent_layout(prediction.layout.count("shape"))
+    return layout.join(parts | {"azimuth": azimuth[:, None]}).numpy()
 
 
 def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:

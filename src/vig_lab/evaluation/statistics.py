@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from vig.scene import angle_difference, layout_of_width
 from vig_lab.evaluation.results import MethodResult
 
 LEVELS = tuple(number / 10 for number in range(1, 10))
@@ -113,16 +114,14 @@ def latent_groups(count: int) -> dict[str, list[int]]:
 
     The light's first, L00, is in none: exposure sets it, so that nobody can be wrong about it.
     """
-    modes = count - 14
-    groups = {
-        "azimuth": [modes],
-        "elevation": [modes + 1],
-        "shape": list(range(modes)),
-        "albedo": list(range(modes + 2, modes + 5)),
-        "light": list(range(modes + 6, count)),
+    layout = layout_of_width(count)
+    groups = {name: layout.indices(name) for name in ("azimuth", "elevation", "shape", "albedo", "light")}
+    groups["light"] = groups["light"][1:]
+    single = {
+        f"{name}_{each - layout.at(name)}": [each]
+        for name in ("shape", "albedo", "light")
+        for each in groups[name]
     }
-    first = {"shape": 0, "albedo": modes + 2, "light": modes + 5}
-    single = {f"{name}_{each - at}": [each] for name, at in first.items() for each in groups[name]}
     return groups | single
 
 
@@ -134,8 +133,8 @@ def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
     if result.latents is None or result.deviation is None:
         raise ValueError("expected a method that states latents and their deviations; got one that does not")
     off = result.latents.to_vector().double().numpy() - truth
-    azimuth = truth.shape[1] - 14
-    off[:, azimuth] = (off[:, azimuth] + np.pi) % (2 * np.pi) - np.pi
+    azimuth = layout_of_width(truth.shape[1]).at("azimuth")
+    off[:, azimuth] = angle_difference(off[:, azimuth], np.zeros(1))
     certain = np.where(off == 0, 0.0, np.inf)
     deviation = result.deviation.astype(np.float64)
     return np.where(deviation > 0, np.abs(off) / np.where(deviation > 0, deviation, 1.0), certain)

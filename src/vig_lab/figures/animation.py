@@ -13,7 +13,6 @@ from scipy import ndimage
 
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, explain_one
-from vig.likelihood import FRAMING_COUNT
 from vig.optimizers.optimizer import Budget, Descent, Optimizer, Problem
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass, srgb8_from_linear, srgb_from_linear
@@ -85,7 +84,7 @@ def fit_animation(
     points = [recorder.best[int(place)] for place in taken]
     vectors = [
         prediction.best().to_vector()[0],
-        *(point[: len(point) - FRAMING_COUNT] for point in points),
+        *(point[: prediction.best().to_vector().shape[1]] for point in points),
         answer.latents.to_vector()[0],
     ]
     said = ["recognition model"]

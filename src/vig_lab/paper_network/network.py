@@ -16,7 +16,7 @@ from torch import nn
 
 from vig.recognition.network import MASK_CLASSES
 from vig.recognition.targets import azimuth_labels
-from vig.scene import IMAGE_SIZE, Latents, rotate_z
+from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
 
 FACTORS = ("pose", "shape", "appearance", "light")
@@ -86,8 +86,8 @@ class FactorNetwork(nn.Module):
 class PaperNetworks(nn.Module):
     """The four networks, and how far off they are: what a `Prediction` holds, from images.
 
-    azimuth_deviation (): standard deviation of azimuth in radians. deviation (1 + K + 3 + 9,): those of
-    elevation, shape, albedo and light in the heading frame.
+    azimuth_deviation (): standard deviation of azimuth in radians. deviation (M,): those of
+    the regressed numbers, light in the heading frame.
     """
 
     azimuth_deviation: torch.Tensor
@@ -101,7 +101,7 @@ class PaperNetworks(nn.Module):
             {name: FactorNetwork(counts[name], name in GREY_FACTORS, settings) for name in FACTORS}
         )
         self.register_buffer("azimuth_deviation", torch.tensor(1.0))
-        self.register_buffer("deviation", torch.ones(settings.modes + 13))
+        self.register_buffer("deviation", torch.ones(regressed_layout(settings.modes).size))
 
     def of(self, factor: str) -> FactorNetwork:
         """One factor's network."""
@@ -110,14 +110,16 @@ class PaperNetworks(nn.Module):
         return network
 
     def numbers(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Azimuth (B,) in radians, and elevation, shape, albedo and heading-frame light (B, M).
+        """Azimuth (B,) in radians, and the regressed numbers (B, M), light in the heading frame.
 
         The light is predicted in the object's frame, as in the paper, and turned by the predicted azimuth.
         """
         pose, shape, albedo, light = (self.factors[name](image) for name in FACTORS)
         azimuth, elevation = torch.atan2(pose[:, 1], pose[:, 0]), torch.atan2(pose[:, 3], pose[:, 2])
-        numbers = [elevation[:, None], shape, albedo, rotate_z(light, -azimuth)]
-        return torch.remainder(azimuth, 2 * math.pi), torch.cat(numbers, dim=1)
+        parts = {"shape": shape, "elevation": elevation[:, None], "albedo": albedo}
+        parts["light"] = rotate_z(light, -azimuth)
+        numbers = regressed_layout(self.settings.modes).join(parts)
+        return torch.remainder(azimuth, 2 * math.pi), numbers
 
     def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """The fields of a `Prediction` for images (B, 3, 150, 150), sRGB in [0, 1].

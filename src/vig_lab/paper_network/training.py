@@ -22,7 +22,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.recognition.network import bfloat16
 from vig.recognition.targets import numbers_of
-from vig.scene import Latents
+from vig.scene import Latents, angle_difference
 from vig_lab.paper_network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
 
 _NORMAL_MAD = 1.4826
@@ -250,7 +250,7 @@ def _calibrate(networks: PaperNetworks, data: _Data) -> None:
         found = [networks.numbers(data.pixels(part)) for part in data.held_out.split(64)]
     azimuth, numbers = (torch.cat(column) for column in zip(*found, strict=True))
     right = data.latents[data.held_out]
-    off = torch.remainder(azimuth - right.azimuth + torch.pi, 2 * torch.pi) - torch.pi
+    off = angle_difference(azimuth, right.azimuth)
     networks.azimuth_deviation.copy_((_NORMAL_MAD * off.abs().median()).clamp_min(1e-3))
     networks.deviation.copy_((numbers - numbers_of(right)).square().mean(0).sqrt().clamp_min(1e-3))
 

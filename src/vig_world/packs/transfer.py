@@ -24,7 +24,7 @@ import warp as wp
 from safetensors.numpy import save_file
 
 from vig.files import atomic_write
-from vig.render.device import initialise
+from vig.renderer.device import initialise
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel, vertex_normals
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig.scene.object_class import TRANSFER_FILE

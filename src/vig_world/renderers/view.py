@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import torch
 
-from vig.render import rasterize
+from vig.renderer import rasterize
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass
 
 

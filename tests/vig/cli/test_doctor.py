@@ -3,7 +3,7 @@ import json
 import pytest
 
 import vig
-import vig.render
+import vig.renderer
 from vig.cli import doctor as module
 from vig.cli.doctor import doctor, report_lines, run_doctor
 from vig.cli.settings import Doctor
@@ -32,7 +32,7 @@ def test_kernels_that_fail_are_a_line_and_an_exit_code(
     def broken(*arguments):
         raise RuntimeError("no kernel\nfor this machine")
 
-    monkeypatch.setattr(vig.render, "rasterize", broken)
+    monkeypatch.setattr(vig.renderer, "rasterize", broken)
     assert run_doctor(Doctor()) == 1
     assert "NOT OK: failed: RuntimeError: no kernel for this machine" in capsys.readouterr().out
 

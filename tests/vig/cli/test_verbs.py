@@ -5,15 +5,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from vig.cli.explaining import OPTIMIZERS
+from vig.cli.fit import OPTIMIZERS
 from vig.cli.main import main
 from vig.cli.settings import Fit
+from vig.examples import example_photos
 
 
 def refused(capsys, *arguments: object) -> str:
@@ -82,6 +83,35 @@ def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
     assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
     assert len(stored["shape"]) == 10
     assert 0 <= stored["azimuth_deg"] < 360
+
+
+def fitted(capsys, out: Path, *options: str) -> tuple[dict[str, Any], np.ndarray]:
+    """What `vig fit` says of a photo with a third hidden, under options, and its mask."""
+    photo = min(example_photos(), key=lambda example: abs(example.occlusion - 0.3)).photo
+    with pytest.raises(SystemExit) as caught:
+        main(["fit", str(photo), "--out", str(out), "--json", *options])
+    assert caught.value.code == 0
+    said = json.loads(capsys.readouterr().out)["results"][str(photo)]
+    return said, np.asarray(Image.open(Path(said["folder"]) / "mask.png"))
+
+
+def test_options_of_a_fit_are_heeded(capsys, tmp_path):
+    """Each changes what it should, and nothing that was said before a fit."""
+    plain, mask = fitted(capsys, tmp_path / "plain")
+    assert plain["framing"] == {"shift": [0, 0], "magnification": 1} and (mask == 128).any()
+    free, _ = fitted(capsys, tmp_path / "free", "--framing", "free")
+    assert (
+        free["framing"]["magnification"] != 1 and free["start_evidence_nats"] == plain["start_evidence_nats"]
+    )
+    unshaded, _ = fitted(capsys, tmp_path / "unshaded", "--no-self-shadow")
+    assert unshaded["start_evidence_nats"] != plain["start_evidence_nats"]
+    robust, by_pixel = fitted(capsys, tmp_path / "robust", "--likelihood", "robust")
+    assert robust["evidence_nats"] == plain["evidence_nats"] and (mask != by_pixel).any()
+    gaussian, _ = fitted(capsys, tmp_path / "gaussian", "--likelihood", "gaussian")
+    assert gaussian["hidden_fraction"] < 0.01 < plain["hidden_fraction"]
+    other, _ = fitted(capsys, tmp_path / "other", "--optimizer", "dogleg")
+    assert other["start_evidence_nats"] == plain["start_evidence_nats"]
+    assert other["evidence_nats"] != plain["evidence_nats"]
 
 
 def test_evaluating_what_is_no_dataset(capsys, tmp_path):

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from vig.inference import Belief, Objective
-from vig.inference.prior import FRAMING_SD
 from vig.scene import Latents, ObjectClass, rotate_z
+from vig.scene.layout import FRAMING
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def test_a_point_is_the_latents_then_the_framing(studio, objective: Objective) -
     latents = studio.latents(np.random.default_rng(1), 4)
     framing = torch.full((4, 3), 0.01, dtype=torch.float64)
     points = objective.point(latents, framing)
-    assert points.shape == (4, objective.size) == (4, 27)
+    assert points.shape == (4, objective.layout.size) == (4, 27)
     torch.testing.assert_close(points, torch.cat([latents.to_vector(), framing], dim=1))
     torch.testing.assert_close(objective.latents(points).to_vector(), latents.to_vector())
     assert not objective.point(latents)[:, -3:].any()
@@ -39,6 +39,39 @@ def test_points_lie_within_the_bounds(objective: Objective) -> None:
     assert albedo.min() == 0 and albedo.max() == 1
     torch.testing.assert_close(points[:, 10], wild.azimuth)  # any angle is an azimuth
     torch.testing.assert_close(points[:, 15:24], wild.light)
+
+
+def test_a_free_framing_reaches_a_seventh_of_the_width_and_its_prior_is_narrower(
+    objective: Objective,
+) -> None:
+    """Shifts reach 0.15 widths, magnification exp(0.35); one deviation, half a nat, is 0.04 and 0.12."""
+    far = torch.full((1, 3), 9.0, dtype=torch.float64)
+    nothing = Latents.from_vector(torch.zeros(1, 24, dtype=torch.float64))
+    for sign in (-1, 1):
+        reached = objective.point(nothing, sign * far)[0, -3:]
+        assert reached.tolist() == pytest.approx([sign * 0.15, sign * 0.15, sign * 0.35])
+    still = objective.prior.value(objective.point(nothing))
+    for column, deviation in enumerate((0.04, 0.04, 0.12)):
+        framing = torch.zeros(1, 3, dtype=torch.float64)
+        framing[0, column] = deviation
+        assert float(still - objective.prior.value(objective.point(nothing, framing))) == pytest.approx(0.5)
+
+
+def test_the_priors_weight_multiplies_all_of_it_but_the_framings(
+    studio, objective: Objective, teapot
+) -> None:
+    rng = np.random.default_rng(11)
+    belief = some_belief(rng)
+    once, sevenfold = (
+        Objective(objective.likelihood, teapot, True, belief, prior_weight=weight).prior for weight in (1, 7)
+    )
+    latents = studio.latents(rng, 2)
+    points = objective.point(latents)
+    gains = [float(prior.value(points).diff()) for prior in (once, sevenfold)]
+    assert abs(gains[0]) > 0.1 and gains[1] == pytest.approx(7 * gains[0])
+    framed = objective.point(latents, torch.full((2, 3), 0.05, dtype=torch.float64))
+    costs = [prior.value(framed) - prior.value(points) for prior in (once, sevenfold)]
+    torch.testing.assert_close(costs[0], costs[1])
 
 
 def test_a_held_framing_is_zero_whatever_is_asked(studio, teapot: ObjectClass) -> None:
@@ -73,7 +106,7 @@ def test_the_prior_is_that_of_shape_light_and_framing(
     light = torch.distributions.MultivariateNormal(
         torch.from_numpy(teapot.light_prior_mean), torch.from_numpy(teapot.light_prior_covariance)
     ).log_prob(points[:, 15:24])
-    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING_SD)).log_prob(points[:, 24:]).sum(1)
+    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING.deviation)).log_prob(points[:, 24:]).sum(1)
     expected = shape + light + framing
     off = objective.prior.value(points) - expected
     torch.testing.assert_close(off, off[:1].expand(3))  # equal up to one constant

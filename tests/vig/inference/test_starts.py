@@ -41,3 +41,18 @@ def test_starts_stay_within_bounds():
     assert (found.elevation >= 0).all()
     assert (found.elevation <= math.pi / 2).all()
     assert (found.shape.abs() <= 3).all()
+
+
+def test_starts_are_strewn_by_eight_degrees_and_seven_tenths_of_the_stated_deviations():
+    """511 draws: their standard deviation is known to 3 %."""
+    given = prediction({10: 1.0})
+    given.numbers[0, 0] = 0.8
+    given.deviation[:, 0] = 0.1  # of elevation
+    given.deviation[:, 1:11] = 0.5  # of shape
+    found = starts(given, 512)
+    azimuth = torch.rad2deg(found.azimuth[1:])
+    assert abs(float(azimuth.mean()) - 52.5) < 1.5
+    assert abs(float(azimuth.std()) / 8 - 1) < 0.1
+    assert abs(float(found.elevation[1:].std()) / (0.7 * 0.1) - 1) < 0.1
+    assert abs(float(found.shape[1:].std()) / (0.7 * 0.5) - 1) < 0.05
+    assert torch.equal(found.albedo, given.best().albedo.expand(512, -1)), "solved soon enough"

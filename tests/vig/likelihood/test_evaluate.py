@@ -9,7 +9,7 @@ import torch
 from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition.targets import latents_of, mirrored, numbers_of
-from vig.render import rasterize
+from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Latents
 
 

@@ -12,9 +12,9 @@ from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.likelihood.reference import constant_mask_value, irradiance_at, shade
-from vig.render import rasterize
-from vig.render.raster import FACE_MASK, NOTHING
-from vig.scene import Camera, Latents
+from vig.renderer import rasterize
+from vig.renderer.raster import FACE_MASK, NOTHING
+from vig.scene import Camera, Latents, point_layout
 
 SIGMA = 0.03
 
@@ -151,7 +151,7 @@ def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
         diagonals = (torch.diagonal(found.normal[0]) for found in (sparse, full))
         ratios.append(torch.div(*diagonals))
     # What moves pixels has its curvature from few steep ones; colour and light from all of them.
-    linear = slice(studio.geometry.layout.modes + 2, -3)
+    linear = point_layout(studio.geometry.model.modes).indices("albedo", "light")
     off = torch.stack(ratios).log().abs()
     assert off[:, linear].max() < 0.15
     assert off.median() < 0.3 and off.max() < 1.5

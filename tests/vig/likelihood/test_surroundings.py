@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from vig.likelihood import log_colour_density
-from vig.likelihood.surroundings import CELLS, FLOOR
+from vig.likelihood.surroundings import CELLS
 
 
 def density_on_cube(colours: torch.Tensor, per_cell: int = 2) -> torch.Tensor:
@@ -44,7 +44,7 @@ def test_colours_of_the_surroundings_are_likely_and_others_have_the_floor() -> N
     density = log_colour_density(photo, weight)
     assert density.shape == (10, 20) and density.dtype == torch.float64
     assert (density[:, :10] > math.log(500)).all()  # 22 cells a side, spread over about three
-    torch.testing.assert_close(density[:, 10:], torch.full((10, 10), math.log(FLOOR), dtype=torch.float64))
+    torch.testing.assert_close(density[:, 10:], torch.full((10, 10), math.log(0.05), dtype=torch.float64))
 
 
 def test_a_region_of_weight_zero_is_ignored_whatever_it_shows() -> None:

@@ -11,7 +11,6 @@ import torch
 from vig.inference import Objective
 from vig.optimizers.annealing import Annealed
 from vig.optimizers.bfgs import BFGS
-from vig.optimizers.closed_form import Alternating
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
@@ -29,7 +28,6 @@ OPTIMIZERS: dict[str, Optimizer] = {
     "conjugate_gradient": ConjugateGradient(),
     "gradient_descent": GradientDescent(),
     "annealed": Annealed(LevenbergMarquardt()),
-    "alternating": Alternating(LevenbergMarquardt()),
 }
 BUDGET = Budget(15)
 

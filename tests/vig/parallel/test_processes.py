@@ -49,7 +49,7 @@ def test_what_preparing_raises_is_raised_here() -> None:
 
 SLEEPING = """
 import functools, multiprocessing, time
-from vig.processes import map_in_processes
+from vig.parallel import map_in_processes
 if __name__ == "__main__":
     found = map_in_processes(functools.partial, time.sleep, [0.0] + [60.0] * 9, 2)
     next(found)

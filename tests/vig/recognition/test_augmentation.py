@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from vig.recognition.augmentation import NO_MASK, Augmentation, blobs
 from vig.recognition.examples import Examples
+from vig.recognition.targets import mirrored
 
 NOTHING = Augmentation(0, 0, 0, 0, 0, 0, 0, 0.9, 0)
 
@@ -64,3 +67,16 @@ def test_a_batch_is_a_pure_function_of_its_generators(batch: Examples) -> None:
 def test_blobs_are_of_many_sizes_and_neither_nothing_nor_all() -> None:
     shares = blobs(200, 60, 60, np.random.default_rng(0)).mean((1, 2))
     assert shares.min() > 0 and shares.max() < 0.6 and shares.std() > 0.03
+
+
+def test_a_flip_turns_picture_mask_and_targets(batch: Examples) -> None:
+    mask, images = batch.mask.clone(), batch.images.clone()
+    mask[:, 0, :, :19], mask[:, 1, :, :19] = 0, 255  # what is at the left is hidden
+    images[:, :, 100:] = 255
+    given = replace(batch, mask=mask, images=images, numbers=torch.ones(8, 23))
+    before = NOTHING(given, np.random.default_rng(0))
+    after = replace(NOTHING, flip=1)(given, np.random.default_rng(0))
+    torch.testing.assert_close(after[0], before[0].flip(3), atol=1e-6, rtol=0)
+    assert torch.equal(after[3], before[3].flip(3))
+    azimuth, numbers = mirrored(given.azimuth, given.numbers)
+    assert torch.equal(after[1], azimuth) and torch.equal(after[2], numbers)

@@ -7,14 +7,17 @@ from pathlib import Path
 
 import pytest
 import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 
 from tests.vig.recognition.test_training import tiny_dataset
 from vig.errors import UserError
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer, calibrate
 from vig.recognition.calibrating import view_levels
-from vig.recognition.calibration import temperature, widening
+from vig.recognition.calibration import Calibration, temperature, widening
 from vig.recognition.checkpoint import save_weights
-from vig.recognition.targets import azimuth_labels
+from vig.recognition.targets import azimuth_labels, numbers_of
+from vig.scene import Latents, linear_from_srgb
 
 
 def test_temperature_undoes_a_factor_of_the_logits() -> None:
@@ -28,6 +31,11 @@ def test_temperature_undoes_a_factor_of_the_logits() -> None:
 def test_widening_makes_nine_in_ten_intervals_hold() -> None:
     error = torch.randn(50000, 2, generator=torch.Generator().manual_seed(0)) * torch.tensor([2.0, 0.5])
     assert widening(error, torch.ones(50000, 2)).tolist() == pytest.approx([2.0, 0.5], rel=0.03)
+
+
+def test_what_never_varies_keeps_half_of_its_stated_deviation() -> None:
+    error = torch.tensor([0.0, 0.3]).expand(100, -1)
+    assert widening(error, torch.ones(100, 2)).tolist() == [0.5, 0.5]
 
 
 def test_levels_of_views_are_uniform_when_what_is_said_is_true() -> None:
@@ -51,9 +59,41 @@ def test_weights_are_calibrated_in_place(tmp_path: Path) -> None:
     assert (before.calibration.deviation == 1).all()
     assert (after.calibration.deviation > 2).all()  # it states a tenth of what its errors are
     assert torch.equal(before.network.azimuth.weight, after.network.azimuth.weight)
+    latents = Latents.from_vector(torch.from_numpy(dataset.latents))
+    found = after(torch.from_numpy(linear_from_srgb(dataset.read("rgb") / 255)).float())
+    held = (found.numbers - numbers_of(latents)).abs() <= 1.6449 * found.deviation
+    assert held.float().mean(0).numpy() == pytest.approx(0.9, abs=0.035), "54 of 60, two more or less"
     assert (tmp_path / "reliability.png").stat().st_size > 1000 and "calibrated on 60 images" in said[0]
     calibrate(path, [dataset], said.append)  # from what the network says, not from what was put right before
     assert torch.equal(Recognizer(path).calibration.deviation, after.calibration.deviation)
+
+
+def test_a_calibration_in_the_weights_changes_what_is_predicted(tmp_path: Path) -> None:
+    """Logits divided by 2 give the square root of each probability, made to add up to 1 again.
+
+    The mask's are divided by 4 before they are interpolated, which is linear: the fourth root. Deviations
+    are multiplied by their factors.
+    """
+    torch.manual_seed(0)
+    scale = {"mean": torch.zeros(23), "deviation": torch.ones(23)}
+    plain, warm = tmp_path / "plain.safetensors", tmp_path / "warm.safetensors"
+    save_weights(RecognitionNetwork(NetworkSettings(widths=(4, 4, 8), features=16)), scale, plain)
+    factors = torch.linspace(0.5, 3, 23)
+    made = Calibration(torch.tensor(2.0), torch.tensor(4.0), factors)
+    with safe_open(plain, framework="pt") as file:
+        save_file(load_file(plain) | made.tensors(), warm, metadata=file.metadata())
+    photos = torch.rand(2, 150, 150, 3, generator=torch.Generator().manual_seed(0))
+    before, after = Recognizer(plain)(photos), Recognizer(warm)(photos)
+    for probability, tempered, power in (
+        (before.azimuth, after.azimuth, 1 / 2),
+        (before.mask, after.mask, 1 / 4),
+    ):
+        root = probability**power
+        expected = root / root.sum(-1, keepdim=True)
+        assert (expected - probability).abs().max() > 1e-3, "or nothing is tested"
+        torch.testing.assert_close(tempered, expected, atol=1e-5, rtol=1e-3)
+    torch.testing.assert_close(after.deviation, before.deviation * factors)
+    assert torch.equal(after.numbers, before.numbers)
 
 
 def test_too_few_images_calibrate_nothing(tmp_path: Path) -> None:

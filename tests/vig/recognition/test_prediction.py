@@ -71,7 +71,7 @@ def test_rows_are_independent() -> None:
 
 def test_the_best_guess_stands_at_the_heaviest_peak_within_bounds() -> None:
     prediction = of_azimuth(0.6 * bump(300) + 0.4 * bump(120))
-    prediction.numbers[0] = torch.tensor([2.0, *[5.0] * 10, 1.2, 0.4, -0.1, 2.0, 1.0, *[0.0] * 7])
+    prediction.numbers[0] = torch.tensor([*[5.0] * 10, 2.0, 1.2, 0.4, -0.1, 2.0, 1.0, *[0.0] * 7])
     best = prediction.best()
     assert len(best) == 1 and turn(best.azimuth[0], 300) < 0.5
     assert best.elevation[0] == pytest.approx(math.pi / 2)
@@ -100,3 +100,13 @@ def test_log_mass_is_that_of_the_bins_round_an_angle_and_never_rules_a_view_out(
     mass = prediction.log_mass(centre_of_10).exp()
     expected = torch.tensor([0.8, 0.2, 0.2, 0.001], dtype=torch.float64)
     torch.testing.assert_close(mass, expected, atol=1e-6, rtol=0)
+
+
+def test_log_mass_counts_two_bins_on_either_hand():
+    """At the centre of bin 10, bins 8 to 12 count and 7 and 13 do not; between two bins, the mean of both."""
+    azimuth = torch.zeros(1, 72)
+    azimuth[0, 7:14] = torch.tensor([0.03, 0.05, 0.1, 0.4, 0.2, 0.15, 0.07])
+    prediction = of_azimuth(azimuth[0])
+    mass = prediction.log_mass(torch.deg2rad(torch.tensor([52.5, 55.0]))).exp()
+    here, next_one = 0.05 + 0.1 + 0.4 + 0.2 + 0.15, 0.1 + 0.4 + 0.2 + 0.15 + 0.07
+    assert mass.tolist() == pytest.approx([here, (here + next_one) / 2], abs=1e-5)

@@ -50,6 +50,29 @@ def test_mirroring_twice_changes_nothing():
     assert torch.allclose(numbers, numbers_of(latents))
 
 
+def test_mirroring_moves_the_eye_across_the_plane_of_symmetry_and_light_to_the_other_hand():
+    """An eye at azimuth a stands towards (sin a, -cos a); mirrored in y = 0, towards (sin a, cos a), which is
+    azimuth pi - a. In the heading frame the photo's x changes sign, and with it Y_11 ~ x, Y_2-2 ~ xy and
+    Y_21 ~ xz, the fourth, fifth and eighth of nine coefficients; elevation, shape and albedo stay.
+    """
+    numbers = torch.arange(1.0, 24.0)[None].expand(3, -1)  # elevation, 10 of shape, 3 of albedo, 9 of light
+    degrees = torch.tensor([30.0, 90.0, 200.0])
+    azimuth, flipped = mirrored(torch.deg2rad(degrees), numbers)
+    torch.testing.assert_close(torch.rad2deg(azimuth), torch.tensor([150.0, 90.0, 340.0]))
+    sign = torch.tensor([1.0] * 14 + [1, 1, 1, -1, -1, 1, 1, -1, 1])
+    assert torch.equal(flipped, numbers * sign)
+
+
+def test_a_mirrored_target_is_the_target_of_the_mirrored_picture(studio):
+    """The teapot is its own mirror image in y = 0, and so are its shape components."""
+    latents = studio.latents(np.random.default_rng(5), 3)
+    azimuth, numbers = mirrored(latents.azimuth, numbers_of(latents))
+    *_, picture = studio.render(latents)
+    *_, other = studio.render(latents_of(numbers, azimuth))
+    off = (picture.flip(2) - other).abs().mean((1, 2, 3))
+    assert (off < 1e-6 * picture.mean((1, 2, 3))).all(), off / picture.mean((1, 2, 3))
+
+
 def test_mask_labels_and_pixels_use_the_same_grid():
     amodal = torch.zeros(1, 150, 150, dtype=torch.bool)
     amodal[:, 40:110, 30:120] = True

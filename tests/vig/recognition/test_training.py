@@ -6,16 +6,20 @@ import dataclasses
 import math
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer, TrainingSettings, train
+from vig.recognition.augmentation import Augmentation
 from vig.recognition.checkpoint import save_weights
+from vig.recognition.log import Log
 
 SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)
 COUNT = 40
@@ -75,6 +79,50 @@ def test_a_run_says_one_line_an_epoch_and_writes_weights_that_can_be_read(traine
 def test_the_loss_falls(trained) -> None:
     losses = [float(line.split("loss ")[1].split()[0]) for line in trained[1]]
     assert losses[-1] < losses[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Watched(Augmentation):
+    """Changes nothing, and notes which photos each batch has, by their azimuths."""
+
+    seen: ClassVar[list[list[float]]] = []
+
+    def __call__(self, batch, rng):  # type: ignore[no-untyped-def]
+        self.seen.append(batch.azimuth.tolist())
+        return batch.images.permute(0, 3, 1, 2).float() / 255, batch.azimuth, batch.numbers, batch.mask / 255
+
+
+@pytest.fixture(scope="module")
+def seeded(
+    dataset: Dataset, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, tuple[torch.Tensor, list[list[float]]]]:
+    """Weights and batches of runs with seeds; at a learning rate of 0 weights stay what they began as."""
+    small = NetworkSettings(widths=(4, 4, 8), features=16)
+    runs = {}
+    for name, seed, epochs in (("first", 0, 2), ("again", 0, 1), ("other", 1, 1)):
+        Watched.seen.clear()
+        given = dataclasses.replace(
+            SETTINGS, epochs=epochs, network=small, augmentation=Watched(), learning_rate=0.0, seed=seed
+        )
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Log, "add", lambda *row: None)  # its plot takes most of the time
+            path = train(dataset, tmp_path_factory.mktemp(name), given, lambda line: None)
+        runs[name] = load_file(path)["network.azimuth.weight"], list(Watched.seen)
+    return runs
+
+
+def test_the_seed_decides_the_first_weights(seeded) -> None:
+    assert torch.equal(seeded["first"][0], seeded["again"][0])
+    assert not torch.equal(seeded["first"][0], seeded["other"][0])
+
+
+def test_the_seed_and_the_epoch_decide_the_order_of_photos(seeded) -> None:
+    first, again, other = (seeded[name][1] for name in ("first", "again", "other"))
+    count = len(again)
+    assert first[:count] == again and again != other
+    assert first[count:] != again, "an epoch has an order of its own"
+    photos = sorted(number for batch in again for number in batch)
+    assert len(set(photos)) == len(photos) == 8 * count
 
 
 @pytest.mark.filterwarnings("error::UserWarning")
@@ -164,8 +212,6 @@ def test_missing_foreign_and_non_finite_weights_are_refused(weights: Path, tmp_p
     save_file(tensors, tmp_path / "foreign.safetensors")  # no settings
     with pytest.raises(UserError, match="expected recognition weights at"):
         Recognizer(tmp_path / "foreign.safetensors")
-    from safetensors import safe_open
-
     with safe_open(weights, framework="pt") as file:
         metadata = file.metadata()
     for name in ("network.azimuth.bias", "scale.mean"):
@@ -176,3 +222,38 @@ def test_missing_foreign_and_non_finite_weights_are_refused(weights: Path, tmp_p
     save_file(tensors | {"scale.mean": torch.zeros(3)}, tmp_path / "bad.safetensors", metadata=metadata)
     with pytest.raises(UserError, match="expected recognition weights at"):
         Recognizer(tmp_path / "bad.safetensors")
+
+
+def told(path: Path) -> dict[str, str]:
+    """What a weights file says beside its tensors."""
+    with safe_open(path, framework="pt") as file:
+        return dict(file.metadata())
+
+
+@pytest.mark.parametrize("change", ["missing", "extra"])
+def test_weights_with_a_tensor_too_few_or_too_many_are_refused(
+    change: str, weights: Path, tmp_path: Path
+) -> None:
+    tensors, metadata = load_file(weights), told(weights)
+    if change == "missing":
+        del tensors["network.numbers.bias"]
+    else:
+        tensors["network.numbers.more"] = torch.zeros(3)
+    save_file(tensors, tmp_path / "bad.safetensors", metadata=metadata)
+    with pytest.raises(UserError, match="expected recognition weights at"):
+        Recognizer(tmp_path / "bad.safetensors")
+
+
+@pytest.mark.parametrize("change", ["missing", "extra"])
+def test_a_checkpoint_with_a_tensor_too_few_or_too_many_is_not_continued(
+    change: str, trained, dataset: Dataset, tmp_path: Path
+) -> None:
+    path = trained[0].parent / "checkpoint.safetensors"
+    tensors, metadata = load_file(path), told(path)
+    if change == "missing":
+        del tensors["average.numbers.bias"]
+    else:
+        tensors["average.numbers.more"] = torch.zeros(3)
+    save_file(tensors, tmp_path / path.name, metadata=metadata)
+    with pytest.raises((UserError, RuntimeError)):
+        train(dataset, tmp_path, SETTINGS)

@@ -14,7 +14,7 @@ import trimesh
 from PIL import Image
 
 from vig.errors import UserError
-from vig.inference import Explanation, Verdict
+from vig.inference import Fit, Verdict
 from vig.inference.calibration import CLUES
 from vig.photo.window import Window
 from vig.report import write_explanation
@@ -29,13 +29,13 @@ def latents() -> Latents:
 
 
 @pytest.fixture
-def explanation() -> Explanation:
+def explanation() -> Fit:
     """An object over rows 50-99, columns 50-99 of the window; its right half is hidden."""
     amodal = torch.zeros(150, 150, dtype=torch.bool)
     amodal[50:100, 50:100] = True
     mask = amodal.clone()
     mask[:, 75:] = False
-    return Explanation(
+    return Fit(
         latents=latents(),
         framing=torch.tensor([0.01, 0.02, 0.1]),
         deviation=torch.arange(1, 25) / 100,
@@ -55,7 +55,7 @@ def explanation() -> Explanation:
 
 
 def test_four_files_are_written_and_the_json_says_what_was_returned(
-    explanation: Explanation, teapot: ObjectClass, tmp_path: Path
+    explanation: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = write_explanation(tmp_path / "new" / "photo", photo, Window.of(150, 150), explanation, teapot)
@@ -71,7 +71,7 @@ def test_four_files_are_written_and_the_json_says_what_was_returned(
 
 
 def test_the_json_speaks_degrees_and_names_every_latent(
-    explanation: Explanation, teapot: ObjectClass, tmp_path: Path
+    explanation: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = write_explanation(tmp_path, photo, Window.of(150, 150), explanation, teapot)
@@ -109,7 +109,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     assert said["alternative"] is None
 
 
-def test_the_other_explanation_is_told(explanation: Explanation, teapot: ObjectClass, tmp_path: Path) -> None:
+def test_the_other_explanation_is_told(explanation: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     other = replace(latents(), azimuth=torch.tensor([2.0]))
     ambiguous = replace(explanation, verdict=Verdict.AMBIGUOUS, reason="two", alternative=other)
     photo = np.full((150, 150, 3), 0.2, np.float32)
@@ -120,7 +120,7 @@ def test_the_other_explanation_is_told(explanation: Explanation, teapot: ObjectC
 
 
 def test_the_mask_has_three_values_in_the_photos_own_frame(
-    explanation: Explanation, teapot: ObjectClass, tmp_path: Path
+    explanation: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     """A window of side 300 at (-30, 40) in a photo of 400 x 320: every window pixel is two of the photo's."""
     write_explanation(
@@ -135,7 +135,7 @@ def test_the_mask_has_three_values_in_the_photos_own_frame(
 
 
 def test_what_lies_beyond_the_photo_is_not_called_hidden(
-    explanation: Explanation, teapot: ObjectClass, tmp_path: Path
+    explanation: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     """The photo ends where the hidden half begins: all of the object that it shows is visible."""
     said = write_explanation(
@@ -144,9 +144,7 @@ def test_what_lies_beyond_the_photo_is_not_called_hidden(
     assert said["hidden_fraction"] == 0.0
 
 
-def test_nothing_covered_is_not_a_fraction(
-    explanation: Explanation, teapot: ObjectClass, tmp_path: Path
-) -> None:
+def test_nothing_covered_is_not_a_fraction(explanation: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     nothing = torch.zeros(150, 150, dtype=torch.bool)
     empty = replace(explanation, amodal=nothing, mask=nothing)
     said = write_explanation(
@@ -178,7 +176,7 @@ def test_the_object_is_in_metres_with_y_up_and_its_albedo(teapot: ObjectClass, t
 
 
 def test_a_file_where_the_folder_should_be_is_told(
-    explanation: Explanation, teapot: ObjectClass, tmp_path: Path
+    explanation: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     (tmp_path / "taken").write_text("mine")
     photo = np.full((150, 150, 3), 0.2, np.float32)

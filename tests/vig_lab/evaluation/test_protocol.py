@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,13 @@ import torch
 from vig.cli.main import main
 from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.inference import ExplainSettings
+from vig.inference import ExplainSettings, explain_one
+from vig.likelihood import GAUSSIAN, SPATIAL
 from vig.recognition import Recognizer
-from vig.scene import Latents, ObjectClass
+from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_lab.evaluation import evaluate, write_csv
 from vig_lab.evaluation.protocol import MASK_HEAD, METHODS
-from vig_lab.evaluation.rendering import silhouettes
+from vig_lab.evaluation.rendering import rendered, silhouettes
 from vig_world.assets.target import target_vertices
 
 COUNT = 4
@@ -64,6 +66,16 @@ def test_the_baseline_stands_at_azimuth_zero_and_the_mean_shape(
     )
 
 
+def test_the_baseline_is_the_middle_of_what_training_draws(results, teapot: ObjectClass) -> None:
+    """Elevation is uniform up to 90 degrees, albedo from 0.2 to 0.8; light is the prior's mean, exposed."""
+    said = results["baseline"].latents
+    torch.testing.assert_close(said.elevation, torch.full((COUNT,), math.pi / 4))
+    torch.testing.assert_close(said.albedo, torch.full((COUNT, 3), 0.5))
+    assert not said.azimuth.any() and not said.shape.any()
+    mean = torch.from_numpy(teapot.light_prior_mean).float()
+    torch.testing.assert_close(said.light, (mean / mean[0] * 0.75 * math.pi).expand(COUNT, -1))
+
+
 def test_images_are_not_mixed_up_by_threads(
     results, dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings
 ) -> None:
@@ -98,6 +110,53 @@ def test_silhouettes_of_the_truth_are_nearly_the_datasets_masks(
     assert masks.dtype == bool and masks.shape == (COUNT, 150, 150)
     union = (masks | dataset.amodal).sum((1, 2))
     assert ((masks & dataset.amodal).sum((1, 2)) / union > 0.93).all()
+
+
+def test_a_silhouette_is_as_large_as_what_is_covered(dataset: Dataset, teapot: ObjectClass) -> None:
+    """A pixel counts from half coverage on, so that as much is added at edges as is left out."""
+    truth = Latents.from_vector(torch.from_numpy(dataset.latents))
+    coverage = rendered(truth, teapot)[1]
+    area, covered = silhouettes(truth, teapot).sum((1, 2)), coverage.sum((1, 2))
+    np.testing.assert_allclose(area, covered, rtol=0.003)
+    edge = ((coverage > 0.05) & (coverage < 0.95)).sum((1, 2))
+    assert (edge > 0.03 * covered).all(), "or any threshold would do"
+
+
+def test_masks_are_measured_against_what_is_seen_of_the_object(results, dataset: Dataset) -> None:
+    """Not against the whole object: |A and B| / |A or B|, pixel by pixel."""
+    hidden = (dataset.amodal & ~dataset.visible).sum((1, 2))
+    assert (hidden > 50).any(), "or nothing is tested"
+    measured = [method for method in ANSWERS if method != "baseline"]
+    for method in measured:
+        masks = results[method].masks
+        for image in range(COUNT):
+            said, seen = set(np.flatnonzero(masks[image])), set(np.flatnonzero(dataset.visible[image]))
+            share = len(said & seen) / len(said | seen)
+            assert results[method].errors["segmentation_iou"][image] == pytest.approx(share)
+
+
+def test_each_method_has_the_mask_of_its_own_pixel_model(
+    results, dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings
+) -> None:
+    """Robust: each pixel by itself; spatial: neighbours agree; gaussian and rm: the whole silhouette."""
+    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
+    prediction = Recognizer(weights)(photos)
+    differ = 0
+    for image in range(COUNT):
+        spatial, gaussian = (
+            explain_one(
+                photos[image], prediction[image : image + 1], teapot, replace(quick, likelihood=model)
+            )
+            for model in (SPATIAL, GAUSSIAN)
+        )
+        np.testing.assert_array_equal(results["robust"].masks[image], spatial.mask_by_pixel)
+        np.testing.assert_array_equal(results["spatial"].masks[image], spatial.mask)
+        np.testing.assert_array_equal(results["gaussian"].masks[image], gaussian.amodal)
+        differ += not torch.equal(spatial.mask_by_pixel, spatial.mask)
+        differ += not torch.equal(gaussian.amodal, gaussian.mask)
+    assert differ >= 4, "or nothing is tested"
+    np.testing.assert_array_equal(results["rm"].masks, silhouettes(prediction.best(), teapot))
+    np.testing.assert_array_equal(results[MASK_HEAD].masks, prediction.mask.argmax(-1) == 0)
 
 
 def test_the_csv_has_a_row_for_each_image_and_method(results, dataset: Dataset, tmp_path: Path) -> None:

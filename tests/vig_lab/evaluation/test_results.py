@@ -21,8 +21,8 @@ def prediction(azimuth: dict[int, float], deviation: torch.Tensor) -> Prediction
 
 
 def test_deviations_stand_in_the_latents_order() -> None:
-    # Elevation, one shape component, albedo, light; facing azimuth 2.5 degrees the light hardly turns.
-    deviation = torch.tensor([0.1, 0.2, 0.3, 0.4, 0.5, *[1.0] * 9])
+    # One shape component, elevation, albedo, light; facing azimuth 2.5 degrees the light hardly turns.
+    deviation = torch.tensor([0.2, 0.1, 0.3, 0.4, 0.5, *[1.0] * 9])
     found = stated_deviation(prediction({0: 1.0}, deviation))
     np.testing.assert_allclose(found, [[0.2, 0.0, 0.1, 0.3, 0.4, 0.5, *[1.0] * 9]], atol=1e-6)
 

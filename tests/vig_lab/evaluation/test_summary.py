@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 from rich.console import Console
@@ -77,3 +78,8 @@ def test_titles_name_the_limits() -> None:
     title, _, _, _, line, *_ = markdown_table(table | {"rows": rows}).splitlines()
     assert "1 images, 75% to 90% hidden" in title and "| 0 (0.0010)<br>[0, 123] |" in line
     assert line.startswith(f"| {METRICS['azimuth_deg']} ")
+
+
+def test_a_summary_is_of_the_papers_images_unless_told(results, dataset: Dataset) -> None:
+    hidden = replace(dataset, occlusion=np.array([0.1, 0.2, 0.75, 0.8], np.float32))
+    assert (summarise(results, hidden, "raster")["count"]) == 3

@@ -103,3 +103,10 @@ def test_no_image_within_the_limit_is_the_users_error() -> None:
 def test_misuse_is_refused(metrics: dict, match: str) -> None:
     with pytest.raises(ValueError, match=match):
         build_table({"rm": metrics}, [0.0], "raster", rng())
+
+
+def test_the_papers_limit_of_three_quarters_is_the_default() -> None:
+    errors = {"rm": {"azimuth_deg": np.array([1.0, 2.0, 30.0])}}
+    table = build_table(errors, np.array([0.5, 0.75, 0.76]), "raster", np.random.default_rng(0))
+    assert (table["count"], table["max_occlusion"], table["min_occlusion"]) == (2, 0.75, 0.0)
+    assert table["rows"]["azimuth_deg"]["rm"]["median"] == 1.5

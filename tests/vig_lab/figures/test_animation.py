@@ -12,7 +12,6 @@ from PIL import Image
 from vig.dataset import Dataset
 from vig.inference import ExplainSettings, Stage, Valuation, explain_one
 from vig.optimizers.bfgs import BFGS
-from vig.optimizers.closed_form import Alternating
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget
@@ -34,7 +33,7 @@ class Bowl:
 
 def test_the_recorder_changes_nothing_and_keeps_the_best_so_far() -> None:
     starts, photo = torch.linspace(-3, 3, 36).view(2, 18), torch.zeros(2, dtype=torch.int32)
-    for optimizer in (LevenbergMarquardt(), BFGS(), ConjugateGradient(), Alternating(LevenbergMarquardt())):
+    for optimizer in (LevenbergMarquardt(), BFGS(), ConjugateGradient()):
         alone = optimizer(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
         recorder = animation.Recorder(optimizer)
         watched = recorder(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))

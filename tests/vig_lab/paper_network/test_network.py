@@ -130,7 +130,7 @@ def test_the_deviations_are_the_files_and_the_mask_says_nothing(weights: Path) -
     torch.testing.assert_close(prior - without, torch.full_like(prior, math.log(1 / 3)))
 
 
-@pytest.mark.parametrize("wrong", ["kind", "settings", "missing", "nan", "negative", "width"])
+@pytest.mark.parametrize("wrong", ["kind", "settings", "missing", "extra", "nan", "negative", "width"])
 def test_wrong_files_are_refused_in_a_line(wrong: str, weights: Path, tmp_path: Path) -> None:
     with safe_open(weights, framework="pt") as file:
         metadata = dict(file.metadata())
@@ -141,6 +141,8 @@ def test_wrong_files_are_refused_in_a_line(wrong: str, weights: Path, tmp_path: 
         metadata["settings"] = json.dumps({"widths": [1, 2, 3, 4]})
     elif wrong == "missing":
         del tensors["network.deviation"]
+    elif wrong == "extra":
+        tensors["network.more"] = torch.zeros(3)
     elif wrong == "nan":
         tensors["network.factors.light.centre"].fill_(math.nan)
     elif wrong == "negative":

@@ -186,3 +186,15 @@ def test_the_papers_numbers_are_the_default() -> None:
     assert (settings.learning_rate, settings.momentum) == (0.01, 0.9)
     dropouts = [m.p for m in PaperNetworks(settings.networks).modules() if isinstance(m, torch.nn.Dropout)]
     assert dropouts == [0.5] * 8
+
+
+def test_the_seed_decides_what_training_begins_with(dataset: Dataset, tmp_path: Path) -> None:
+    """At a learning rate of next to nothing the weights stay what they began as."""
+
+    def weights(seed: int, run: str) -> dict[str, torch.Tensor]:
+        still = replace(SETTINGS, epochs=1, learning_rate=1e-30, seed=seed)
+        return load_file(train_paper(dataset, tmp_path / run, still, lambda line: None))
+
+    once, again, other = weights(0, "a"), weights(0, "b"), weights(1, "c")
+    name = next(name for name, value in once.items() if "pose" in name and value.ndim == 4)
+    assert torch.equal(once[name], again[name]) and not torch.equal(once[name], other[name])

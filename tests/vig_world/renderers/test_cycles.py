@@ -101,7 +101,7 @@ def test_a_command_that_is_no_worker_is_told_apart() -> None:
 def test_a_worker_leaves_when_its_parent_is_killed(tmp_path: Path) -> None:
     code = f"""
 import sys, time
-from vig.synthesis.cycles.process import Worker
+from vig_world.renderers.cycles.process import Worker
 import numpy as np
 worker = Worker([sys.executable, "-c", {FAKE!r}])
 print(worker.ask({{}}, {{"x": np.zeros(1)}}, 20)[0]["pid"], flush=True)

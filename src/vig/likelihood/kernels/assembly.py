@@ -9,7 +9,7 @@ import warp as wp
 from vig.likelihood.kernels.boundary import boundary_kernels
 from vig.likelihood.kernels.interior import interior_kernels
 from vig.likelihood.kernels.vertices import module_name, vertex_kernels
-from vig.render.raster import raster_kernels
+from vig.renderer.raster import raster_kernels
 
 PARTS = 32
 """Pieces into which vertices, faces, lines of pixels and rims of one image are cut, one thread each."""

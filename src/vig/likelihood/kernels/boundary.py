@@ -16,7 +16,7 @@ import warp as wp
 
 from vig.likelihood.kernels.functions import likelihood_functions
 from vig.likelihood.kernels.vertices import module_name
-from vig.render.raster import FACE_MASK, NOTHING
+from vig.renderer.raster import FACE_MASK, NOTHING
 
 BEHIND_EDGE = 0.002
 """Metres by which the surface beyond an occlusion edge must lie behind it."""

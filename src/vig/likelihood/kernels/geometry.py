@@ -9,7 +9,7 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.surface import RowLayout, surface_functions
-from vig.render.device import warp_array
+from vig.renderer.device import warp_array
 from vig.scene import ShapeModel
 from vig.scene.light import L_COUNT
 

@@ -10,7 +10,7 @@ import warp as wp
 
 from vig.likelihood.kernels.functions import likelihood_functions
 from vig.likelihood.kernels.vertices import module_name
-from vig.render.raster import FACE_MASK, NOTHING
+from vig.renderer.raster import FACE_MASK, NOTHING
 
 NEGLIGIBLE = 1e-9
 """Posterior of being visible below which a pixel moves nothing: most of what is hidden."""

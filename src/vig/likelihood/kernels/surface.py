@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.render.device import initialise, scalar_type
+from vig.renderer.device import initialise, scalar_type
 from vig.scene.light import COSINE_LOBE, L_COUNT, Y00, Y1, Y2, Y20
 
 FRAMING_COUNT = 3

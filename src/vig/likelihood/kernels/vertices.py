@@ -8,7 +8,7 @@ import warp as wp
 
 from vig.likelihood.kernels.rings import ring_functions
 from vig.likelihood.kernels.surface import AZIMUTH, ELEVATION, LIGHT
-from vig.render.raster import NEAR
+from vig.renderer.raster import NEAR
 
 
 def module_name(room: str, dtype: torch.dtype, modes: int) -> str:

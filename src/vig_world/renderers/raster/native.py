@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from vig.render.device import Prepared, initialise
-from vig.render.raster import PIXEL_BOX
+from vig.renderer.device import Prepared, initialise
+from vig.renderer.raster import PIXEL_BOX
 from vig_world.renderers.raster.records import address, declarations
 
 MODULE = "vig_world_raster"

@@ -9,7 +9,7 @@ import torch
 
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.reference import shade
-from vig.render import rasterize
+from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Mesh, ObjectClass, irradiance, srgb8_from_linear, vertex_normals
 from vig.scene.colour import linear_from_srgb
 from vig.scene.designs import NO_DESIGN, shape_vertices

@@ -1,0 +1,177 @@
+"""The library's front door: a photo of any size in, an explanation out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields, replace
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from vig.errors import UserError
+from vig.explanation import Explanation
+from vig.inference import ExplainSettings, Fit, explain
+from vig.parallel import map_in_processes
+from vig.photo import Window, as_photo
+from vig.recognition import Recognizer
+from vig.scene import Latents, ObjectClass
+
+Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
+Box = tuple[float, float, float, float]
+
+
+class Explainer:
+    """Explains photos of one class of objects.
+
+    explainer = vig.Explainer("teapot")
+    explanation = explainer.explain("photo.jpg", box=(120, 80, 300, 240))
+    """
+
+    def __init__(
+        self,
+        object_class: str | Path | ObjectClass = "teapot",
+        settings: ExplainSettings = ExplainSettings(),  # noqa: B008, it is frozen
+        device: str = "cpu",
+    ):
+        """Load a class and its recognition network.
+
+        Args:
+            object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
+            settings: How to fit. Where their `free_framing` is None, shift and magnification are fitted with
+                a box, and where the photo is not square.
+            device: "cpu", the only one that fits run on so far.
+
+        Raises:
+            UserError: There is no such class, a part of its pack is missing or damaged, or another device.
+        """
+        if device != "cpu":
+            raise UserError(f"expected device 'cpu', where fits run so far; got '{device}'")
+        if not isinstance(object_class, ObjectClass):
+            object_class = ObjectClass.load(object_class)
+        self.object_class = object_class
+        self.settings = settings
+        self.recognizer = Recognizer.of_class(object_class)
+
+    def explain(self, photo: Photo, box: Box | None = None) -> Explanation:
+        """Explain one photo.
+
+        Args:
+            photo: A file, a PIL image, or an array or tensor (H, W, 3) or (H, W): uint8 is sRGB, floating
+                point is linear RGB in [0, 1].
+            box: x, y, width, height in pixels round the whole object, hidden parts included; the whole photo
+                by default.
+
+        Raises:
+            UserError: The photo or the box cannot be used.
+        """
+        linear = as_photo(photo)
+        height, width = linear.shape[:2]
+        window = Window.of(width, height, None if box is None else checked_box(box))
+        cut, known = window.cut(linear)
+        settings = self.settings
+        if settings.free_framing is None:
+            settings = replace(settings, free_framing=box is not None or width != height)
+        fits = explain(
+            torch.from_numpy(cut)[None],
+            self.object_class,
+            self.recognizer,
+            settings,
+            torch.from_numpy(known)[None],
+        )
+        return Explanation(linear, window, next(fits), self.object_class)
+
+    def explain_many(
+        self,
+        photos: Iterable[Photo],
+        boxes: Iterable[Box | None] | None = None,
+        workers: int = 1,
+        skip: Callable[[int, UserError], None] | None = None,
+    ) -> Iterator[Explanation]:
+        """Explain photos in their order; see `explain`.
+
+        Args:
+            photos: Any number of them; they are taken as they are needed.
+            boxes: One for each photo, None where the whole photo is meant.
+            workers: Processes that share the photos out; 1 stays in this one.
+            skip: Is called with the number of a photo that cannot be used, and why; the others go on. Without
+                it the first such photo raises.
+
+        Raises:
+            UserError: As `explain`, for workers below 1, or when a worker process was killed.
+            ValueError: There are more or fewer boxes than photos.
+        """
+        if workers < 1:
+            raise UserError(f"expected at least 1 worker; got {workers}")
+        items = zip(photos, repeat(None), strict=False) if boxes is None else zip(photos, boxes, strict=True)
+        if workers == 1:
+            found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
+        else:
+            if (folder := self.object_class.folder) is None:
+                raise UserError("expected a class from a pack, for worker processes; got one from memory")
+            sent = ((_sendable(photo), box) for photo, box in items)
+            answers = map_in_processes(_prepare, (folder, self.settings), sent, workers)
+            found = map(self._received, answers)
+        for number, result in enumerate(found):
+            if not isinstance(result, UserError):
+                yield result
+            elif skip is None:
+                raise result
+            else:
+                skip(number, result)
+
+    def _tried(self, item: tuple[Photo, Box | None]) -> Explanation | UserError:
+        try:
+            return self.explain(*item)
+        except UserError as error:
+            return error
+
+    def _received(self, answer: Any) -> Explanation | UserError:
+        if isinstance(answer, UserError):
+            return answer
+        photo, window, fit = answer
+        return Explanation(photo, window, _map_arrays(Fit(**fit), torch.from_numpy), self.object_class)
+
+
+def checked_box(box: Any) -> Box:
+    """Four finite numbers from whatever was given as a box; UserError when it is something else."""
+    try:
+        x, y, w, h = (float(number) for number in box)
+        if not all(map(math.isfinite, (x, y, w, h))):
+            raise ValueError
+    except (TypeError, ValueError):
+        raise UserError(f"expected a box of four numbers x, y, w, h in pixels; got {str(box)[:60]}") from None
+    return x, y, w, h
+
+
+def _sendable(photo: Photo) -> str | np.ndarray:
+    """A photo as it goes to another process."""
+    return str(photo) if isinstance(photo, str | Path) else as_photo(photo)
+
+
+def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
+    """The work of a process of `Explainer.explain_many`."""
+    explainer = Explainer(*shared)
+
+    def work(item: tuple[str | np.ndarray, Box | None]) -> Any:
+        found = explainer._tried(item)
+        if isinstance(found, UserError):
+            return found
+        return found.photo, found.window, vars(_map_arrays(found.fit, lambda tensor: tensor.numpy()))
+
+    return work
+
+
+def _map_arrays(value: Any, change: Callable[[Any], Any]) -> Any:
+    """A dataclass with every tensor or array in it changed, those in dataclasses within it, too."""
+    if isinstance(value, torch.Tensor | np.ndarray):
+        return change(value)
+    if isinstance(value, Fit | Latents):
+        return type(value)(
+            **{field.name: _map_arrays(getattr(value, field.name), change) for field in fields(value)}
+        )
+    return value

@@ -1,0 +1,66 @@
+"""Explanations drawn: latents of a class before a camera as scenes of the renderer."""
+
+from __future__ import annotations
+
+import functools
+
+import torch
+
+from vig.renderer.primitives import Topology
+from vig.renderer.rendering import render
+from vig.renderer.scene import MeshObject, Pinhole, Rendering, Scene
+from vig.renderer.shading import smooth_normals
+from vig.scene import Camera, Latents, ObjectClass
+from vig.scene.light import COSINE_LOBE, sh_basis
+
+
+def vertex_irradiance(
+    latents: Latents, normals: torch.Tensor, object_class: ObjectClass, self_shadow: bool = True
+) -> torch.Tensor:
+    """Irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class has a table.
+
+    Args:
+        latents: One explanation (B = 1).
+        normals: (V, 3), unit, world frame.
+        object_class: Its transfer table is used, see `ObjectClass.transfer`.
+        self_shadow: False leaves the table out.
+
+    Returns:
+        (V,): what a white surface reflects, not below 0.
+    """
+    lobes = sh_basis(normals) * normals.new_tensor(COSINE_LOBE)
+    if self_shadow and object_class.transfer is not None:
+        transfer = torch.from_numpy(object_class.transfer).to(normals)
+        lobes = lobes + torch.einsum("k,kvl->vl", latents.shape[0].to(normals), transfer[1:]) + transfer[0]
+    return (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
+
+
+def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True) -> Scene:
+    """One explanation (B = 1) before a camera as a scene: vertex colours are albedo times irradiance."""
+    vertices = object_class.shape_model.vertices(latents.shape)[0]
+    topology = _topology(object_class)
+    normals = smooth_normals(vertices, topology.faces)
+    shade = vertex_irradiance(latents, normals, object_class, self_shadow)
+    colours = latents.albedo[0].to(shade) * shade[:, None]
+    eye = Pinhole.on_sphere(camera, latents.azimuth[0].to(shade), latents.elevation[0].to(shade))
+    return Scene([MeshObject(vertices, topology, colours, normals=normals)], eye)
+
+
+def render_latents(
+    latents: Latents,
+    object_class: ObjectClass,
+    camera: Camera,
+    self_shadow: bool = True,
+    samples: int = 1,
+) -> Rendering:
+    """Draw B explanations, a picture each; see `render`."""
+    count = len(latents)
+    scenes = [
+        scene_of(latents[index : index + 1], object_class, camera, self_shadow) for index in range(count)
+    ]
+    return render(scenes, samples=samples)
+
+
+@functools.lru_cache(maxsize=8)
+def _topology(object_class: ObjectClass) -> Topology:
+    return Topology.of(object_class.shape_model.faces, object_class.shape_model.mean)

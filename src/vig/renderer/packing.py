@@ -1,0 +1,253 @@
+"""Scenes laid side by side for the kernels: one list of vertices, faces and edges for a whole batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+
+from vig.renderer.primitives import Pyramid, stack_pyramids
+from vig.renderer.scene import MeshObject, Scene
+from vig.renderer.shading import smooth_normals, unit
+
+
+@dataclass(frozen=True)
+class Packed:
+    """All objects of B scenes, numbered through: O of them with V vertices, F faces, E edges.
+
+    points (V, 3): homogeneous screen points (x z, y z, z), pixels and metres. normals (V, 3): unit, world.
+    albedo (V, 3). vertex_object (V,), face_object (F,): which object. faces, texture_faces (F, 3), edges
+    (E, 6): int32, numbered through. coordinates (T, 2): texture coordinates. texture (O,) int32: which
+    of `textures` an object has, -1 for none. light (O, 9, 3), direction (O, 3), radiance (O, 3): see `shade`.
+    lit (O,): whether any light falls on an object. image (O,), place (O,): an object's scene and its place
+    in that scene's list. first_face (O,): the first face of each. background (B, H, W, 3) or (B, 1, 1, 3).
+    """
+
+    points: torch.Tensor
+    normals: torch.Tensor
+    albedo: torch.Tensor
+    vertex_object: torch.Tensor
+    face_object: torch.Tensor
+    faces: torch.Tensor
+    texture_faces: torch.Tensor
+    edges: torch.Tensor
+    coordinates: torch.Tensor
+    texture: torch.Tensor
+    textures: Pyramid | None
+    light: torch.Tensor
+    direction: torch.Tensor
+    radiance: torch.Tensor
+    lit: torch.Tensor
+    image: torch.Tensor
+    place: torch.Tensor
+    first_face: torch.Tensor
+    background: torch.Tensor
+    size: tuple[int, int, int]
+
+    @property
+    def most_objects(self) -> int:
+        """Objects of the scene that has most."""
+        return int(self.place.max()) + 1 if len(self.place) else 0
+
+
+def pack(scenes: Sequence[Scene]) -> Packed:
+    """Place the objects of all scenes before their cameras. ValueError for what cannot be drawn."""
+    if not scenes:
+        raise ValueError("there is no scene to render")
+    camera = scenes[0].camera
+    height, width = camera.height, camera.width
+    like = camera.translation
+    if like.dtype not in (torch.float32, torch.float64):
+        raise ValueError(f"the renderer works in float32 or float64; the camera is {like.dtype}")
+    if height < 1 or width < 1:
+        raise ValueError(f"an image has at least one pixel; the camera's is {width} x {height}")
+    owners, points, normals, albedo, lights, textures = [], [], [], [], [], []
+    for index, scene in enumerate(scenes):
+        _check_scene(index, scene, (height, width), like)
+        for place, item in enumerate(scene.objects):
+            _check_object(f"object {place} of scene {index}", item, like)
+            world, normal = _placed(item)
+            owners.append((index, place))
+            points.append(_screen_points(scene, world))
+            normals.append(normal)
+            albedo.append(item.albedo.expand(len(world), 3))
+            lights.append(_lights(scene, item, like))
+            textures.append(item.texture)
+    objects = [scenes[index].objects[place] for index, place in owners]
+    topologies = [item.topology for item in objects]
+    counts = [(len(t.faces), t.vertex_count, len(t.edges)) for t in topologies]
+    # An object without a texture has one row of coordinates, to which all its corners point.
+    plain = [item.texture is None or item.texture_coordinates is None for item in objects]
+    coordinates = [
+        like.new_zeros(1, 2) if bare or item.texture_coordinates is None else item.texture_coordinates
+        for item, bare in zip(objects, plain, strict=True)
+    ]
+    texture_faces = [
+        torch.zeros_like(t.faces) if bare else t.texture_faces
+        for t, bare in zip(topologies, plain, strict=True)
+    ]
+    starts = _starts([(f, v, len(uv)) for (f, v, _), uv in zip(counts, coordinates, strict=True)])
+    device = like.device
+
+    def whole(
+        numbers: list, shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
+    ) -> torch.Tensor:
+        return torch.tensor(numbers, dtype=dtype, device=device).reshape(shape)
+
+    def numbered(index: int) -> torch.Tensor:
+        return torch.arange(len(objects), device=device).repeat_interleave(whole([c[index] for c in counts]))
+
+    own = [texture for texture in textures if texture is not None]
+    order = iter(range(len(own)))
+    light, direction, radiance, lit = zip(*lights, strict=True) if lights else ((), (), (), ())
+    return Packed(
+        points=_joined(points, like.new_zeros(0, 3)),
+        normals=_joined(normals, like.new_zeros(0, 3)),
+        albedo=_joined(albedo, like.new_zeros(0, 3)),
+        vertex_object=numbered(1),
+        face_object=numbered(0),
+        faces=_joined([t.faces + s[1] for t, s in zip(topologies, starts, strict=False)], _none(device, 3)),
+        texture_faces=_joined(
+            [corners + s[2] for corners, s in zip(texture_faces, starts, strict=False)], _none(device, 3)
+        ),
+        edges=_joined(
+            [_shifted(t.edges, s[1], s[0]) for t, s in zip(topologies, starts, strict=False)],
+            _none(device, 6),
+        ),
+        coordinates=_joined(coordinates, like.new_zeros(0, 2)),
+        texture=whole([-1 if t is None else next(order) for t in textures], dtype=torch.int32),
+        textures=stack_pyramids(own) if own else None,
+        light=torch.stack(light) if light else like.new_zeros(0, 9, 3),
+        direction=torch.stack(direction) if direction else like.new_zeros(0, 3),
+        radiance=torch.stack(radiance) if radiance else like.new_zeros(0, 3),
+        lit=whole(list(lit), dtype=torch.bool),
+        image=whole([index for index, _ in owners]),
+        place=whole([place for _, place in owners]),
+        first_face=whole([s[0] for s in starts[:-1]]),
+        background=torch.cat([_background(scene, like) for scene in scenes])
+        if all(scene.background is None or scene.background.ndim == 1 for scene in scenes)
+        else torch.cat([_background(scene, like).expand(1, height, width, 3) for scene in scenes]),
+        size=(len(scenes), height, width),
+    )
+
+
+def _joined(parts: list[torch.Tensor], empty: torch.Tensor) -> torch.Tensor:
+    if len(parts) == 1:
+        return parts[0]
+    return torch.cat(parts) if parts else empty
+
+
+def _none(device: torch.device, columns: int) -> torch.Tensor:
+    return torch.zeros((0, columns), dtype=torch.int32, device=device)
+
+
+def _starts(counts: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
+    """Running sums from zero, one more row than counts."""
+    rows = [(0, 0, 0)]
+    for row in counts:
+        last = rows[-1]
+        rows.append((last[0] + row[0], last[1] + row[1], last[2] + row[2]))
+    return rows
+
+
+def _shifted(edges: torch.Tensor, vertex: int, face: int) -> torch.Tensor:
+    """Edges whose vertices and faces count from `vertex` and `face`; -1 stays."""
+    if vertex == face == 0:
+        return edges
+    shift = torch.tensor([vertex] * 4 + [face] * 2, dtype=torch.int32, device=edges.device)
+    return torch.where(edges < 0, edges, edges + shift)
+
+
+def _placed(item: MeshObject) -> tuple[torch.Tensor, torch.Tensor]:
+    """World vertices and unit normals of an object."""
+    world = item.vertices if item.rotation is None else item.vertices @ item.rotation.mT
+    if item.translation is not None:
+        world = world + item.translation
+    if item.normals is None:
+        return world, smooth_normals(world, item.topology.faces)
+    return world, unit(item.normals if item.rotation is None else item.normals @ item.rotation.mT)
+
+
+def _screen_points(scene: Scene, world: torch.Tensor) -> torch.Tensor:
+    camera = scene.camera
+    seen = world @ camera.rotation.mT + camera.translation
+    depth = seen[:, 2:]
+    return torch.cat([seen[:, :2] * camera.focal + camera.centre * depth, depth], dim=1)
+
+
+def _lights(
+    scene: Scene, item: MeshObject, like: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, bool]:
+    light = like.new_zeros(9, 3)
+    if item.light is not None:
+        light = item.light if item.light.ndim == 2 else item.light[:, None].expand(9, 3)
+    if scene.lamp is None:
+        return light, like.new_zeros(3), like.new_zeros(3), item.light is not None
+    return light, unit(scene.lamp.direction[None])[0], scene.lamp.radiance, True
+
+
+def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
+    if scene.background is None:
+        return like.new_zeros(1, 1, 1, 3)
+    return scene.background.reshape(
+        1, *((1, 1) if scene.background.ndim == 1 else ()), *scene.background.shape
+    )
+
+
+def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Tensor) -> None:
+    camera, name = scene.camera, f"of scene {index}"
+    if (camera.height, camera.width) != size:
+        raise ValueError(
+            f"images of one batch are of one size, here {size[1]} x {size[0]}; "
+            f"the camera {name} makes {camera.width} x {camera.height}"
+        )
+    _check(f"focal {name}", camera.focal, [(2,)], like)
+    _check(f"centre {name}", camera.centre, [(2,)], like)
+    _check(f"camera rotation {name}", camera.rotation, [(3, 3)], like)
+    _check(f"camera translation {name}", camera.translation, [(3,)], like)
+    _check(f"background {name}", scene.background, [(3,), (*size, 3)], like)
+    if scene.lamp is not None:
+        _check(f"lamp direction {name}", scene.lamp.direction, [(3,)], like)
+        _check(f"lamp radiance {name}", scene.lamp.radiance, [(3,)], like)
+
+
+def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
+    count = item.topology.vertex_count
+    _check(f"vertices of {name}", item.vertices, [(count, 3)], like)
+    _check(f"albedo of {name}", item.albedo, [(3,), (count, 3)], like)
+    _check(f"rotation of {name}", item.rotation, [(3, 3)], like)
+    _check(f"translation of {name}", item.translation, [(3,)], like)
+    _check(f"light of {name}", item.light, [(9,), (9, 3)], like)
+    _check(f"normals of {name}", item.normals, [(count, 3)], like)
+    coordinates = item.texture_coordinates
+    _check(
+        f"texture_coordinates of {name}",
+        coordinates,
+        [(0 if coordinates is None else len(coordinates), 2)],
+        like,
+    )
+    if item.texture is None:
+        return
+    _check(f"texture of {name}", item.texture.texels, [(len(item.texture.texels), 3)], like)
+    faces = item.topology.texture_faces
+    if coordinates is None or (len(faces) and int(faces.max()) >= len(coordinates)):
+        raise ValueError(
+            f"a texture needs a row of texture_coordinates for each of its corners; {name} has "
+            f"{0 if coordinates is None else len(coordinates)} for corners up to {int(faces.max())}"
+        )
+
+
+def _check(name: str, tensor: torch.Tensor | None, shapes: list[tuple[int, ...]], like: torch.Tensor) -> None:
+    if tensor is None:
+        return
+    if tuple(tensor.shape) not in shapes:
+        raise ValueError(f"{name} must be {' or '.join(map(str, shapes))}; got {tuple(tensor.shape)}")
+    if tensor.dtype != like.dtype or tensor.device != like.device:
+        raise ValueError(
+            f"{name} must be {like.dtype} on {like.device}, like the camera; got {tensor.dtype} on "
+            f"{tensor.device}"
+        )
+    if not bool(tensor.detach().isfinite().all()):
+        bad = int((~tensor.detach().isfinite()).sum())
+        raise ValueError(f"{name} must be finite; {bad} of {tensor.numel()} numbers are not")

@@ -1,0 +1,243 @@
+"""Perspective-correct barycentric weights of the seen faces, and their derivatives along the screen."""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import torch
+import warp as wp
+
+from vig.renderer.device import initialise, scalar_type
+from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
+
+
+@functools.cache
+def _kernels(dtype: torch.dtype) -> SimpleNamespace:
+    initialise()
+    real = scalar_type(dtype)
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    vec9 = wp.types.vector(9, real)
+    module = kernel_module("barycentrics", dtype)
+
+    @wp.struct
+    class Edges:
+        """Edge functions n of the ray through a pixel, and their derivatives along x and y."""
+
+        n: vec3
+        nx: vec3
+        ny: vec3
+
+    @wp.func
+    def cross(a: vec2, b: vec2):
+        return a[0] * b[1] - a[1] * b[0]
+
+    @wp.func
+    def edges_at(oa: vec2, ob: vec2, oc: vec2, z: vec3):
+        """o: corners relative to the pixel times depth z; along x a corner's o moves by (-z, 0)."""
+        e = Edges()
+        e.n = vec3(cross(ob, oc), cross(oc, oa), cross(oa, ob))
+        e.nx = vec3(z[2] * ob[1] - z[1] * oc[1], z[0] * oc[1] - z[2] * oa[1], z[1] * oa[1] - z[0] * ob[1])
+        e.ny = vec3(z[1] * oc[0] - z[2] * ob[0], z[2] * oa[0] - z[0] * oc[0], z[0] * ob[0] - z[1] * oa[0])
+        return e
+
+    @wp.func
+    def total(v: vec3):
+        return v[0] + v[1] + v[2]
+
+    @wp.kernel(module=module)
+    def forward(
+        points: wp.array(dtype=vec3),
+        corners: wp.array2d(dtype=wp.int32),
+        pixels: wp.array2d(dtype=wp.int32),
+        result: wp.array(dtype=vec9),
+    ):
+        row = wp.tid()
+        a = points[corners[row, 0]]
+        b = points[corners[row, 1]]
+        c = points[corners[row, 2]]
+        x = real(pixels[row, 0]) + real(0.5)
+        y = real(pixels[row, 1]) + real(0.5)
+        oa = vec2(a[0] - x * a[2], a[1] - y * a[2])
+        ob = vec2(b[0] - x * b[2], b[1] - y * b[2])
+        oc = vec2(c[0] - x * c[2], c[1] - y * c[2])
+        e = edges_at(oa, ob, oc, vec3(a[2], b[2], c[2]))
+        inverse = real(1.0) / total(e.n)
+        w = e.n * inverse
+        wx = (e.nx - w * total(e.nx)) * inverse
+        wy = (e.ny - w * total(e.ny)) * inverse
+        result[row] = vec9(w[0], w[1], w[2], wx[0], wx[1], wx[2], wy[0], wy[1], wy[2])
+
+    @wp.kernel(module=module)
+    def tangent(
+        points: wp.array(dtype=vec3),
+        corners: wp.array2d(dtype=wp.int32),
+        pixels: wp.array2d(dtype=wp.int32),
+        moved: wp.array(dtype=vec3),
+        result: wp.array(dtype=vec9),
+    ):
+        row = wp.tid()
+        a = points[corners[row, 0]]
+        b = points[corners[row, 1]]
+        c = points[corners[row, 2]]
+        da = moved[corners[row, 0]]
+        db = moved[corners[row, 1]]
+        dc = moved[corners[row, 2]]
+        x = real(pixels[row, 0]) + real(0.5)
+        y = real(pixels[row, 1]) + real(0.5)
+        oa = vec2(a[0] - x * a[2], a[1] - y * a[2])
+        ob = vec2(b[0] - x * b[2], b[1] - y * b[2])
+        oc = vec2(c[0] - x * c[2], c[1] - y * c[2])
+        ta = vec2(da[0] - x * da[2], da[1] - y * da[2])
+        tb = vec2(db[0] - x * db[2], db[1] - y * db[2])
+        tc = vec2(dc[0] - x * dc[2], dc[1] - y * dc[2])
+        z = vec3(a[2], b[2], c[2])
+        dz = vec3(da[2], db[2], dc[2])
+        e = edges_at(oa, ob, oc, z)
+        # Every edge function is bilinear in two corners: the product rule, three terms of it at once.
+        dn = vec3(cross(tb, oc) + cross(ob, tc), cross(tc, oa) + cross(oc, ta), cross(ta, ob) + cross(oa, tb))
+        by_place = edges_at(ta, tb, tc, z)
+        by_depth = edges_at(oa, ob, oc, dz)
+        dnx = by_place.nx + by_depth.nx
+        dny = by_place.ny + by_depth.ny
+        inverse = real(1.0) / total(e.n)
+        w = e.n * inverse
+        wx = (e.nx - w * total(e.nx)) * inverse
+        wy = (e.ny - w * total(e.ny)) * inverse
+        dw = (dn - w * total(dn)) * inverse
+        dwx = (dnx - dw * total(e.nx) - w * total(dnx) - wx * total(dn)) * inverse
+        dwy = (dny - dw * total(e.ny) - w * total(dny) - wy * total(dn)) * inverse
+        result[row] = vec9(dw[0], dw[1], dw[2], dwx[0], dwx[1], dwx[2], dwy[0], dwy[1], dwy[2])
+
+    @wp.kernel(module=module)
+    def backward(
+        points: wp.array(dtype=vec3),
+        corners: wp.array2d(dtype=wp.int32),
+        pixels: wp.array2d(dtype=wp.int32),
+        cotangents: wp.array(dtype=vec9),
+        result: wp.array(dtype=vec3),
+    ):
+        row = wp.tid()
+        a = points[corners[row, 0]]
+        b = points[corners[row, 1]]
+        c = points[corners[row, 2]]
+        x = real(pixels[row, 0]) + real(0.5)
+        y = real(pixels[row, 1]) + real(0.5)
+        oa = vec2(a[0] - x * a[2], a[1] - y * a[2])
+        ob = vec2(b[0] - x * b[2], b[1] - y * b[2])
+        oc = vec2(c[0] - x * c[2], c[1] - y * c[2])
+        z = vec3(a[2], b[2], c[2])
+        e = edges_at(oa, ob, oc, z)
+        inverse = real(1.0) / total(e.n)
+        w = e.n * inverse
+        wx = (e.nx - w * total(e.nx)) * inverse
+        wy = (e.ny - w * total(e.ny)) * inverse
+        g = cotangents[row]
+        gx = vec3(g[3], g[4], g[5])
+        gy = vec3(g[6], g[7], g[8])
+        gw = vec3(g[0], g[1], g[2]) - (gx * total(e.nx) + gy * total(e.ny)) * inverse
+        on_total = -(wp.dot(gw, w) + wp.dot(gx, wx) + wp.dot(gy, wy)) * inverse
+        n = gw * inverse + vec3(on_total, on_total, on_total)
+        tx = wp.dot(gx, w)
+        ty = wp.dot(gy, w)
+        nx = (gx - vec3(tx, tx, tx)) * inverse
+        ny = (gy - vec3(ty, ty, ty)) * inverse
+        # What each corner's place (times depth) and depth take from the nine edge functions.
+        on_a = vec2(
+            n[2] * ob[1] - n[1] * oc[1] + ny[1] * z[2] - ny[2] * z[1],
+            n[1] * oc[0] - n[2] * ob[0] + nx[2] * z[1] - nx[1] * z[2],
+        )
+        on_b = vec2(
+            n[0] * oc[1] - n[2] * oa[1] + ny[2] * z[0] - ny[0] * z[2],
+            n[2] * oa[0] - n[0] * oc[0] + nx[0] * z[2] - nx[2] * z[0],
+        )
+        on_c = vec2(
+            n[1] * oa[1] - n[0] * ob[1] + ny[0] * z[1] - ny[1] * z[0],
+            n[0] * ob[0] - n[1] * oa[0] + nx[1] * z[0] - nx[0] * z[1],
+        )
+        on_z = vec3(
+            nx[1] * oc[1] - nx[2] * ob[1] + ny[2] * ob[0] - ny[1] * oc[0],
+            nx[2] * oa[1] - nx[0] * oc[1] + ny[0] * oc[0] - ny[2] * oa[0],
+            nx[0] * ob[1] - nx[1] * oa[1] + ny[1] * oa[0] - ny[0] * ob[0],
+        )
+        wp.atomic_add(result, corners[row, 0], vec3(on_a[0], on_a[1], on_z[0] - x * on_a[0] - y * on_a[1]))
+        wp.atomic_add(result, corners[row, 1], vec3(on_b[0], on_b[1], on_z[1] - x * on_b[0] - y * on_b[1]))
+        wp.atomic_add(result, corners[row, 2], vec3(on_c[0], on_c[1], on_z[2] - x * on_c[0] - y * on_c[1]))
+
+    return SimpleNamespace(forward=forward, tangent=tangent, backward=backward, vec3=vec3, vec9=vec9)
+
+
+def _inputs(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> list[Any]:
+    vec3 = _kernels(points.dtype).vec3
+    return [array_of(points, vec3), array_of(corners, wp.int32), array_of(pixels, wp.int32)]
+
+
+def _forward(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+    kernels = _kernels(points.dtype)
+    result = points.new_empty(len(corners), 9)
+    wp.launch(
+        kernels.forward,
+        dim=len(corners),
+        inputs=_inputs(points, corners, pixels),
+        outputs=[array_of(result, kernels.vec9)],
+        device=device_of(points),
+    )
+    return result
+
+
+def _tangent(
+    points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor, moved: torch.Tensor
+) -> torch.Tensor:
+    kernels = _kernels(points.dtype)
+    result = points.new_empty(len(corners), 9)
+    wp.launch(
+        kernels.tangent,
+        dim=len(corners),
+        inputs=[*_inputs(points, corners, pixels), array_of(moved, kernels.vec3)],
+        outputs=[array_of(result, kernels.vec9)],
+        device=device_of(points),
+    )
+    return result
+
+
+def _backward(
+    points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor, cotangents: torch.Tensor
+) -> torch.Tensor:
+    kernels = _kernels(points.dtype)
+    result = torch.zeros_like(points)
+    wp.launch(
+        kernels.backward,
+        dim=len(corners),
+        inputs=[*_inputs(points, corners, pixels), array_of(cotangents, kernels.vec9)],
+        outputs=[array_of(result, kernels.vec3)],
+        device=device_of(points),
+    )
+    return result
+
+
+class _Barycentrics(torch.autograd.Function):
+    @staticmethod
+    def forward(*arguments: torch.Tensor) -> torch.Tensor:
+        return _forward(*arguments)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[torch.Tensor, ...], output: torch.Tensor) -> None:
+        ctx.save_for_backward(*inputs)
+        ctx.save_for_forward(*inputs)
+
+    @staticmethod
+    def backward(ctx: Any, cotangents: torch.Tensor) -> Any:
+        return opaque(_backward, *ctx.saved_tensors, cotangents), None, None
+
+    @staticmethod
+    def jvp(ctx: Any, moved: torch.Tensor, *_: Any) -> torch.Tensor:
+        return opaque(_tangent, *ctx.saved_tensors, moved)
+
+
+def barycentrics(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+    """Weights of the corners of N seen faces at the centres of N pixels, and how they change on the screen.
+
+    points (V, 3): homogeneous screen points (x z, y z, z). corners (N, 3) int32: the faces' vertices.
+    pixels (N, 2) int32: column and row. Result (N, 3, 3): the perspective-correct weights, their derivatives
+    per pixel to the right, and per pixel downwards. Differentiable in points.
+    """
+    return _Barycentrics.apply(points.contiguous(), corners.contiguous(), pixels.contiguous()).view(-1, 3, 3)

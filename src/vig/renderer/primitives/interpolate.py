@@ -1,0 +1,133 @@
+"""Interpolation of vertex attributes at the seen points."""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import torch
+import warp as wp
+
+from vig.renderer.device import initialise, scalar_type
+from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
+
+
+@functools.cache
+def _kernels(dtype: torch.dtype) -> SimpleNamespace:
+    initialise()
+    real = scalar_type(dtype)
+    module = kernel_module("interpolate", dtype)
+
+    @wp.kernel(module=module)
+    def forward(
+        attributes: wp.array2d(dtype=real),
+        corners: wp.array2d(dtype=wp.int32),
+        weights: wp.array2d(dtype=real),
+        result: wp.array2d(dtype=real),
+    ):
+        row = wp.tid()
+        a = corners[row, 0]
+        b = corners[row, 1]
+        c = corners[row, 2]
+        u = weights[row, 0]
+        v = weights[row, 1]
+        w = weights[row, 2]
+        for channel in range(attributes.shape[1]):
+            result[row, channel] = (
+                u * attributes[a, channel] + v * attributes[b, channel] + w * attributes[c, channel]
+            )
+
+    @wp.kernel(module=module)
+    def backward(
+        attributes: wp.array2d(dtype=real),
+        corners: wp.array2d(dtype=wp.int32),
+        weights: wp.array2d(dtype=real),
+        cotangents: wp.array2d(dtype=real),
+        on_attributes: wp.array2d(dtype=real),
+        on_weights: wp.array2d(dtype=real),
+    ):
+        row = wp.tid()
+        for corner in range(3):
+            vertex = corners[row, corner]
+            weight = weights[row, corner]
+            total = real(0.0)
+            for channel in range(attributes.shape[1]):
+                cotangent = cotangents[row, channel]
+                total = total + cotangent * attributes[vertex, channel]
+                wp.atomic_add(on_attributes, vertex, channel, weight * cotangent)
+            on_weights[row, corner] = total
+
+    return SimpleNamespace(forward=forward, backward=backward, real=real)
+
+
+def _inputs(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> list[Any]:
+    real = scalar_type(attributes.dtype)
+    return [array_of(attributes, real), array_of(corners, wp.int32), array_of(weights, real)]
+
+
+def _forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    kernels = _kernels(attributes.dtype)
+    result = attributes.new_empty(len(corners), attributes.shape[1])
+    wp.launch(
+        kernels.forward,
+        dim=len(corners),
+        inputs=_inputs(attributes, corners, weights),
+        outputs=[array_of(result, kernels.real)],
+        device=device_of(attributes),
+    )
+    return result
+
+
+def _backward(
+    attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor, cotangents: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    kernels = _kernels(attributes.dtype)
+    on_attributes, on_weights = torch.zeros_like(attributes), torch.empty_like(weights)
+    wp.launch(
+        kernels.backward,
+        dim=len(corners),
+        inputs=[*_inputs(attributes, corners, weights), array_of(cotangents, kernels.real)],
+        outputs=[array_of(on_attributes, kernels.real), array_of(on_weights, kernels.real)],
+        device=device_of(attributes),
+    )
+    return on_attributes, on_weights
+
+
+class _Interpolate(torch.autograd.Function):
+    @staticmethod
+    def forward(*arguments: torch.Tensor) -> torch.Tensor:
+        return _forward(*arguments)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[torch.Tensor, ...], output: torch.Tensor) -> None:
+        ctx.save_for_backward(*inputs)
+        ctx.save_for_forward(*inputs)
+
+    @staticmethod
+    def backward(ctx: Any, cotangents: torch.Tensor) -> Any:
+        on_attributes, on_weights = opaque(_backward, *ctx.saved_tensors, cotangents)
+        return on_attributes, None, on_weights
+
+    @staticmethod
+    def jvp(ctx: Any, attributes_moved: Any, _: Any, weights_moved: Any) -> torch.Tensor:
+        attributes, corners, weights = ctx.saved_tensors
+        # Bilinear: the product rule.
+        result = attributes.new_zeros(len(corners), attributes.shape[1])
+        if attributes_moved is not None:
+            result = result + opaque(_forward, attributes_moved, corners, weights)
+        if weights_moved is not None:
+            result = result + opaque(_forward, attributes, corners, weights_moved)
+        return result
+
+
+def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """Interpolate vertex attributes at N seen points: sum_i weights[n, i] attributes[corners[n, i]].
+
+    attributes (V, C) float32 or float64. corners (N, 3) int32. weights (N, 3): barycentric weights, or their
+    derivatives along the screen, for the attributes' own. Result (N, C). Differentiable in attributes and
+    weights.
+    """
+    if attributes.dtype != weights.dtype:
+        raise ValueError(
+            f"attributes are {attributes.dtype}, weights {weights.dtype}; give both the same type"
+        )
+    return _Interpolate.apply(attributes.contiguous(), corners.contiguous(), weights.contiguous())

@@ -1,0 +1,107 @@
+"""What `render` draws: meshes with a pose and a surface, lights, a camera, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+
+from vig.renderer.primitives import Pyramid, Topology
+from vig.scene import Camera
+
+
+@dataclass(frozen=True)
+class MeshObject:
+    """A mesh somewhere in the world, its surface, and the light that falls on it.
+
+    vertices (V, 3): metres, the object's frame. topology: of the mesh. rotation (3, 3), translation (3,):
+    world_from_object; None is the identity. albedo: (3,) for the whole, or (V, 3) colours of the vertices,
+    linear RGB. texture: multiplies the albedo; it needs texture_coordinates (T, 2), one row per vertex or as
+    `topology.texture_faces` says. normals (V, 3): unit, the object's frame; None means the mean of the
+    adjacent faces'. light: SH coefficients (9,) grey or (9, 3) RGB of incident radiance, world frame. An
+    object with neither light nor a lamp in its scene shows its albedo as it is.
+    """
+
+    vertices: torch.Tensor
+    topology: Topology
+    albedo: torch.Tensor
+    rotation: torch.Tensor | None = None
+    translation: torch.Tensor | None = None
+    light: torch.Tensor | None = None
+    texture: Pyramid | None = None
+    texture_coordinates: torch.Tensor | None = None
+    normals: torch.Tensor | None = None
+
+
+@dataclass(frozen=True)
+class DirectionalLight:
+    """A distant lamp.
+
+    direction (3,): towards the lamp, world frame, of any length. radiance (3,): linear RGB that a white
+    surface facing it reflects.
+    """
+
+    direction: torch.Tensor
+    radiance: torch.Tensor
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A camera: image size in pixels, focal lengths (2,) and principal point (2,) in pixels, pose.
+
+    rotation (3, 3), translation (3,): camera_from_world, OpenCV axes, metres. Pixel centres lie at
+    half-integers.
+    """
+
+    width: int
+    height: int
+    focal: torch.Tensor
+    centre: torch.Tensor
+    rotation: torch.Tensor
+    translation: torch.Tensor
+
+    @staticmethod
+    def on_sphere(camera: Camera, azimuth: torch.Tensor, elevation: torch.Tensor) -> Pinhole:
+        """The camera on its sphere at an azimuth and elevation (scalars, radians); their type is kept."""
+        rotation, translation = camera.pose(azimuth[None], elevation[None])
+        return Pinhole(
+            camera.width,
+            camera.height,
+            azimuth.new_tensor([camera.focal, camera.focal]),
+            azimuth.new_tensor([camera.cx, camera.cy]),
+            rotation[0],
+            translation[0],
+        )
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One image's content. background: linear RGB (3,) or (H, W, 3); None is black."""
+
+    objects: list[MeshObject]
+    camera: Pinhole
+    lamp: DirectionalLight | None = None
+    background: torch.Tensor | None = field(default=None)
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """B images of H x W, O objects in the scene that has most.
+
+    rgb (B, H, W, 3): linear. coverage (B, H, W): the share of a pixel that objects cover. visible_masks
+    (B, O, H, W): the share that each object is seen in. full_masks (B, O, H, W): the share that it covers,
+    seen or hidden by others. These four are blended at occlusion edges.
+
+    Of the surface at the pixel's centre: depth (B, H, W) in metres along the optical axis, inf where nothing
+    is; normals (B, H, W, 3) unit, world frame, 0 where nothing is; object_id (B, H, W) int32, the place in
+    the scene's list, -1 where nothing is; triangle_id (B, H, W) int32, the row of that object's faces, or -1.
+    """
+
+    rgb: torch.Tensor
+    coverage: torch.Tensor
+    visible_masks: torch.Tensor
+    full_masks: torch.Tensor
+    depth: torch.Tensor
+    normals: torch.Tensor
+    object_id: torch.Tensor
+    triangle_id: torch.Tensor

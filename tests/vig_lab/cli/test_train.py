@@ -1,0 +1,46 @@
+"""`vig train`: which network is trained, for how long."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vig.cli.main import main
+from vig.recognition import TrainingSettings
+from vig_lab.cli import train as verb
+from vig_lab.paper_network.training import PaperTrainingSettings
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ([], TrainingSettings()),
+        (["--epochs", "3", "--seed", "4"], TrainingSettings(epochs=3, seed=4)),
+        (["--net", "paper"], PaperTrainingSettings()),
+        (["--net", "paper", "--epochs", "3", "--seed", "4"], PaperTrainingSettings(epochs=3, seed=4)),
+    ],
+)
+def test_each_net_is_trained_with_its_own_defaults(
+    given: list[str], expected: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    seen: list[tuple[str, object]] = []
+
+    def training(kind: str) -> Any:
+        def trained(dataset: str, out: Path, settings: object, say: Any) -> Path:
+            seen.append((dataset, settings))
+            say(f"{kind}: epoch 1")
+            return out / "recognition.safetensors"
+
+        return trained
+
+    monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
+    monkeypatch.setattr(verb, "train_network", training("vig"))
+    monkeypatch.setattr(verb, "train_paper", training("paper"))
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "--dataset", "D", "--out", str(tmp_path / "w"), *given])
+    assert ended.value.code == 0 and seen == [("D train", expected)]
+    lines = capsys.readouterr().out.splitlines()
+    kind = "paper" if "paper" in given else "vig"
+    assert lines == [f"{kind}: epoch 1", str(tmp_path / "w/recognition.safetensors"), str(tmp_path / "w")]
