@@ -1,4 +1,4 @@
-"""Do two things touch: a test of extents along sixteen level axes, upwards, and along one free axis."""
+"""Collision test of solids by their extents along sixteen level axes, upwards, and along one free axis."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Footprint:
         return Footprint(*(getattr(self, name)[index] for name in _FIELDS))
 
     def gap(self, other: Footprint) -> np.ndarray:
-        """At least so many metres lie between the two along one of the axes; may be too small.
+        """A lower bound, metres, of the distance between the two along one of the axes.
 
         Leading axes broadcast: `many[:, None].gap(others)` is (N, M).
         """

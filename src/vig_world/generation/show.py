@@ -1,4 +1,4 @@
-"""Pictures of a dataset: a contact sheet, and histograms of what was asked for and what came."""
+"""Pictures of a dataset: a contact sheet, and histograms of its requested and actual distributions."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
 
 
 def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: bool = True) -> Path:
-    """Write `count` samples, from freely seen to hidden, as one picture; numbers and occlusion below.
-
-    The same samples whenever it is called.
+    """Write `count` samples, from unoccluded to hidden, as one picture, with their numbers and occlusions.
 
     Args:
-        tint: Colour the object's hidden part.
+        dataset: The samples; the choice among them is deterministic.
+        path: The picture to write.
+        count: Number of samples, at least 1.
+        tint: Whether to colour the object's hidden part.
 
     Raises:
         UserError: When count is below 1 or the file cannot be written.
@@ -57,8 +58,8 @@ def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: boo
         y = MARGIN + place // columns * (side + CAPTION)
         sheet.paste(Image.fromarray(images[place]).resize((side, side), Image.Resampling.LANCZOS), (x, y))
         draw.text((x, y + side + 2), f"{index}", fill="#8a93a0", font=font)
-        said = f"{dataset.occlusion[index]:.0%} hidden"
-        draw.text((x + side, y + side + 2), said, fill=INK, font=font, anchor="ra")
+        caption = f"{dataset.occlusion[index]:.0%} hidden"
+        draw.text((x + side, y + side + 2), caption, fill=INK, font=font, anchor="ra")
     with atomic_write(path) as temporary:
         sheet.save(temporary)
     return Path(path)
@@ -80,7 +81,7 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     spacing = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, hspace=0.06, wspace=0.04)
     figure = Figure(figsize=(12, 6.6), facecolor="white", layout=spacing)
     figure.suptitle(
-        f"{Path(root).resolve().name}: {len(table):,} samples, {split} split, {settings['tier']} tier,"
+        f"{Path(root).resolve().name}: {len(table):,} samples, {split} split, {settings['tier']},"
         f" seed {settings['seed']}",
         x=0.012,
         ha="left",

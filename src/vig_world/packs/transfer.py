@@ -5,9 +5,9 @@ At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of 
     T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being what it meets ]
 
 over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
-nothing is in the way T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; what is kept is the change from
-that. The ground that the object stands on is not in T: the light is what arrives at the object's place, what
-the ground sends up included.
+nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
+that. The ground is not in T: L is the light that arrives at the object's place, light reflected by the ground
+included.
 
 `python -m vig_world.packs.transfer` computes and writes the packaged teapot's.
 """
@@ -30,7 +30,7 @@ from vig.scene.light import COSINE_LOBE, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
 
 ALBEDO = 0.5
-"""Of the object, in light that it throws upon itself: the middle of what is drawn."""
+"""Albedo of the object for its interreflections: the middle of the sampled range."""
 
 BOUNCES = 4
 SHAPES, RAY_SIDE = 160, 16
@@ -146,7 +146,7 @@ def cosine_directions(normals: np.ndarray, side: int, rng: np.random.Generator) 
 
 
 def unoccluded(normals: np.ndarray) -> np.ndarray:
-    """The transfer where nothing is in the way, A_l Y_lm(n): (..., 3) to (..., 9)."""
+    """The transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
     return sh_basis(torch.from_numpy(np.ascontiguousarray(normals, np.float64))).numpy() * COSINE_LOBE
 
 

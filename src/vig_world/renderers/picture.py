@@ -1,4 +1,4 @@
-"""What a renderer of synthetic scenes gives back."""
+"""The output of a renderer of synthetic scenes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Picture:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Which share of the canvas's silhouette is lost to an `occluder`, a `support`, to `truncation`."""
+        """Shares of the canvas's silhouette lost to an `occluder`, a `support` and to `truncation`."""
         whole = _count(self.canvas)
         hidden = self.amodal & ~self.visible
         support = _count(hidden & self.by_support)

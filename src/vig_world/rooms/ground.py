@@ -1,4 +1,4 @@
-"""What a support is made of: the material that lies under its middle."""
+"""The material of a support: that of the surface under its middle."""
 
 from __future__ import annotations
 

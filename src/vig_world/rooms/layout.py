@@ -1,4 +1,4 @@
-"""What a furnished room is."""
+"""A furnished room."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vig_world.assets.props.material import Material
 
 @dataclass(frozen=True)
 class Layout:
-    """A furnished room, metres, its floor at z = 0; the same for every sample that plays in it.
+    """A furnished room, metres, its floor at z = 0; shared by all samples that use it.
 
     Attributes:
         kind: Kitchen, dining room, living room ...

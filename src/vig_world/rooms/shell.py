@@ -20,8 +20,8 @@ Part = tuple[Mesh, Material]
 class Wall:
     """A side of the room: its start (x, y), the direction (radians) along it, inside on the left, its length.
 
-    Its frame has x along it, y into the room and z up; `corners` says whether the room's corners at its start
-    and end are convex.
+    Its frame has x along it, y into the room and z up; `corners`: whether the room's corners at its start and
+    end are convex.
     """
 
     start: tuple[float, float]
@@ -162,7 +162,7 @@ def shell(
     depth: float,
     paint: Material,
 ) -> list[Part]:
-    """All of it.
+    """Build the shell of a room.
 
     Args:
         depth: Depth of the windows' recesses.

@@ -1,4 +1,4 @@
-"""What a piece of furniture is: parts, and the surfaces on which things stand."""
+"""Pieces of furniture: parts, and the surfaces on which things stand."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Support:
     """A level rectangle on which things stand.
 
     Attributes:
-        zone: What is done there, which says what stands there: `cooking`, `dining`, `drinks`, `desk`,
-            `reading`, `display`, `storage`, `bedside`, `washing` or `floor`.
+        zone: What it is used for, which decides what stands there; one of
+            `vig_world.assets.props.ZONE_NAMES`.
         centre: (x, y, z) metres.
         half: Half its extents along its own axes.
         turn: Radians about +Z from its owner's x axis to its own.

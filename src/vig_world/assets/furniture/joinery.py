@@ -1,4 +1,4 @@
-"""Puts furniture together out of boards, slabs, posts and cushions; texture coordinates are metres.
+"""Assembles furniture from boards, slabs, posts and cushions; texture coordinates are metres.
 
 Wood's grain runs along v, so v follows the longest side of a board. Meshes are closed and face outward.
 """
@@ -229,7 +229,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 class Joinery:
-    """A piece of furniture in the making: parts by material, and its supports, all in one frame."""
+    """A piece of furniture under construction: parts by material, and its supports, all in one frame."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng

@@ -1,4 +1,4 @@
-"""What things are kept in and on: shelves, cabinets, chests, wardrobes, a mantelpiece."""
+"""Storage furniture: shelves, cabinets, chests, wardrobes, a mantelpiece."""
 
 from __future__ import annotations
 

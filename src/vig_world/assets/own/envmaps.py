@@ -1,4 +1,4 @@
-"""Users' own panoramas: `.hdr` and `.exr` files, and the eight that come in Blender's Python wheel."""
+"""Custom panoramas: `.hdr` and `.exr` files, and the eight that come in Blender's Python wheel."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class OwnPanorama:
 def read_envmaps(
     folder: str | Path, bpy_python: str | Path | None = None
 ) -> tuple[list[OwnPanorama], list[str]]:
-    """Read every panorama of a folder and the folders in it, in the order of their names.
+    """Read every panorama below a folder, in the order of their names.
 
     Args:
         folder: Folder to read; `bpy` stands for the eight panoramas in Blender's wheel.
         bpy_python: Interpreter that has this wheel; None: the running one.
 
     Returns:
-        The panoramas, and one sentence for each file that was left out.
+        The panoramas, and one sentence for each skipped file.
 
     Raises:
         UserError: When there is no such folder or not one usable panorama in it.

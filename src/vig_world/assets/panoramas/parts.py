@@ -1,4 +1,4 @@
-"""What a painted room is made of. Metres; the eye is the origin, Z up; all boxes lie along the axes."""
+"""The parts of a painted room. Metres; the viewpoint is the origin, Z up; all boxes lie along the axes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Box:
     """A solid from low to high (3,).
 
     Attributes:
-        casts: Whether it is large enough to cast a shadow worth its time.
+        casts: Whether it is large enough to cast a noticeable shadow.
     """
 
     low: Array
@@ -64,7 +64,7 @@ class Panel:
         across, over: Unit vectors (3,) in it; across x over points where it shines.
         half: (2,) half extents.
         radiance: (3,).
-        window: One looks out through it, past bars (count across, count over) of `frame` albedo.
+        window: Whether it is a window, with bars (count across, count over) of `frame` albedo.
         veil: Share of the light that a curtain spreads evenly.
     """
 

@@ -1,4 +1,4 @@
-"""What props are made of."""
+"""Materials of props, and props as meshes with materials."""
 
 from __future__ import annotations
 
@@ -27,14 +27,13 @@ class Material:
 
     Attributes:
         texture: (h, w, 3) float32 linear albedo, row 0 the top (v = 1), repeated outside [0, 1].
-        kind: What it is: ceramic, glass, metal, wood, paper, plastic, cloth, leaf, skin (of fruit), wax,
+        kind: Its substance: ceramic, glass, metal, wood, paper, plastic, cloth, leaf, skin (of fruit), wax,
             earth.
         roughness: In [0, 1], 0 a mirror; for path tracers only.
         slot: A surface whose finish each sample chooses anew (`wall`, `floor`, `ceiling`, `wood`, `top`,
             `fabric`), the texture standing in for it; texture coordinates are metres there. Empty: it is
             kept.
-        emission: Radiance (linear, 1 = white paper in the exposed picture) that the surface sends out by
-            itself.
+        emission: Radiance that the surface emits (linear, 1 = white paper in the exposed picture).
     """
 
     texture: Array

@@ -1,4 +1,4 @@
-"""Other small things about the house: ball, table lamp, clock, speaker."""
+"""Other household objects: ball, table lamp, clock, speaker."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def _sheet(
 
 @family("desk")
 def paper_sheets(rng: np.random.Generator) -> Prop:
-    """One to five sheets, letters or bills, strewn over each other."""
+    """One to five sheets, letters or bills, scattered over each other."""
     width, depth = (0.21, 0.297) if rng.uniform() < 0.4 else rng.uniform([0.1, 0.14], [0.15, 0.21])
     parts = []
     for k in range(rng.integers(1, 6)):

@@ -41,7 +41,7 @@ def _fine_weave(kind: str, rng: np.random.Generator, base: ArrayLike | None) -> 
 
 @family("dining", "drinks", "reading")
 def coaster(rng: np.random.Generator) -> Prop:
-    """One to four coasters of cork, wood, slate or felt: strewn or stacked."""
+    """One to four coasters of cork, wood, slate or felt: scattered or stacked."""
     side, thick = rng.uniform(0.085, 0.105), rng.uniform(0.003, 0.009)
     shape = rounded(side, side, side / 2 - 0.001 if rng.uniform() < 0.5 else 0.008, 6)
     kind, pattern = (

@@ -85,7 +85,7 @@ def wallpaper(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 @kind(metres=(0.4, 0.9))
 def floral(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Flowers strewn on a quiet ground."""
+    """Flowers scattered on a quiet ground."""
     base = shaded([0.72, 0.68, 0.58], rng, 0.2) if base is None else base
     petal, leaf = partner(base, rng), near([0.16, 0.24, 0.12], rng, 0.4)
     heart = near([0.65, 0.42, 0.08], rng, 0.3)

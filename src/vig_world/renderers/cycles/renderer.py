@@ -1,4 +1,4 @@
-"""The Cycles tier: a scene as an image, path traced by Blender in a process of its own."""
+"""The Cycles renderer: path traces scenes with Blender in a separate process."""
 
 from __future__ import annotations
 
@@ -29,15 +29,14 @@ WORKER = Path(__file__).parent / "blender" / "worker.py"
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
-"""Seconds for one scene, with so many more per path per pixel; then it is tried once more, and given up."""
+"""Time limit of one scene in seconds, and its increase per path per pixel; a scene is tried twice."""
 
 
 @dataclass(frozen=True)
 class TracedPicture(Picture):
-    """A path-traced sample: masks and depth are the raster tier's, the rest is Cycles's.
+    """A path-traced sample: masks and depth are the rasteriser's, the rest is from Cycles.
 
-    light: SH (9,) of the light that arrives at the object's place without the object, grey, L00 =
-    EXPOSURE_L00.
+    `light` is grey, of the light that arrives at the object's place without the object, L00 = EXPOSURE_L00.
 
     Attributes:
         linear: (H, W, 3) float32, what `image` encodes, not clipped.
@@ -55,8 +54,8 @@ class CyclesRenderer:
     Use it as a context manager, or call `close`.
 
     Args:
-        library: What scenes are made of.
-        object_class: What scenes are made of.
+        library: The assets of scenes.
+        object_class: The object's class.
         python: An interpreter that can import bpy; None takes the environment variable `VIG_BLENDER_PYTHON`,
             then the running one.
         samples: Paths per pixel.
@@ -66,7 +65,7 @@ class CyclesRenderer:
             `painted` also a painted decoration.
 
     Raises:
-        UserError: no interpreter with bpy, or an argument out of range.
+        UserError: For a missing interpreter with bpy, or an argument out of range.
     """
 
     def __init__(
@@ -98,7 +97,7 @@ class CyclesRenderer:
         """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
-            UserError: Blender did not answer, twice.
+            UserError: When Blender failed to answer twice.
         """
         header, arrays = compose(self._library, spec, self._object_class, self._finish)
         header["samples"] = self._samples
@@ -136,7 +135,7 @@ class CyclesRenderer:
     def _ask(
         self, header: dict[str, Any], arrays: dict[str, np.ndarray], name: str
     ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """The worker's answer; a worker that dies is replaced once."""
+        """The worker's answer; a dead worker is replaced once."""
         why = ""
         for _ in range(2):
             if self._worker is None:
@@ -187,7 +186,7 @@ def find_python(python: str | None = None) -> str:
     """The interpreter for Blender: `python`, `VIG_BLENDER_PYTHON`, or the running one if it has bpy.
 
     Raises:
-        UserError: there is none, or what was named is not there.
+        UserError: When there is none, or the named one is missing.
     """
     named = python or os.environ.get(PYTHON_VARIABLE)
     if named:
@@ -199,6 +198,6 @@ def find_python(python: str | None = None) -> str:
     if importlib.util.find_spec("bpy"):
         return sys.executable
     raise UserError(
-        f"the Cycles tier needs Blender as a module. Install it in an environment of its own: {INSTALL};"
+        f"the Cycles renderer needs Blender as a module. Install it in an environment of its own: {INSTALL};"
         f" then set {PYTHON_VARIABLE} to blender/bin/python"
     )

@@ -20,9 +20,9 @@ from vig_world.renderers.raster.shadows import cast_shadows
 from vig_world.renderers.view import View
 
 NEAR = 0.02
-"""Metres; what is nearer to the eye's plane is cut off."""
+"""Metres; anything nearer to the camera's plane is clipped."""
 SUN_SHARE = 0.2
-"""How much of the light's first degree shows in highlights."""
+"""Share of the light's first degree that shows in highlights."""
 _MARGIN = 16
 """Samples that must follow an image's last, as they are drawn eight at a time."""
 
@@ -43,8 +43,8 @@ def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
 def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) -> Picture:
     """The picture of an object and items, as the view's camera sees them, in SH light (9,).
 
-    The object shows its own vertices' light, and neither shadows nor gloss. Items are lit by the same light,
-    less what object and props, and what rooms keep from them, with a little gloss. Four samples a pixel,
+    The object shows its vertices' light without cast shadows or gloss. Items get the same light less shadows
+    of object and props and the ambient occlusion of rooms, with a little gloss. Four samples a pixel,
     averaged in linear light clipped to [0, 1].
     """
     camera, coefficients = view.camera, np.asarray(light, np.float64)
@@ -121,7 +121,7 @@ def silhouette(target: Target, view: View) -> np.ndarray:
 
 
 def _window(target: Target, view: View) -> tuple[slice, slice]:
-    """Rows and columns of the frame that can show the object, all of it in front of the eye."""
+    """Rows and columns of the frame that can show the object, all of it in front of the camera."""
     rotation, translation = view.rotation.astype(np.float32), view.translation.astype(np.float32)
     x, y, z = rotation @ target.vertices.T + translation[:, None]
     camera, less = view.camera, np.float32(view.camera.focal) / z

@@ -51,7 +51,7 @@ def kernels() -> dict[str, wp.Kernel]:
 def _kernel(name: str) -> wp.Kernel:
     def function(address: wp.uint64): ...
 
-    function.__qualname__ = f"{name}_native"  # Warp tells functions and kernels of a module apart by this
+    function.__qualname__ = f"{name}_native"  # Warp identifies functions and kernels of a module by this
     native = wp.func_native(snippet=source(name))(function)
 
     def run(task: wp.uint64):
@@ -62,7 +62,7 @@ def _kernel(name: str) -> wp.Kernel:
 
 
 class Workspace(threading.local):
-    """What one thread needs again and again: records at fixed addresses, and buffers that only grow."""
+    """A thread's reusable memory: records at fixed addresses, and buffers that only grow."""
 
     def __init__(self) -> None:
         self._records: dict[str, np.ndarray] = {}

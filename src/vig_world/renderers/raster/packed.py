@@ -20,7 +20,7 @@ ROOM_SIZE = 1.2
 POINT_AREA = 1.2e-4
 """Square metres of surface for each point that stands for it in shadows."""
 
-# Kinds that hardly mirror. At roughness 1 nothing mirrors, whatever it is.
+# Kinds with little specular reflection. At roughness 1 nothing reflects specularly.
 MATT = ("cloth", "earth", "paper", "paint", "wallpaper", "brick")
 
 

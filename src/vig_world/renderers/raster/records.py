@@ -42,8 +42,8 @@ PART = np.dtype(
         ("log_size", "i4", 2),  # log2 of the texture's width and height
         ("slot", "i4"),  # into the item's finishes, -1 none
         ("roughness", "f4"),
-        ("mirror", "f4"),  # share of light thrown back at once, seen from the front
-        ("metal", "f4"),  # share of the albedo that mirrors instead of scattering
+        ("mirror", "f4"),  # specular reflectance at normal incidence
+        ("metal", "f4"),  # share of the albedo that reflects specularly
         ("emission", "f4"),
     ],
     align=True,
