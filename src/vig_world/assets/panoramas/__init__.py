@@ -5,13 +5,12 @@ viewpoint find what is visible (`tracing`); each point is lit by the sources tha
 (`painting`), and has the albedo of its surface (`finishes`).
 """
 
-from vig_world.assets.panoramas.light import grey_light, light_parts, local_light
+from vig_world.assets.panoramas.light import light_parts, local_light
 from vig_world.assets.panoramas.painting import panorama
 from vig_world.assets.panoramas.tracing import directions
 
 __all__ = [
     "directions",
-    "grey_light",
     "light_parts",
     "local_light",
     "panorama",

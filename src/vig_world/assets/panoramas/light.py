@@ -1,4 +1,4 @@
-"""The light that a panorama gives: nine grey SH coefficients, of all of it or at a place on a support."""
+"""A panorama's light at a place on a support: nine grey SH coefficients."""
 
 from __future__ import annotations
 
@@ -8,11 +8,6 @@ from numpy.typing import NDArray
 from vig.scene.light import Y00, Y1, exposed, grey, project_panorama
 
 Array = np.ndarray
-
-
-def grey_light(image: Array) -> NDArray[np.float64]:
-    """Grey light of a panorama (H, W, 3): nine SH coefficients, scaled so that L00 = 0.75 pi."""
-    return exposed(grey(project_panorama(image)))
 
 
 def light_parts(radiance: Array) -> NDArray[np.float64]:

@@ -200,7 +200,8 @@ def _declared(dtype: np.dtype, name: str) -> str:
         base, shape = kind.subdtype or (kind, ())
         kind_name = "Grid" if base == GRID else _NAMES[base.str[1:]]
         lines.append(f"{kind_name} {field}{''.join(f'[{n}]' for n in shape)};")
-    return f"struct {name} {{ {' '.join(lines)} }};\n"
+    checked = f'static_assert(sizeof({name}) == {dtype.itemsize}, "{name}");'
+    return f"struct {name} {{ {' '.join(lines)} }};\n{checked}\n"
 
 
 _STRUCTS = {
