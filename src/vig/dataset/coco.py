@@ -8,9 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from vig.dataset.format import OBJECT_ID, image_paths, read_info, refuse_used, write_bytes
+from vig.checks import inside, read_bytes, reading
+from vig.dataset.format import (
+    MOST_PICTURE,
+    OBJECT_ID,
+    REMEDY,
+    image_paths,
+    read_info,
+    refuse_used,
+    write_bytes,
+)
 from vig.dataset.read import Dataset, read_dataset
-from vig.errors import UserError
 from vig.scene import IMAGE_SIZE
 
 READ_AT_ONCE = 256
@@ -97,7 +105,7 @@ def _amodal(whole: np.ndarray, part: np.ndarray) -> dict[str, Any]:
         "visible_mask": seen["segmentation"],
         "visible_bbox": seen["bbox"],
         "invisible_mask": run_lengths(whole & ~part),
-        "occlude_rate": 1 - seen["area"] / full["area"],
+        "occlude_rate": 1 - seen["area"] / full["area"] if full["area"] else 0.0,
         **{f"a_{short}": full[name] for short, name in _KINS.items()},
         **{f"i_{short}": seen[name] for short, name in _KINS.items()},
     }
@@ -108,8 +116,6 @@ _KINS = {"segm": "segmentation", "bbox": "bbox", "area": "area"}
 
 def _copy_image(dataset: Dataset, index: int, path: Path) -> None:
     source = image_paths(dataset.folder, index)["rgb"]
-    try:
-        data = source.read_bytes()
-    except OSError as error:
-        raise UserError(f"'{source}' cannot be read ({error.strerror}); make the dataset again.") from error
+    with reading(source, "a picture of the dataset", REMEDY):
+        data = read_bytes(inside(dataset.folder, source.relative_to(dataset.folder)), MOST_PICTURE)
     write_bytes(path, data)

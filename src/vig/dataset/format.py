@@ -12,6 +12,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from vig.checks import decode, read_json, reading
+from vig.dataset.spec import SPLITS
 from vig.errors import UserError
 from vig.files import atomic_write
 
@@ -20,6 +22,12 @@ DEPTH_SCALE = 0.1
 """Millimetres per unit of the depth images."""
 OBJECT_ID = 1
 """Of the one object, in BOP's and COCO's files."""
+MOST_SAMPLES = 1_000_000
+"""Files are numbered with six digits."""
+MOST_PICTURE = 1 << 20
+"""Bytes of an image file; one that cannot be compressed at all has less."""
+PICTURE_MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L"}
+REMEDY = "Make the dataset again."
 INFO = "info.json"
 SCENE = "000000"
 MANIFEST = "files.sha256"
@@ -70,23 +78,49 @@ COLUMNS = (
 
 def read_info(root: Path) -> dict[str, Any]:
     """The contents of D/info.json. Raises UserError when it is missing or not ours."""
-    try:
-        info = json.loads((root / INFO).read_text())
-        version = info["vig_dataset"]
-        splits = info["splits"]
-        whole = all(isinstance(each["count"], int) and "complete" in each for each in splits.values())
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UserError(
-            f"expected a dataset folder with {INFO}; '{root}' has none that can be read. "
-            "Make one with `vig dataset make`."
-        ) from error
+    with reading(root, f"a dataset folder with {INFO}", "Make one with `vig dataset make`."):
+        info: dict[str, Any] = read_json(root / INFO)
+        version = decode(int, info["vig_dataset"])
+        if version == FORMAT_VERSION:
+            splits = decode(dict[str, dict[str, Any]], info["splits"])
+            if not splits.keys() <= set(SPLITS):
+                raise ValueError(f"splits are {', '.join(SPLITS)}; it has others")
+            for settings in splits.values():
+                _check_settings(settings)
     if version != FORMAT_VERSION:
         raise UserError(
             f"'{root}' is a dataset of format {version}; this vig reads {FORMAT_VERSION}. Make it again."
         )
-    if not whole:
-        raise UserError(f"'{root / INFO}' is damaged: a split lacks its count. Make the dataset again.")
     return info
+
+
+_SETTINGS = {
+    "class": str,
+    "class_fingerprint": str,
+    "seed": int,
+    "count": int,
+    "tier": str,
+    "options": dict[str, Any],
+    "photo": bool,
+    "own_assets": dict[str, str],
+    "world_version": int,
+    "complete": bool,
+}
+_COMPLETE = {"rejections": dict[str, int], "rejections_per_sample": float, "manifest_sha256": str}
+
+
+def _check_settings(settings: dict[str, Any]) -> None:
+    """ValueError or KeyError unless the settings of a split in info.json are what a split's must be."""
+    wanted = _SETTINGS | (_COMPLETE if settings["complete"] is True else {})
+    for name, kind in wanted.items():
+        try:
+            decode(kind, settings[name])
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+    if not 1 <= settings["count"] <= MOST_SAMPLES:
+        raise ValueError(f"count must be from 1 to {MOST_SAMPLES}; it is {settings['count']}")
+    if not settings["class"].isprintable() or set(settings["class"]) & set("/\\"):
+        raise ValueError("class must be a name without slashes")
 
 
 def complete_split(root: Path, split: str | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,14 +12,40 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
-from vig.dataset.format import COLUMNS, DEPTH_SCALE, TABLE, complete_split, image_paths, read_info
+from vig.checks import decode, inside, read_bytes, read_json, reading
+from vig.dataset.format import (
+    COLUMNS,
+    DEPTH_SCALE,
+    MOST_PICTURE,
+    PICTURE_MODES,
+    REMEDY,
+    SCENE,
+    TABLE,
+    complete_split,
+    image_paths,
+    read_info,
+)
 from vig.dataset.spec import SceneSpec
-from vig.errors import UserError
-from vig.scene import IMAGE_SIZE
-from vig.scene.light import L_COUNT
+from vig.scene import IMAGE_SIZE, layout_of_width
+
+MOST_TABLE = 1 << 30
+"""Bytes of the table's file."""
+MOST_IN_LIST, MOST_TEXT, MOST_SPEC, MOST_LABELS = 256, 16_384, 65_536, 4096
+"""Of each sample: entries of a list in the table, bytes of each text column, bytes of its
+spec, and of each of its labels."""
+
+_TYPES = {
+    **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),
+    **dict.fromkeys(("cause", "zone", "photo"), pa.string()),
+    **dict.fromkeys(("hidden_by", "assets"), pa.list_(pa.string())),
+    "truncated": pa.bool_(),
+}
+"""Types of the table's columns; the others are float64."""
+_TEXTS = ("hidden_by", "zone", "assets", "photo")
 
 
 @dataclass(frozen=True)
@@ -56,7 +83,7 @@ class Dataset:
         """
         chosen = range(len(self)) if indices is None else indices
         with ThreadPoolExecutor(2) as pool:
-            pictures = list(pool.map(lambda i: _picture(image_paths(self.folder, int(i))[kind]), chosen))
+            pictures = list(pool.map(lambda i: _picture(self.folder, int(i), kind), chosen))
         stack = np.stack(pictures) if pictures else np.empty((0, IMAGE_SIZE, IMAGE_SIZE), np.uint8)
         if kind == "rgb":
             return stack
@@ -82,11 +109,12 @@ class Dataset:
     def specs(self) -> list[SceneSpec]:
         """The scene of every sample. Raises UserError when the file is missing or damaged."""
         path = self.folder / "specs.jsonl"
-        try:
-            lines = path.read_text().splitlines()[: len(self)]
-            return [SceneSpec.from_json(line) for line in lines]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise _damaged(path, error) from error
+        with reading(path, "the scenes of a dataset", REMEDY):
+            lines = read_specs(
+                self.folder, read_info(self.folder.parent)["splits"][self.folder.name]["count"]
+            )
+            specs = [SceneSpec.from_json(line) for line in lines[: len(self)]]
+        return specs
 
 
 def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
@@ -96,15 +124,12 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
     """
     root = Path(path)
     split = complete_split(root, split)
-    count = read_info(root)["splits"][split]["count"]
-    table_path = root / split / TABLE
-    table = read_table(root, split)
-    try:
+    table = read_table(root, split, texts=False)
+    with reading(root / split / TABLE, "the table of a dataset", REMEDY):
         names = tuple(name for name in table.column_names if name not in COLUMNS)
-        latents = np.stack([table[name].to_numpy() for name in names], axis=1).astype(np.float32)
         dataset = Dataset(
             folder=root / split,
-            latents=latents,
+            latents=np.stack([table[name].to_numpy() for name in names], axis=1).astype(np.float32),
             names=names,
             occlusion=table["occlusion"].to_numpy().astype(np.float32),
             target_occlusion=table["target_occlusion"].to_numpy().astype(np.float32),
@@ -112,38 +137,120 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
             truncated=table["truncated"].to_numpy(zero_copy_only=False),
             design=table["design"].to_numpy(),
         )
-    except (OSError, KeyError, ValueError, pa.ArrowException) as error:
-        raise _damaged(table_path, error) from error
-    if len(dataset) != count or len(names) < L_COUNT + 5:
-        found = f"{len(dataset)} rows of {len(names)} latents"
-        raise UserError(f"'{table_path}' is damaged: {found}. Make it again.")
+        for shares in (dataset.occlusion, dataset.target_occlusion):
+            if not ((shares >= 0) & (shares <= 1)).all():
+                raise ValueError("occlusion must be from 0 to 1")
+        if not np.isfinite(dataset.latents).all():
+            raise ValueError("latents must be finite")
     return dataset
 
 
-def read_table(root: Path, split: str) -> pa.Table:
-    """All columns of a split's latents.parquet. Raises UserError when it is missing or damaged."""
-    path = root / split / TABLE
-    try:
-        return pq.read_table(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise _damaged(path, error) from error
+def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
+    """A split's latents.parquet; without `texts`, the columns that only checks and exports read are left out.
+
+    How many rows and values it says to have is checked before they are decoded: a small file can hold
+    gigabytes of repetitions. Raises UserError when it is missing or damaged.
+    """
+    count = read_info(root)["splits"][split]["count"]
+    path = inside(root, f"{split}/{TABLE}")
+    with reading(path, "the table of a dataset", REMEDY):
+        data = pa.py_buffer(read_bytes(path, MOST_TABLE))
+        file = pq.ParquetFile(pa.BufferReader(data))
+        metadata, held = file.metadata, file.schema_arrow.names
+        latents = [name for name in held if name not in COLUMNS]
+        if (
+            sorted(held) != sorted([*COLUMNS, *latents])
+            or tuple(latents) != layout_of_width(len(latents)).labels
+        ):
+            raise ValueError("its columns are not those of a dataset")
+        groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+        if metadata.num_rows != count or sum(group.num_rows for group in groups) != count:
+            raise ValueError(f"it has {metadata.num_rows} rows for {count} samples")
+        for group in groups:
+            chunks = [group.column(i) for i in range(group.num_columns)]
+            if any(chunk.num_values > MOST_IN_LIST * group.num_rows for chunk in chunks):
+                raise ValueError(f"a list in it has more than {MOST_IN_LIST} entries")
+        leaves = [metadata.schema.column(i) for i in range(metadata.num_columns)]
+        strings = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
+        file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=strings)
+        table = file.read([name for name in held if texts or name not in _TEXTS])
+        if len(table) != count:
+            raise ValueError(f"{len(table)} of its {count} rows could be read")
+        for place, name in enumerate(table.column_names):
+            table = table.set_column(place, name, _column(name, table[name]))
+    return table
+
+
+def _column(name: str, column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """A column of the table in its own type. ValueError when it has another, gaps, or very long texts."""
+    wanted = _TYPES.get(name, pa.float64())
+    texts = column
+    if pa.types.is_list(texts.type):
+        texts = pc.list_flatten(texts)
+    if pa.types.is_dictionary(texts.type):
+        lengths = sum(
+            int(pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0)
+            for chunk in texts.chunks
+        )
+        if lengths > MOST_TEXT * max(len(column), 1):
+            raise ValueError(f"{name} has more than {MOST_TEXT} bytes of text a row")
+    stored = texts.type.value_type if pa.types.is_dictionary(texts.type) else texts.type
+    expected = wanted.value_type if pa.types.is_list(column.type) and pa.types.is_list(wanted) else wanted
+    if stored != expected and not pa.types.is_null(stored):  # null: empty everywhere
+        raise ValueError(f"{name} must be {wanted}; it is {str(column.type)[:60]}")
+    plain = column.cast(wanted)
+    if plain.null_count and name != "photo":
+        raise ValueError(f"{name} is missing in {plain.null_count} rows")
+    return plain
+
+
+def read_specs(folder: Path, count: int) -> list[str]:
+    """The lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when it is damaged."""
+    data = read_bytes(inside(folder, "specs.jsonl"), MOST_SPEC * count)
+    lines = data.decode().splitlines()
+    if len(lines) != count:
+        raise ValueError(f"it has {len(lines)} lines for {count} samples")
+    return lines
+
+
+def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
+    """BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are damaged."""
+    tables = {}
+    for key in ("camera", "gt", "gt_info"):
+        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)
+        kind = dict[str, dict[str, Any]] if key == "camera" else dict[str, tuple[dict[str, Any], ...]]
+        decode(kind, table)
+        if len(table) != count:
+            raise ValueError(f"scene_{key}.json has {len(table)} entries for {count} samples")
+        tables[key] = table
+    return [{key: table[str(index)] for key, table in tables.items()} for index in range(count)]
 
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:
     """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
     settings = read_info(Path(path))["splits"][split]
-    counts, _ = np.histogram(read_table(Path(path), split)["occlusion"].to_numpy(), 10, (0, 1))
+    occlusion = read_table(Path(path), split, texts=False)["occlusion"]
+    counts, _ = np.histogram(occlusion.to_numpy(), 10, (0, 1))
     told = {name: settings[name] for name in ("rejections", "rejections_per_sample")}
     return {"occlusion_deciles": counts.tolist(), **told}
 
 
-def _picture(path: Path) -> np.ndarray:
+def decode_picture(data: bytes, kind: str) -> np.ndarray:
+    """Pixels of an image file. ValueError, before they are decoded, when size or mode are not its kind's."""
     try:
-        with Image.open(path) as image:
-            return np.asarray(image)
-    except (OSError, ValueError, SyntaxError) as error:
-        raise _damaged(path, error) from error
+        opened = Image.open(io.BytesIO(data), formats=("PNG",))
+    except UnidentifiedImageError:
+        raise ValueError("an unreadable picture") from None
+    with opened as image:
+        wanted = (IMAGE_SIZE, IMAGE_SIZE), PICTURE_MODES[kind]
+        if (image.size, image.mode) != wanted:
+            came = f"{image.size[0]} x {image.size[1]} {image.mode}"
+            raise ValueError(f"{came}, not {IMAGE_SIZE} x {IMAGE_SIZE} {PICTURE_MODES[kind]}")
+        return np.asarray(image)
 
 
-def _damaged(path: Path, error: Exception) -> UserError:
-    return UserError(f"'{path}' is missing or damaged ({type(error).__name__}); make the dataset again.")
+def _picture(folder: Path, index: int, kind: str) -> np.ndarray:
+    path = image_paths(folder, index)[kind]
+    with reading(path, "a picture of the dataset", REMEDY):
+        picture = decode_picture(read_bytes(inside(folder, path.relative_to(folder)), MOST_PICTURE), kind)
+    return picture

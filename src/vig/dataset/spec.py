@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
+from vig.checks import decode, parse_json
 from vig.scene.rotations import about_z, matrix_of
 
 WORLD_VERSION = 2
@@ -113,12 +114,9 @@ class SceneSpec:
 
     @staticmethod
     def from_json(text: str) -> SceneSpec:
-        """The inverse of `to_json`. Raises KeyError, TypeError or ValueError on anything else."""
-        data = json.loads(text)
-        room = _tuples(data.pop("room"))
-        room["finishes"] = tuple((slot, Surface(**finish)) for slot, finish in room["finishes"])
-        props = tuple(Placed(**_tuples(prop)) for prop in data.pop("props"))
-        return SceneSpec(**_tuples(data), room=Room(**room), props=props)
+        """The inverse of `to_json`. Raises ValueError on anything else."""
+        spec: SceneSpec = decode(SceneSpec, parse_json(text))
+        return spec
 
 
 @lru_cache(maxsize=256)
@@ -126,7 +124,3 @@ def _matrix(rotation: tuple[float, float, float]) -> np.ndarray:
     matrix = matrix_of(rotation)
     matrix.setflags(write=False)
     return matrix
-
-
-def _tuples(data: dict[str, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}

@@ -8,8 +8,9 @@ import tarfile
 from pathlib import Path
 from typing import Any
 
-from vig.dataset.format import SCENE, image_paths, read_info, refuse_used
-from vig.dataset.read import read_dataset, read_table
+from vig.checks import inside, read_bytes, reading
+from vig.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info, refuse_used
+from vig.dataset.read import read_dataset, read_scene, read_table
 from vig.errors import UserError
 from vig.files import atomic_write
 
@@ -49,25 +50,15 @@ def _labels(root: Path, split: str) -> list[dict[str, Any]]:
     rows = read_table(root, split).to_pylist()
     settings = read_info(root)["splits"][split]
     origin = {name: settings[name] for name in ("class", "tier", "seed")} | {"split": split}
-    try:
-        scene = {
-            key: json.loads((root / split / SCENE / f"scene_{key}.json").read_text())
-            for key in ("camera", "gt", "gt_info")
-        }
-        return [
-            {"dataset": origin, "row": row, **{key: entries[str(index)] for key, entries in scene.items()}}
-            for index, row in enumerate(rows)
-        ]
-    except (OSError, ValueError, KeyError) as error:
-        raise UserError(f"the labels of '{root / split}' are damaged; make the dataset again.") from error
+    with reading(root / split / SCENE, "the labels of a dataset", REMEDY):
+        scene = read_scene(root / split, len(rows))
+    return [{"dataset": origin, "row": row, **scene[index]} for index, row in enumerate(rows)]
 
 
 def _add_sample(tar: tarfile.TarFile, folder: Path, index: int, label: dict[str, Any]) -> None:
     for kind, path in image_paths(folder, index).items():
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise UserError(f"'{path}' cannot be read ({error.strerror}); make the dataset again.") from error
+        with reading(path, "a picture of the dataset", REMEDY):
+            data = read_bytes(inside(folder, path.relative_to(folder)), MOST_PICTURE)
         _add(tar, f"{index:06d}.{kind}.png", data)
     _add(tar, f"{index:06d}.json", json.dumps(label).encode())
 

@@ -14,9 +14,11 @@ import functools
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 
+from vig.checks import check_number, decode, read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import ObjectClass
@@ -108,35 +110,29 @@ class Calibration:
     @staticmethod
     def load(path: Path) -> Calibration:
         """Read what `save` wrote. Raises UserError when there is none or it is of no use."""
-        try:
-            told = json.loads(path.read_text())
-            if told["format"] != FORMAT or tuple(told["clues"]) != CLUES:
-                raise ValueError(f"one of format {told['format']}, where this vig reads {FORMAT}")
-            names = "weights", "kind_weights", "scale", "floor"
-            tensors = {name: torch.tensor(told[name], dtype=torch.float64) for name in names}
-            shapes = {tensors[name].shape for name in names[:2]}
-            if shapes != {(len(CLUES),)} or tensors["scale"].shape != tensors["floor"].shape:
+        with reading(path, "a calibration", "Make it again with `vig calibrate`."):
+            told = decode(dict[str, Any], read_json(path))
+            if told["format"] != FORMAT or decode(tuple[str, ...], told["clues"]) != CLUES:
+                raise ValueError(f"it is of format {told['format']!s:.20}, where this vig reads {FORMAT}")
+            row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
+            kinds = {"weights": row, "kind_weights": row, "scale": rows, "floor": rows}
+            tensors = {
+                name: torch.tensor(decode(kind, told[name]), dtype=torch.float64)
+                for name, kind in kinds.items()
+            }
+            shapes = {tuple(tensors[name].shape) for name in ("weights", "kind_weights")}
+            size = tensors["scale"].shape
+            if shapes != {(len(CLUES),)} or size != tensors["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
-            return Calibration(
-                bias=float(told["bias"]),
-                kind_bias=float(told["kind_bias"]),
-                threshold=float(told["threshold"]),
+            if (tensors["scale"] < 0).any() or (tensors["floor"] < 0).any():
+                raise ValueError("scale and floor must not be negative")
+            made = Calibration(
+                bias=check_number("bias", told["bias"], -1e6, 1e6),
+                kind_bias=check_number("kind_bias", told["kind_bias"], -1e6, 1e6),
+                threshold=check_number("threshold", told["threshold"], -1.0, 2.0),
                 **tensors,
             )
-        except (OSError, KeyError, TypeError, ValueError) as error:
-            raise UserError(
-                f"expected a calibration at '{path}'; got {_plain(error)}."
-                " Make it again with `vig calibrate`."
-            ) from error
-
-
-def _plain(error: Exception) -> str:
-    """What is wrong with a calibration, in a user's words."""
-    if isinstance(error, OSError):
-        return error.strerror or "a file that cannot be read"
-    if isinstance(error, json.JSONDecodeError):
-        return f"no JSON (line {error.lineno})"
-    return str(error) if type(error) is ValueError else "something else"
+        return made
 
 
 def faded(view: torch.Tensor, known: torch.Tensor) -> torch.Tensor:
@@ -152,4 +148,12 @@ def _logistic(weights: torch.Tensor, bias: float, clues: torch.Tensor) -> torch.
 def calibration_of(object_class: ObjectClass) -> Calibration | None:
     """A class's own calibration; None when it has none."""
     path = (object_class.folder or Path()) / FILE
-    return Calibration.load(path) if object_class.folder and path.is_file() else None
+    if not object_class.folder or not path.exists():
+        return None
+    calibration, count = Calibration.load(path), object_class.shape_model.modes + 14
+    if calibration.scale.shape[1] != count:
+        raise UserError(
+            f"expected a calibration of the {count} latents of class '{object_class.name}';"
+            f" '{path}' has {calibration.scale.shape[1]}. Make it again with `vig calibrate`."
+        )
+    return calibration

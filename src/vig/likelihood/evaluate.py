@@ -43,10 +43,20 @@ class Photos:
                 f"log_prior must be {tuple(self.linear.shape)} like the photos;"
                 f" got {tuple(self.log_prior.shape)}"
             )
+        if not self.linear.is_floating_point() or not self.log_prior.is_floating_point():
+            raise ValueError(
+                f"photos must be floating-point linear RGB; got {self.linear.dtype} and a log_prior of"
+                f" {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."
+            )
         if not torch.isfinite(self.log_prior).all():
             raise ValueError("log_prior must be finite; got NaN or infinity. NEVER stands for log 0")
         if not torch.isfinite(self.linear).all():
             raise ValueError("photos must be finite linear RGB; got NaN or infinity")
+        if self.linear.numel() and self.linear.min() < -1:
+            raise ValueError(
+                f"photos must be linear RGB in [0, 1]; got a minimum of {float(self.linear.min()):g}."
+                " Clip them."
+            )
         if self.linear.numel() and self.linear.max() > 8:
             raise ValueError(
                 f"photos must be linear RGB in [0, 1]; got a maximum of {float(self.linear.max()):g}."

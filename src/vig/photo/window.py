@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +38,14 @@ class Window:
             side = float(max(width, height))
             return Window((width - side) / 2, (height - side) / 2, side)
         x, y, w, h = box
-        if min(w, h) < SMALLEST_BOX or x < 0 or y < 0 or x + w > width or y + h > height:
+        if (
+            not all(map(math.isfinite, box))
+            or min(w, h) < SMALLEST_BOX
+            or x < 0
+            or y < 0
+            or x + w > width
+            or y + h > height
+        ):
             raise UserError(
                 f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side within the photo of"
                 f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}"

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
-from safetensors import safe_open
 from safetensors.torch import save_file
 from torch.nn import functional
 
+from vig.checks import read_tensors
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
@@ -40,9 +40,8 @@ def calibrate(path: Path, datasets: Sequence[Dataset], say: Callable[[str], None
     cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::7]  # cells lie too close to need them all
     shares = (examples.mask.float() / 255).movedim(1, -1).reshape(-1, mask.shape[1])[::7]
     made = Calibration(temperature(azimuth, labels), temperature(cells, shares), widening(error, deviation))
-    with safe_open(path, framework="pt") as file:
-        metadata = file.metadata()
-        tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith(PREFIX)}
+    held, metadata = read_tensors(path, "pt")
+    tensors = {name: value for name, value in held.items() if not name.startswith(PREFIX)}
     with atomic_write(path) as temporary:
         save_file(tensors | made.tensors(), temporary, metadata=metadata)
     bins = azimuth.shape[1]

@@ -36,10 +36,13 @@ class Calibration:
         found = {k.removeprefix(PREFIX): v for k, v in tensors.items() if k.startswith(PREFIX)}
         if not found:
             return Calibration.none(numbers)
-        calibration = Calibration(**found)
-        if calibration.deviation.shape != (numbers,):
+        shapes = {"azimuth_temperature": (), "mask_temperature": (), "deviation": (numbers,)}
+        if {name: tuple(value.shape) for name, value in found.items()} != shapes:
             raise ValueError("the calibration does not fit the network")
-        return calibration
+        for value in found.values():
+            if not value.is_floating_point() or not ((value > 1e-3) & (value < 1e3)).all():
+                raise ValueError("the calibration's factors must be from 0.001 to 1000")
+        return Calibration(**found)
 
     def tensors(self) -> dict[str, torch.Tensor]:
         """As they go into a weights file."""

@@ -7,12 +7,15 @@ from dataclasses import asdict
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 
+from vig.checks import read_tensors, reading
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.recognition.network import RecognitionNetwork
+
+FORMAT = "2"
+"""Of weights files; 1 had the regressed numbers in another order."""
 
 Scale = dict[str, torch.Tensor]
 """`mean` and `deviation` (M,) of the regressed numbers over the training images."""
@@ -28,7 +31,7 @@ def save_weights(network: RecognitionNetwork, scale: Scale, path: Path) -> None:
         save_file(
             {k: v.contiguous().cpu() for k, v in tensors.items()},
             temporary,
-            metadata={"net": "vig", "settings": json.dumps(asdict(network.settings))},
+            metadata={"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))},
         )
 
 
@@ -53,33 +56,29 @@ def load_checkpoint(
 
     Raises UserError when it is damaged or another `run`'s.
     """
-    try:
-        with safe_open(path, framework="pt") as file:
-            told = dict(file.metadata())
-        said = told["run"]
-        tensors = load_file(path)
-    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
-        raise UserError(
-            f"the checkpoint '{path}' is damaged ({type(error).__name__}); remove it to train from the start"
-        ) from error
-    if said != run:
-        raise UserError(
-            f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
-        )
-    for name, module in networks.items():
-        prefix = f"{name}."
-        module.load_state_dict(
-            {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
-        )
-    state: dict[int, dict[str, torch.Tensor]] = {}
-    parameters = [p for group in optimizer.param_groups for p in group["params"]]
-    for key, tensor in tensors.items():
-        if key.startswith("optimizer."):
-            _, parameter, name = key.split(".", 2)
-            if tensor.ndim:  # the fused step walks through memory: its state must lie as the weights do
-                tensor = torch.empty_like(parameters[int(parameter)]).copy_(tensor)
-            state.setdefault(int(parameter), {})[name] = tensor
-    whole = optimizer.state_dict()
-    whole["state"] = state
-    optimizer.load_state_dict(whole)
+    with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
+        tensors, told = read_tensors(path, "pt")
+        if told["run"] != run:
+            raise UserError(
+                f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
+            )
+        for name, module in networks.items():
+            prefix = f"{name}."
+            module.load_state_dict(
+                {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+            )
+        state: dict[int, dict[str, torch.Tensor]] = {}
+        parameters = [p for group in optimizer.param_groups for p in group["params"]]
+        for key, tensor in tensors.items():
+            if key.startswith("optimizer."):
+                _, parameter, name = key.split(".", 2)
+                own = parameters[int(parameter)]
+                if tensor.ndim:  # the fused step walks through memory: its state must lie as the weights do
+                    if tensor.shape != own.shape:
+                        raise ValueError(f"'{key}' must be {tuple(own.shape)}; it is {tuple(tensor.shape)}")
+                    tensor = torch.empty_like(own).copy_(tensor)
+                state.setdefault(int(parameter), {})[name] = tensor
+        whole = optimizer.state_dict()
+        whole["state"] = state
+        optimizer.load_state_dict(whole)
     return told

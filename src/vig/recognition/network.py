@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import nn
 from torch.nn import functional
 
+from vig.checks import check_number
 from vig.scene import regressed_layout
+from vig.scene.shape_model import MOST_MODES
 
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
@@ -32,6 +35,14 @@ class NetworkSettings:
     features: int = 320
     dropout: float = 0.1
 
+    def __post_init__(self) -> None:
+        check_sizes("widths", self.widths, 1, 2048)
+        check_sizes("blocks", self.blocks, 0, 64)
+        check_sizes("modes", (self.modes,), 1, MOST_MODES)
+        check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
+        check_sizes("squeezed, features", (self.squeezed, self.features), 1, 8192)
+        check_number("dropout", self.dropout, 0.0, 0.99)
+
 
 @dataclass(frozen=True)
 class Heads:
@@ -46,6 +57,35 @@ class Heads:
     mean: torch.Tensor
     log_variance: torch.Tensor
     mask: torch.Tensor
+
+
+def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
+    """ValueError unless all sizes of a network lie in [low, high]."""
+    if not all(low <= size <= high for size in sizes):
+        raise ValueError(f"{name} must be from {low} to {high}; got {sizes}")
+
+
+def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> None:
+    """Give a network made on torch's "meta" device, which holds no numbers, those of a weights file.
+
+    Floating-point tensors of any precision become float32. Raises ValueError when names, shapes or types
+    are not the network's, so that a file cannot ask for more memory than it fills.
+    """
+    wanted = network.state_dict()
+    if odd := sorted(wanted.keys() ^ tensors.keys()):
+        raise ValueError(f"weights are missing or unknown: {', '.join(odd)[:100]}")
+    for name, held in tensors.items():
+        floats = held.is_floating_point(), wanted[name].is_floating_point()
+        if held.shape != wanted[name].shape or floats[0] != floats[1]:
+            raise ValueError(
+                f"'{name}' must be {tuple(wanted[name].shape)} {wanted[name].dtype};"
+                f" it is {tuple(held.shape)} {held.dtype}"
+            )
+    own = {name: held.to(wanted[name].dtype) for name, held in tensors.items()}
+    for name, value in own.items():
+        if not value.isfinite().all() or (name.endswith("running_var") and (value < 0).any()):
+            raise ValueError(f"'{name}' has numbers that are infinite, or variances below 0")
+    network.load_state_dict(own, assign=True)
 
 
 class RecognitionNetwork(nn.Module):

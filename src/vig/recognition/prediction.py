@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import torch
-from safetensors import SafetensorError, safe_open
 
+from vig.checks import decode, parse_json, read_tensors, reading
 from vig.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.calibration import Calibration
-from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
+from vig.recognition.checkpoint import FORMAT
+from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16, load_network
 from vig.recognition.targets import latents_of, layout_of_numbers, mask_at_pixels
 from vig.scene import LatentLayout, Latents, ObjectClass, regressed_layout, srgb_from_linear
 
@@ -94,41 +94,31 @@ class Recognizer:
     network: Any
 
     def __init__(self, path: Path):
-        if path.is_dir():
-            raise UserError(
-                f"expected recognition weights at '{path}'; got a folder."
-                " Name the recognition.safetensors in it."
-            )
-        try:
-            with safe_open(path, framework="pt") as file:
-                metadata = file.metadata() or {}
-                settings = json.loads(metadata["settings"])
-                tensors = {name: file.get_tensor(name) for name in file.keys()}
+        remedy = "Train them with `vig train` or take a class that has them."
+        with reading(path, "recognition weights", remedy):
+            tensors, metadata = read_tensors(path, "pt")
+            settings = decode(dict[str, Any], parse_json(metadata["settings"]))
             if (kind := metadata.get("net", "vig")) != self.kind:
-                raise ValueError(f"it is of a network of kind '{kind}', where '{self.kind}' is read")
+                raise ValueError(f"it is of a network of kind '{kind[:40]}', where '{self.kind}' is read")
+            if (version := metadata.get("format", "1")) != FORMAT:
+                raise ValueError(f"it is of format {version[:40]}, where this vig reads {FORMAT}")
             self._read(settings, tensors)
-            if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
-                raise ValueError("the weights are not finite")
             self.calibration = Calibration.of(tensors, regressed_layout(self.network.settings.modes).size)
-        except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            came = "nothing" if isinstance(error, FileNotFoundError) else f"a file of no use ({reason})"
-            raise UserError(
-                f"expected recognition weights at '{path}'; got {came}."
-                " Train them with `vig train` or take a class that has them."
-            ) from error
         self.network.eval().to(memory_format=torch.channels_last)
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
         """Take on vig's own network and its targets' scale."""
-        settings |= {name: tuple(settings[name]) for name in ("widths", "blocks")}
-        network = RecognitionNetwork(NetworkSettings(**settings))
+        with torch.device("meta"):
+            network = RecognitionNetwork(decode(NetworkSettings, settings))
         weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-        network.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in weights.items()})
+        load_network(network, weights)
         self.network = network
         self.mean, self.deviation = tensors["scale.mean"], tensors["scale.deviation"]
-        if not len(self.mean) == len(self.deviation) == network.numbers.out_features // 2:
-            raise ValueError("the scale does not fit the network")
+        for scale in (self.mean, self.deviation):
+            if scale.shape != (network.numbers.out_features // 2,) or scale.dtype != torch.float32:
+                raise ValueError("the scale does not fit the network")
+        if not (self.deviation > 0).all():
+            raise ValueError("a standard deviation of the scale is not positive")
 
     @classmethod
     def of_class(cls, object_class: ObjectClass, weights: Path | None = None) -> Self:

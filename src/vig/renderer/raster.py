@@ -10,6 +10,7 @@ import numpy as np
 import torch
 import warp as wp
 
+from vig.checks import check_indices
 from vig.renderer.device import initialise, scalar_type, warp_array
 from vig.scene import Camera
 
@@ -258,9 +259,23 @@ def rasterize(
 
     vertices (V, 3) world, metres; faces (F, 3); rotation (3, 3) and translation (3,) are camera_from_world;
     cull drops faces turned away (clockwise). Faces nearer than 1 cm to the eye's plane are not drawn.
+    Raises ValueError for other shapes and types, and for faces that name vertices which are not there.
     """
+    vertices, faces = np.asarray(vertices), np.asarray(faces)
+    rotation, translation = np.asarray(rotation), np.asarray(translation)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu":
+        raise ValueError(f"vertices must be (V, 3) numbers; got {vertices.shape} {vertices.dtype}")
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise ValueError(f"faces must be (F, 3) whole numbers; got {faces.shape} {faces.dtype}")
+    if len(faces) > FACE_MASK:
+        raise ValueError(f"faces must be at most {FACE_MASK}; got {len(faces)}")
+    if rotation.shape != (3, 3) or translation.shape != (3,):
+        raise ValueError(
+            f"rotation must be (3, 3) and translation (3,); got {rotation.shape} and {translation.shape}"
+        )
+    check_indices("faces", faces, len(vertices))
     kernels = raster_kernels(torch.float32)
-    points = (np.asarray(vertices) @ np.asarray(rotation).T + np.asarray(translation)).astype(np.float32)
+    points = (vertices @ rotation.T + translation).astype(np.float32)
     points_wp = wp.from_numpy(np.ascontiguousarray(points)[None], dtype=kernels.vec3, device="cpu")
     faces_wp = wp.from_numpy(np.ascontiguousarray(faces, np.int32), dtype=wp.int32, device="cpu")
     intrinsics = wp.from_numpy(

@@ -11,6 +11,8 @@ import torch
 FOCAL_OVER_WIDTH = 1.12
 DISTANCE = 0.4
 IMAGE_SIZE = 150
+MOST_PIXELS = 16_384
+"""A side of an image."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,24 @@ class Camera:
     cy: float
     distance: float = DISTANCE
     target_height: float = 0.0
+
+    def __post_init__(self) -> None:
+        for side in (self.width, self.height):
+            if side != int(side) or not 1 <= side <= MOST_PIXELS:
+                raise ValueError(
+                    f"a camera's image must have 1 to {MOST_PIXELS} whole pixels a side;"
+                    f" got {self.width} x {self.height}"
+                )
+        if not (0 < self.focal < math.inf and 0 < self.distance < math.inf):
+            raise ValueError(
+                f"focal (pixels) and distance (metres) must be positive and finite;"
+                f" got {self.focal} and {self.distance}"
+            )
+        if not all(map(math.isfinite, (self.cx, self.cy, self.target_height))):
+            raise ValueError(
+                f"cx, cy (pixels) and target_height (metres) must be finite;"
+                f" got {self.cx}, {self.cy} and {self.target_height}"
+            )
 
     @staticmethod
     def standard(size: int = IMAGE_SIZE, target_height: float = 0.0) -> Camera:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import torch
 
 from vig.scene.layout import latent_layout, layout_of_width
+from vig.scene.light import L_COUNT
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,17 @@ class Latents:
     elevation: torch.Tensor
     albedo: torch.Tensor
     light: torch.Tensor
+
+    def __post_init__(self) -> None:
+        count = self.azimuth.shape[:1]
+        shapes = {name: tuple(value.shape) for name, value in vars(self).items()}
+        fits = self.shape.ndim == 2 and self.azimuth.ndim == 1 and shapes["shape"][:1] == count
+        fits = fits and self.elevation.shape == count and shapes["albedo"] == (*count, 3)
+        if not fits or shapes["light"] != (*count, L_COUNT):
+            raise ValueError(
+                "latents must be shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
+                f" light (B, {L_COUNT}); got " + ", ".join(f"{k} {v}" for k, v in shapes.items())
+            )
 
     def __len__(self) -> int:
         return len(self.azimuth)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig.checks import check_indices
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -26,6 +28,12 @@ class Mesh:
             raise ValueError(f"faces must be (F, 3); got {self.faces.shape}")
         if self.uv is not None and self.uv.shape != (len(self.vertices), 2):
             raise ValueError(f"uv must be ({len(self.vertices)}, 2); got {self.uv.shape}")
+        if self.vertices.dtype.kind != "f" or self.faces.dtype.kind not in "iu":
+            raise ValueError(
+                f"vertices must be floating and faces whole numbers;"
+                f" got {self.vertices.dtype} and {self.faces.dtype}"
+            )
+        check_indices("faces", self.faces, len(self.vertices))
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import save_file
 
+from vig.checks import check_arrays, check_number, decode, read_json, read_tensors, reading
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene.designs import HeldOutDesigns
@@ -19,6 +20,43 @@ from vig.scene.shape_model import ShapeModel
 TRANSFER_FILE = "transfer.safetensors"
 DESIGNS_FILE = "designs.safetensors"
 PACKAGED = Path(__file__).parents[1] / "classes"
+FORMAT = 1
+_DAMAGED = "Build or copy it again."
+_SHAPE = {
+    "mean": ("float32", ("V", 3)),
+    "basis": ("float32", ("K", "V", 3)),
+    "faces": ("int32", ("F", 3)),
+    "parts": ("int32", ("V",)),
+    "explained_variance_ratio": ("float32", ("K",)),
+}
+
+
+@dataclass(frozen=True)
+class _LightPrior:
+    """As class.json holds it."""
+
+    mean: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class _HeldOut:
+    """As class.json holds each of them."""
+
+    name: str
+    split: str
+
+
+@dataclass(frozen=True)
+class _Description:
+    """What class.json holds."""
+
+    format: int
+    name: str
+    target_height_m: float
+    part_names: tuple[str, ...]
+    light_prior: _LightPrior
+    held_out_designs: tuple[_HeldOut, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +80,24 @@ class ObjectClass:
     transfer: np.ndarray | None = None
     designs: HeldOutDesigns | None = None
 
+    def __post_init__(self) -> None:
+        if not self.name or len(self.name) > 100 or not self.name.isprintable():
+            raise ValueError(f"name must be 1 to 100 printable characters; it is {self.name[:100]!r}")
+        check_number("target_height", self.target_height, -10.0, 10.0)
+        mean, covariance = self.light_prior_mean, self.light_prior_covariance
+        prior = {"light prior mean": mean, "light prior covariance": covariance}
+        floats = "float64 float32"
+        check_arrays(prior, dict(zip(prior, [(floats, (9,)), (floats, (9, 9))], strict=True)))
+        if not (np.isfinite(mean).all() and np.isfinite(covariance).all() and mean[0] > 0):
+            raise ValueError("light prior must be finite, its mean's first number positive")
+        if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
+            raise ValueError("light prior covariance must be symmetric and positive definite")
+        if self.transfer is not None:
+            shape = (self.shape_model.modes + 1, len(self.shape_model.mean), 9)
+            check_arrays({"transfer": self.transfer}, {"transfer": ("float32 float64", shape)})
+            if not math.isfinite(self.transfer.sum(dtype=np.float64)):
+                raise ValueError("transfer must be finite")
+
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
         model = self.shape_model
@@ -57,7 +113,7 @@ class ObjectClass:
                 temporary,
             )
         description: dict[str, Any] = {
-            "format": 1,
+            "format": FORMAT,
             "name": self.name,
             "target_height_m": self.target_height,
             "part_names": list(model.part_names),
@@ -87,38 +143,39 @@ class ObjectClass:
                 " or a folder with class.json;"
                 f" got '{name_or_folder}'"
             )
-        try:
-            description = json.loads((folder / "class.json").read_text())
-            arrays = load_file(folder / "shape.safetensors")
-            prior = description["light_prior"]
-            transfer = None
-            if (folder / TRANSFER_FILE).is_file():
-                transfer = load_file(folder / TRANSFER_FILE)["transfer"].astype(np.float32)
-            designs = None
-            if held := description.get("held_out_designs"):
-                designs = HeldOutDesigns(
-                    tuple(each["name"] for each in held),
-                    tuple(each["split"] for each in held),
-                    load_file(folder / DESIGNS_FILE)["vertices"],
-                )
-            return ObjectClass(
-                description["name"],
-                ShapeModel(
-                    arrays["mean"],
-                    arrays["basis"],
-                    arrays["faces"],
-                    arrays["parts"],
-                    tuple(description["part_names"]),
-                    arrays["explained_variance_ratio"],
-                ),
-                float(description["target_height_m"]),
-                np.array(prior["mean"]),
-                np.array(prior["covariance"]),
-                folder,
-                transfer,
-                designs,
+        with reading(folder / "class.json", "the description of a class", _DAMAGED):
+            told: _Description = decode(_Description, read_json(folder / "class.json"))
+            if told.format != FORMAT:
+                raise ValueError(f"it is of format {told.format}, where this vig reads {FORMAT}")
+        with reading(folder / "shape.safetensors", "a class's shapes", _DAMAGED):
+            arrays, _ = read_tensors(folder / "shape.safetensors")
+            check_arrays(arrays, _SHAPE)
+            model = ShapeModel(
+                arrays["mean"],
+                arrays["basis"],
+                arrays["faces"],
+                arrays["parts"],
+                told.part_names,
+                arrays["explained_variance_ratio"],
             )
-        except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
-            raise UserError(
-                f"the class pack '{folder}' is damaged: {error}; build or copy it again"
-            ) from error
+        transfer = None
+        if (folder / TRANSFER_FILE).exists():
+            with reading(folder / TRANSFER_FILE, "a class's transfer of light", _DAMAGED):
+                held, _ = read_tensors(folder / TRANSFER_FILE)
+                shape = (model.modes + 1, len(model.mean), 9)
+                check_arrays(held, {"transfer": ("float16 float32", shape)})
+                transfer = held["transfer"].astype(np.float32)
+        designs = None
+        if told.held_out_designs:
+            with reading(folder / DESIGNS_FILE, "a class's held-out designs", _DAMAGED):
+                held, _ = read_tensors(folder / DESIGNS_FILE)
+                count = len(told.held_out_designs)
+                check_arrays(held, {"vertices": ("float32", (count, len(model.mean), 3))})
+                names, splits = zip(*((each.name, each.split) for each in told.held_out_designs), strict=True)
+                designs = HeldOutDesigns(names, splits, held["vertices"])
+        with reading(folder, "a class pack", _DAMAGED):
+            prior = told.light_prior
+            mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
+            height = float(told.target_height_m)
+            made = ObjectClass(told.name, model, height, mean, covariance, folder, transfer, designs)
+        return made

@@ -7,6 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from vig.checks import check_arrays, check_indices
+
+MOST_MODES, MOST_VERTICES, MOST_FACES = 64, 200_000, 400_000
+LARGEST = 100.0
+"""Metres that a vertex may be from the origin, and move along one component."""
+
 
 @dataclass(frozen=True)
 class ShapeModel:
@@ -22,6 +28,34 @@ class ShapeModel:
     parts: np.ndarray
     part_names: tuple[str, ...]
     explained_variance_ratio: np.ndarray
+
+    def __post_init__(self) -> None:
+        arrays = {name: getattr(self, name) for name in ("mean", "basis", "faces", "parts")}
+        arrays["explained_variance_ratio"] = self.explained_variance_ratio
+        real, whole = "float32 float64", "int32 int64"
+        sizes = check_arrays(
+            arrays,
+            {
+                "mean": (real, ("V", 3)),
+                "basis": (real, ("K", "V", 3)),
+                "faces": (whole, ("F", 3)),
+                "parts": (whole, ("V",)),
+                "explained_variance_ratio": (real, ("K",)),
+            },
+        )
+        most = {"V": MOST_VERTICES, "F": MOST_FACES, "K": MOST_MODES}
+        if sizes["V"] < 3 or any(sizes[letter] > bound for letter, bound in most.items()):
+            raise ValueError(
+                f"a shape model must have 3 to {MOST_VERTICES} vertices, at most {MOST_FACES} faces and"
+                f" {MOST_MODES} components; it has {sizes['V']}, {sizes['F']} and {sizes['K']}"
+            )
+        for name in ("mean", "basis"):
+            if not (np.abs(arrays[name]) <= LARGEST).all():
+                raise ValueError(f"{name} must be finite and within {LARGEST:g} metres")
+        if not ((self.explained_variance_ratio >= 0) & (self.explained_variance_ratio <= 1.001)).all():
+            raise ValueError("explained_variance_ratio must be from 0 to 1")
+        check_indices("faces", self.faces, sizes["V"])
+        check_indices("parts", self.parts, len(self.part_names))
 
     @property
     def modes(self) -> int:

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
+from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
 from vig import __version__
+from vig.checks import check_arrays, decode, parse_json, read_tensors
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, Fit, calibration_of, explain_one
 from vig.inference.calibration import CLUES
@@ -193,24 +194,29 @@ def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainS
 def _read(path: Path, key: str) -> Fits | None:
     """A chunk of that key; None when there is none, or one of another key or unreadable."""
     try:
-        with safe_open(path, framework="np") as file:
-            told = file.metadata()
-            if told["key"] != key:
-                return None
-            size = tuple(json.loads(told["size"]))
-            masks, by_pixel = (
-                np.unpackbits(file.get_tensor(name), axis=1, count=size[1] * size[2]).astype(bool)
-                for name in ("masks", "masks_by_pixel")
-            )
-            return Fits(
-                file.get_tensor("latents"),
-                file.get_tensor("deviation"),
-                masks.reshape(size),
-                by_pixel.reshape(size),
-                file.get_tensor("clues"),
-                file.get_tensor("confidence"),
-                tuple(json.loads(told["verdicts"])),
-            )
+        held, told = read_tensors(path, finite=False)
+        if told["key"] != key:
+            return None
+        size = decode(tuple[int, int, int], parse_json(told["size"]))
+        row = -(-size[1] * size[2] // 8)
+        bits, floats = ("uint8", (size[0], row)), "float32 float64"
+        rows: dict[str, tuple[str, tuple[int | str, ...]]]
+        rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
+        rows |= {"clues": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
+        check_arrays(held, rows | {"masks": bits, "masks_by_pixel": bits})
+        masks, by_pixel = (
+            np.unpackbits(held[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
+            for name in ("masks", "masks_by_pixel")
+        )
+        return Fits(
+            held["latents"],
+            held["deviation"],
+            masks,
+            by_pixel,
+            held["clues"],
+            held["confidence"],
+            decode(tuple[str, ...], parse_json(told["verdicts"])),
+        )
     except (OSError, KeyError, TypeError, ValueError, SafetensorError):
         return None
 

@@ -14,10 +14,12 @@ from typing import Any
 import torch
 from torch import nn
 
-from vig.recognition.network import MASK_CLASSES
+from vig.checks import check_number, decode
+from vig.recognition.network import MASK_CLASSES, check_sizes, load_network
 from vig.recognition.targets import azimuth_labels
 from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
+from vig.scene.shape_model import MOST_MODES
 
 FACTORS = ("pose", "shape", "appearance", "light")
 GREY_FACTORS = ("pose", "shape")
@@ -35,6 +37,12 @@ class PaperSettings:
     filters: tuple[int, int, int] = (64, 64, 64)
     dense: tuple[int, int] = (256, 32)
     dropout: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_sizes("modes", (self.modes,), 1, MOST_MODES)
+        check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
+        check_sizes("filters, dense", (*self.filters, *self.dense), 1, 8192)
+        check_number("dropout", self.dropout, 0.0, 0.99)
 
 
 class FactorNetwork(nn.Module):
@@ -146,13 +154,11 @@ def targets_of(latents: Latents) -> dict[str, torch.Tensor]:
 def networks_from(settings: Mapping[str, Any], tensors: Mapping[str, torch.Tensor]) -> PaperNetworks:
     """The networks of a weights file, from its settings and tensors.
 
-    Raises KeyError, TypeError, ValueError or RuntimeError when these are not of the paper's networks.
+    Raises ValueError when these are not of the paper's networks.
     """
-    known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
-    networks = PaperNetworks(PaperSettings(**known))
-    networks.load_state_dict(
-        {name.removeprefix("network."): value.float() for name, value in tensors.items()}
-    )
+    with torch.device("meta"):
+        networks = PaperNetworks(decode(PaperSettings, dict(settings)))
+    load_network(networks, {name.removeprefix("network."): value for name, value in tensors.items()})
     if not (networks.deviation > 0).all() or not networks.azimuth_deviation > 0:
         raise ValueError("a standard deviation is not positive")
     return networks

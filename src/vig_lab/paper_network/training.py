@@ -12,14 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import nn
 from torch.nn import functional
 
+from vig.checks import read_tensors, reading
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.recognition.checkpoint import FORMAT
 from vig.recognition.network import bfloat16
 from vig.recognition.targets import numbers_of
 from vig.scene import Latents, angle_difference
@@ -126,7 +127,7 @@ def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
         f"network.{name}": (value.half() if name in halved else value).contiguous()
         for name, value in networks.state_dict().items()
     }
-    metadata = {"net": "paper", "settings": json.dumps(asdict(networks.settings))}
+    metadata = {"net": "paper", "format": FORMAT, "settings": json.dumps(asdict(networks.settings))}
     with atomic_write(path) as temporary:
         save_file(tensors, temporary, metadata=metadata)
 
@@ -275,24 +276,18 @@ def _save(path: Path, run: _Run, identity: str) -> None:
 
 def _resume(path: Path, run: _Run, identity: str) -> None:
     """Put a checkpoint back into `run`."""
-    try:
-        with safe_open(path, framework="pt") as file:
-            said = file.metadata()["run"]
-            tensors = {name: file.get_tensor(name) for name in file.keys()} if said == identity else {}
-    except (OSError, KeyError, TypeError, SafetensorError) as error:
-        raise UserError(
-            f"the checkpoint '{path}' is damaged ({type(error).__name__}); remove it to train from the start"
-        ) from error
-    if said != identity:
-        raise UserError(
-            f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
+    with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
+        tensors, told = read_tensors(path, "pt")
+        if told["run"] != identity:
+            raise UserError(
+                f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
+            )
+        now, run.best, run.momentum, curves = (
+            {name.removeprefix(part): value for name, value in tensors.items() if name.startswith(part)}
+            for part in ("now.", "best.", "momentum.", "curve.")
         )
-    now, run.best, run.momentum, curves = (
-        {name.removeprefix(part): value for name, value in tensors.items() if name.startswith(part)}
-        for part in ("now.", "best.", "momentum.", "curve.")
-    )
-    run.networks.factors.load_state_dict(now)
-    run.curves = {factor: curves[factor].tolist() for factor in FACTORS}
+        run.networks.factors.load_state_dict(now)
+        run.curves = {factor: curves[factor].tolist() for factor in FACTORS}
 
 
 def _identity(settings: PaperTrainingSettings, dataset: Dataset) -> str:

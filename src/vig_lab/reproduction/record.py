@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from vig import __version__
+from vig.checks import decode, read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig_lab.reproduction.scales import Settings
@@ -90,14 +91,14 @@ class Record:
 
 def read_record(path: Path) -> dict[str, Any]:
     """What a run's run.json says. Raises UserError when it is missing, damaged, or of another format."""
-    try:
-        data = json.loads(path.read_text())
+    with reading(path, "the record of a run", "Choose another folder."):
+        data: dict[str, Any] = decode(dict[str, Any], read_json(path))
         version, whole = data["vig_run"], {"vig", "command", "machine", "settings", "steps"} <= data.keys()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UserError(
-            f"expected the record of a run at '{path}'; got none that can be read ({type(error).__name__})."
-            " Choose another folder."
-        ) from error
+        if version == FORMAT_VERSION and whole:
+            decode(dict[str, Any], data["settings"])
+            for step in decode(dict[str, dict[str, Any]], data["steps"]).values():
+                for name, kind in {"complete": bool, "seconds": float, "sittings": int}.items():
+                    decode(kind, step[name])
     if version != FORMAT_VERSION or not whole:
         raise UserError(f"'{path}' is of another version of vig, or damaged; choose another folder.")
     return data

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -12,22 +10,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
-from PIL import Image
 
-from vig.dataset.format import INFO, MANIFEST, SCENE, TABLE, complete_split, image_paths, read_info
+from vig.checks import inside, parse_json, read_bytes, read_json, reading
+from vig.dataset.format import INFO, MANIFEST, MOST_SAMPLES, REMEDY, complete_split, image_paths, read_info
+from vig.dataset.read import decode_picture, read_scene, read_specs, read_table
 from vig.dataset.spec import WORLD_VERSION, SceneSpec
 from vig.errors import UserError
-from vig.scene import IMAGE_SIZE, ObjectClass
+from vig.scene import ObjectClass
 from vig_world.generation.bop import TARGETS, localisation_targets
 from vig_world.generation.describe import class_fingerprint
 from vig_world.generation.job import Job, Maker, one_thread
 from vig_world.generation.labels import label_problems, model_problems
 from vig_world.library import OwnAssets
 
-MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L"}
 THREADS = 2
+MOST_FILE = 1 << 31
+"""Bytes of any file of a split."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +91,8 @@ def check_dataset(
     hashes = _manifest(folder, settings)
     problems = [*_file_problems(folder, hashes), *model_problems(root, object_class)]
     try:
-        merged = _merged(folder, settings["count"])
-    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
+        merged = _merged(root, split, settings["count"])
+    except (OSError, ValueError, KeyError, UserError) as error:
         problems.append(f"the tables cannot be read or do not have {settings['count']} samples: {error}")
         return Findings(split, tuple(problems), 0, len(hashes), 0)
     problems += _setting_problems(root, split, settings, merged)
@@ -132,7 +130,7 @@ def _setting_problems(
     if split == "test":
         expected = localisation_targets([item["gt_info"][0] for item in merged])
         try:
-            same = json.loads((root / TARGETS).read_text()) == expected
+            same = read_json(inside(root, TARGETS), 256 * MOST_SAMPLES) == expected
         except (OSError, ValueError):
             same = False
         if not same:
@@ -142,12 +140,12 @@ def _setting_problems(
 def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:
     """Names and hashes of the split's files. Raises UserError when the list itself is damaged."""
     path = folder / MANIFEST
-    try:
-        data = path.read_bytes()
+    with reading(path, "the list of a dataset's files", REMEDY):
+        data = read_bytes(inside(folder, MANIFEST), 512 * settings["count"] + 4096)
         lines = (line.split("  ", 1) for line in data.decode().splitlines())
         hashes = {name: value for value, name in lines}
-    except (OSError, ValueError) as error:
-        raise UserError(f"'{path}' is missing or damaged; make the dataset again.") from error
+        for name in hashes:
+            inside(folder, name)
     if hashlib.sha256(data).hexdigest() != settings.get("manifest_sha256"):
         raise UserError(f"'{path}' was changed after it was written; make the dataset again.")
     return hashes
@@ -166,28 +164,22 @@ def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
 def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]:
     """A file's content, and what is wrong with it as a file."""
     try:
-        data = (folder / name).read_bytes()
-    except OSError as error:
-        return b"", [f"{name}: {error.strerror or error}"]
+        data = read_bytes(inside(folder, name), MOST_FILE)
+    except (OSError, ValueError) as error:
+        return b"", [f"{name}: {getattr(error, 'strerror', None) or error}"]
     if value is None:
         return data, [f"{name}: not in {MANIFEST}"]
     changed = hashlib.sha256(data).hexdigest() != value
     return data, [f"{name}: changed since it was written (its hash differs)"] if changed else []
 
 
-def _merged(folder: Path, count: int) -> list[dict[str, Any]]:
+def _merged(root: Path, split: str, count: int) -> list[dict[str, Any]]:
     """Each sample's row, spec and BOP entries; ValueError when the tables do not have `count` each."""
-    rows = pq.read_table(folder / TABLE).to_pylist()
-    specs = (folder / "specs.jsonl").read_text().splitlines()
-    names = {"camera": "scene_camera", "gt": "scene_gt", "gt_info": "scene_gt_info"}
-    scene = {key: json.loads((folder / SCENE / f"{name}.json").read_text()) for key, name in names.items()}
-    lengths = {"latents": len(rows), "specs": len(specs), **{key: len(each) for key, each in scene.items()}}
-    if set(lengths.values()) != {count}:
-        raise ValueError(f"found {lengths}")
-    return [
-        {"row": row, "spec": spec, **{key: each[str(index)] for key, each in scene.items()}}
-        for index, (row, spec) in enumerate(zip(rows, specs, strict=True))
-    ]
+    rows = read_table(root, split).to_pylist()
+    if [row["index"] for row in rows] != list(range(count)):
+        raise ValueError("the table's indices are not 0, 1, 2 ...")
+    specs, scene = read_specs(root / split, count), read_scene(root / split, count)
+    return [{"row": row, "spec": spec, **each} for row, spec, each in zip(rows, specs, scene, strict=True)]
 
 
 def _sample_problems(
@@ -200,19 +192,17 @@ def _sample_problems(
         data, problems = _read(folder, path.as_posix(), hashes.get(path.as_posix()))
         yield from problems
         try:
-            with Image.open(io.BytesIO(data)) as image:
-                pictures[kind] = np.asarray(image)
-                if (image.size, image.mode) != ((IMAGE_SIZE, IMAGE_SIZE), MODES[kind]):
-                    wanted = f"{IMAGE_SIZE} x {IMAGE_SIZE} {MODES[kind]}"
-                    yield f"{path}: {image.size[0]} x {image.size[1]} {image.mode}, not {wanted}"
-                    return
-        except (OSError, ValueError, SyntaxError):
+            pictures[kind] = decode_picture(data, kind)
+        except ValueError as error:
+            yield f"{path}: {error}"
+            return
+        except Exception:  # a decoder may raise anything on a damaged file
             yield f"{path}: an unreadable picture"
             return
     try:
         spec = SceneSpec.from_json(item["spec"])
         yield from (f"sample {index}: {each}" for each in label_problems(item, spec, pictures, object_class))
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except Exception as error:  # what labels of foreign sizes and types lead to
         yield f"sample {index}: its spec or labels cannot be read ({type(error).__name__}: {error})"
 
 
@@ -223,10 +213,14 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
         for item in items:
             try:
                 spec = SceneSpec.from_json(item["spec"])
-            except (ValueError, KeyError, TypeError):
+            except ValueError:
                 continue  # reported already
-            files = maker.files(spec)
-            described = json.loads(files.popitem()[1])
+            try:
+                files = maker.files(spec)
+            except (ValueError, KeyError, TypeError, IndexError) as error:
+                yield f"sample {spec.index}: cannot be made again from its spec ({error})"
+                continue
+            described = parse_json(files.popitem()[1])
             for kind, path in image_paths(Path(), spec.index).items():
                 exact = job.tier == "raster" or kind != "rgb"
                 if exact and files[path.as_posix()] != _read(folder, path.as_posix(), None)[0]:

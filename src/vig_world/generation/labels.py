@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from vig.checks import inside, parse_json, read_bytes
 from vig.dataset.spec import SceneSpec
 from vig.scene import IMAGE_SIZE, SHAPE_LIMIT, ObjectClass, latent_layout
 from vig.scene.light import L_COUNT
@@ -23,6 +23,8 @@ from vig_world.renderers.view import View
 CLOSE = 1e-9
 FLIPPED = 0.01
 """Largest share of the silhouette's pixels by which the mask may differ from a projection of the mesh."""
+MOST_MODEL = 64 << 20
+"""Bytes of a file that all splits share."""
 WITHIN = 0.9
 """At least this share of the visible pixels, but for their outermost, have a depth within the object."""
 
@@ -155,8 +157,8 @@ def model_problems(root: Path, object_class: ObjectClass) -> Iterator[str]:
     }
     for name, expected in written.items():
         try:
-            data = (root / name).read_bytes()
-            same = data == expected if isinstance(expected, bytes) else json.loads(data) == expected
+            data = read_bytes(inside(root, name), MOST_MODEL)
+            same = data == expected if isinstance(expected, bytes) else parse_json(data) == expected
         except (OSError, ValueError):
             same = False
         if not same:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from vig.dataset.format import read_info
+from vig.dataset.format import REMEDY, read_info
 from vig.dataset.read import Dataset, read_table
 from vig.errors import UserError
 from vig.files import atomic_write
@@ -74,9 +74,13 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     from matplotlib.figure import Figure  # 0.2 s that worker processes need not spend
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    table = read_table(Path(root), split)
-    plain = [name for name in table.column_names if name not in ("hidden_by", "assets", "photo")]
-    columns = {name: np.array(table[name].to_pylist()) for name in plain}
+    light = tuple(f"light_1_{order}" for order in (-1, 0, 1))
+    shown = ("occlusion", "target_occlusion", "azimuth", "elevation", "size", "light_0_0", *light, "cause")
+    table = read_table(Path(root), split, texts=False)
+    columns = {name: np.array(table[name].to_pylist()) for name in shown}
+    for name in shown[:-1]:
+        if not np.isfinite(columns[name]).all():
+            raise UserError(f"expected finite numbers in '{name}' of '{root}'; got others. {REMEDY}")
     settings = read_info(Path(root))["splits"][split]
     spacing = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, hspace=0.06, wspace=0.04)
     figure = Figure(figsize=(12, 6.6), facecolor="white", layout=spacing)
@@ -97,8 +101,7 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     size = 100 * columns["size"]
     edges = np.linspace(0, max(10.0, np.ceil(size.max() / 10) * 10), 21)
     _bars(axes[1, 0], size, edges, "size: silhouette, % of the frame")
-    light = np.stack([columns[f"light_1_{order}"] for order in (-1, 0, 1)], axis=1)
-    ratio = np.linalg.norm(light, axis=1) / columns["light_0_0"]
+    ratio = np.linalg.norm([columns[name] for name in light], axis=0) / columns["light_0_0"]
     edges = np.linspace(0, max(1.5, np.ceil(ratio.max() * 4) / 4), 21)
     _bars(axes[1, 1], ratio, edges, "light: |L1| / L0, 0 from all sides, 1.7 from one")
     _causes(axes[1, 2], columns)

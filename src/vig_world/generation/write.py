@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 import shutil
@@ -21,6 +20,7 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from vig.checks import inside, read_json, reading
 from vig.dataset.format import (
     FORMAT_VERSION,
     INFO,
@@ -156,7 +156,8 @@ def alone(root: Path, split: str) -> Iterator[None]:
     path = root / f".{split}.lock"
     try:
         root.mkdir(parents=True, exist_ok=True)
-        lock = open(path, "w")
+        # A link in the lock's place is not followed, and what is there is not emptied.
+        lock = open(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b", buffering=0)
     except OSError as error:
         raise UserError(f"cannot write '{path}': {error.strerror or error}") from error
     with lock:
@@ -205,7 +206,11 @@ def _sweep(folder: Path) -> None:
 def _merge(root: Path, split: str, settings: dict[str, Any], object_class: ObjectClass) -> None:
     """Turn the sidecars into the split's files and mark it complete."""
     folder = root / split
-    records = [json.loads(sidecar_path(folder, index).read_text()) for index in range(settings["count"])]
+    with reading(
+        folder / PARTIAL, "the finished samples of a dataset", "Remove the folder and make them again."
+    ):
+        paths = [sidecar_path(folder, index) for index in range(settings["count"])]
+        records = [read_json(inside(folder, path.relative_to(folder))) for path in paths]
     hashes = {name: value for record in records for name, value in record["sha256"].items()}
     for name, key in (("scene_camera", "camera"), ("scene_gt", "gt"), ("scene_gt_info", "gt_info")):
         path = folder / SCENE / f"{name}.json"

@@ -91,7 +91,7 @@ def test_a_damaged_pack_is_told_in_one_line(
     with pytest.raises(UserError) as caught:
         ObjectClass.load(tmp_path)
     assert "\n" not in str(caught.value)
-    assert str(tmp_path) in str(caught.value) and "is damaged" in str(caught.value)
+    assert str(tmp_path) in str(caught.value) and "Build or copy it again." in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["kettle", "no/such/folder", ""])

@@ -155,7 +155,7 @@ def test_a_damaged_checkpoint_is_told(
 ) -> None:
     whole = (trained[0].parent / "checkpoint.safetensors").read_bytes()
     (tmp_path / "checkpoint.safetensors").write_bytes(whole[:keep])
-    with pytest.raises(UserError, match="is damaged"):
+    with pytest.raises(UserError, match="a damaged file"):
         train_paper(dataset, tmp_path, SETTINGS)
 
 

@@ -8,6 +8,7 @@ import torch
 import warp as wp
 
 from vig.renderer.device import initialise, scalar_type
+from vig.renderer.primitives.arguments import check_floats, check_table
 from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
 
 
@@ -216,8 +217,11 @@ def _backward(
 
 class _Barycentrics(torch.autograd.Function):
     @staticmethod
-    def forward(*arguments: torch.Tensor) -> torch.Tensor:
-        return _forward(*arguments)
+    def forward(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+        check_floats(points=(points, (None, 3)))
+        check_table("corners", corners, (None, 3), len(points))
+        check_table("pixels", pixels, (len(corners), 2))
+        return _forward(points, corners, pixels)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[torch.Tensor, ...], output: torch.Tensor) -> None:
@@ -238,6 +242,7 @@ def barycentrics(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tens
 
     points (V, 3): homogeneous screen points (x z, y z, z). corners (N, 3) int32: the faces' vertices.
     pixels (N, 2) int32: column and row. Result (N, 3, 3): the perspective-correct weights, their derivatives
-    per pixel to the right, and per pixel downwards. Differentiable in points.
+    per pixel to the right, and per pixel downwards. Differentiable in points. Raises ValueError for other
+    shapes and types and for corners that are not there.
     """
     return _Barycentrics.apply(points.contiguous(), corners.contiguous(), pixels.contiguous()).view(-1, 3, 3)

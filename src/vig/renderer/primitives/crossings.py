@@ -13,6 +13,8 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from vig.checks import check_indices
+from vig.renderer.primitives.arguments import check_floats, check_size, check_table
 from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
 from vig.renderer.primitives.visibility import screen_functions
 from vig.renderer.raster import NEAR
@@ -197,8 +199,10 @@ def find_crossings(
     points (V, 3): homogeneous screen points. faces (F, 3), edges (E, 6) int32: see `Topology`, the vertices
     and faces of all meshes numbered through. layer (F,) int32: the image of each face. size: (B, H, W).
     Edges with an end nearer than NEAR to the eye's plane are left out. Nothing of the result has a
-    derivative: see `antialias`.
+    derivative: see `antialias`. Raises ValueError for other shapes and types and for indices of vertices,
+    faces or images that are not there.
     """
+    check_size(size)
     rims, cells, hidden = opaque(functools.partial(_search, size=size), points.detach(), faces, edges, layer)
     cells = cells[(hidden == 0).nonzero().squeeze(1)].long()
     rim, axis, image, y, x = cells.unbind(1)
@@ -225,6 +229,14 @@ def _search(
     size: tuple[int, int, int],
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Indices of the rims, all their crossings (M, 5), and which of these are hidden (M,)."""
+    check_floats(points=(points, (None, 3)))
+    check_table("faces", faces, (None, 3), len(points))
+    check_table("edges", edges, (None, 6))
+    check_table("layer", layer, (len(faces),), size[0])
+    check_indices("vertices of edges", edges[:, :3], len(points))
+    check_indices("opposite vertices of edges", edges[:, 3], len(points), -1)
+    check_indices("first faces of edges", edges[:, 4], len(faces))
+    check_indices("second faces of edges", edges[:, 5], len(faces), -1)
     kernels, device = _kernels(points.dtype), device_of(points)
     images, height, width = size
     seen = [array_of(points, kernels.vec3), array_of(edges, wp.int32)]

@@ -8,6 +8,7 @@ import torch
 import warp as wp
 
 from vig.renderer.device import initialise, scalar_type
+from vig.renderer.primitives.arguments import check_floats, check_table
 from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
 
 
@@ -94,8 +95,10 @@ def _backward(
 
 class _Interpolate(torch.autograd.Function):
     @staticmethod
-    def forward(*arguments: torch.Tensor) -> torch.Tensor:
-        return _forward(*arguments)
+    def forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+        check_floats(attributes=(attributes, (None, None)), weights=(weights, (len(corners), 3)))
+        check_table("corners", corners, (None, 3), len(attributes))
+        return _forward(attributes, corners, weights)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[torch.Tensor, ...], output: torch.Tensor) -> None:
@@ -124,10 +127,6 @@ def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.
 
     attributes (V, C) float32 or float64. corners (N, 3) int32. weights (N, 3): barycentric weights, or their
     derivatives along the screen, for the attributes' own. Result (N, C). Differentiable in attributes and
-    weights.
+    weights. Raises ValueError for other shapes and types and for corners that are not there.
     """
-    if attributes.dtype != weights.dtype:
-        raise ValueError(
-            f"attributes are {attributes.dtype}, weights {weights.dtype}; give both the same type"
-        )
     return _Interpolate.apply(attributes.contiguous(), corners.contiguous(), weights.contiguous())

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import torch
 import torch.nn.functional as F
 
+from vig.renderer.primitives.arguments import check_floats, check_table
+
 
 @dataclass(frozen=True)
 class Pyramid:
@@ -19,6 +21,16 @@ class Pyramid:
     texels: torch.Tensor
     levels: torch.Tensor
     first: torch.Tensor
+
+    def __post_init__(self) -> None:
+        check_floats(texels=(self.texels, (None, None)))
+        check_table("levels", self.levels, (None, 3))
+        check_table("first", self.first, (None,), len(self.levels) + 1)
+        start, height, width = self.levels.long().unbind(1)
+        ends = start + height * width
+        whole = (self.levels >= 0).all() and bool((self.levels[:, 1:] >= 1).all())
+        if not whole or (ends > len(self.texels)).any() or (self.first[1:] <= self.first[:-1]).any():
+            raise ValueError("levels must lie within the texels, and each texture must have one or more")
 
 
 def pyramid(texture: torch.Tensor) -> Pyramid:

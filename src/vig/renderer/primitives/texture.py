@@ -6,6 +6,7 @@ import torch
 import warp as wp
 
 from vig.renderer.device import scalar_type
+from vig.renderer.primitives.arguments import check_floats, check_table
 from vig.renderer.primitives.opaque import array_of, device_of, opaque
 from vig.renderer.primitives.pyramid import Pyramid
 from vig.renderer.primitives.texture_kernels import texture_kernels
@@ -59,6 +60,10 @@ def _tangent(*arguments: torch.Tensor) -> torch.Tensor:
 class _Texture(torch.autograd.Function):
     @staticmethod
     def forward(*arguments: torch.Tensor) -> torch.Tensor:
+        texels, _, first, texture, uv, footprint = arguments
+        shapes = {"uv": (uv, (len(texture), 2)), "footprint": (footprint, (len(texture), 4))}
+        check_floats(texels=(texels, (None, None)), **shapes)
+        check_table("texture", texture, (None,), len(first) - 1, -1)
         return _forward(*arguments)
 
     @staticmethod
@@ -94,7 +99,8 @@ def sample_texture(
     textures: see `stack_pyramids`. texture (N,) int32: which one, -1 for none. uv (N, 2): (0, 0) is the
     image's lower left corner, (1, 1) its upper right, repeated outside. footprint (N, 2, 2): how uv change
     per pixel to the right, then per pixel downwards. The level of detail is the logarithm of the pixel's root
-    mean square size in texels. Differentiable in texels, uv and footprint.
+    mean square size in texels. Differentiable in texels, uv and footprint. Raises ValueError for other shapes
+    and types and for textures that are not there.
     """
     return _Texture.apply(
         textures.texels.contiguous(),

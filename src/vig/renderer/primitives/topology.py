@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from vig.checks import check_indices
+from vig.renderer.primitives.arguments import check_table
+
 
 @dataclass(frozen=True)
 class Topology:
@@ -21,6 +24,19 @@ class Topology:
     texture_faces: torch.Tensor
     edges: torch.Tensor
     vertex_count: int
+
+    def __post_init__(self) -> None:
+        count = len(self.faces)
+        check_table("faces", self.faces, (None, 3), self.vertex_count)
+        check_table("texture_faces", self.texture_faces, (count, 3))
+        check_table("edges", self.edges, (None, 6))
+        if self.texture_faces.numel() and self.texture_faces.min() < 0:
+            raise ValueError(
+                f"texture_faces must name rows of coordinates, 0 and up; they name {self.texture_faces.min()}"
+            )
+        for columns, most, least in (([0, 1, 2], self.vertex_count, 0), ([3], self.vertex_count, -1),
+                                     ([4], count, 0), ([5], count, -1)):  # fmt: skip
+            check_indices("edges", self.edges[:, columns], most, least)
 
     @staticmethod
     def of(
@@ -48,10 +64,6 @@ class Topology:
         texture_faces = np.ascontiguousarray(texture_faces, np.int32)
         if texture_faces.shape != faces.shape:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
-        if len(faces) and texture_faces.min() < 0:
-            raise ValueError(
-                f"texture_faces must name rows of coordinates, 0 and up; they name {texture_faces.min()}"
-            )
         edges = _edges(_welded(vertices)[faces] if len(faces) else faces)
         return Topology(
             torch.from_numpy(faces).to(device),

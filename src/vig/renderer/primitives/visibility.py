@@ -15,6 +15,7 @@ import torch
 import warp as wp
 
 from vig.renderer.device import initialise, scalar_type
+from vig.renderer.primitives.arguments import check_floats, check_size, check_table
 from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
 from vig.renderer.raster import NEAR, NOTHING
 
@@ -199,10 +200,16 @@ def visible_faces(
     points (V, 3): homogeneous screen points of all meshes. faces (F, 3) int32 into them. layer (F,) int32:
     the image in which a face is drawn. size: (B, H, W). Both sides of a face are drawn; what is nearer
     than NEAR to the eye's plane is cut off; degenerate faces are nothing. Depths are compared in float32.
-    Which face is seen has no derivative.
+    Which face is seen has no derivative. Raises ValueError for other shapes and types and for indices of
+    vertices or images that are not there.
     """
 
+    check_size(size)
+
     def run(points: torch.Tensor, faces: torch.Tensor, layer: torch.Tensor) -> torch.Tensor:
+        check_floats(points=(points, (None, 3)))
+        check_table("faces", faces, (None, 3), len(points))
+        check_table("layer", layer, (len(faces),), size[0])
         kernels = _kernels(points.dtype)
         keys = torch.full(size, NOTHING, dtype=torch.int64, device=points.device)
         wp.launch(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from pathlib import Path
 
+from vig.checks import parse_json
 from vig.errors import UserError
 
 MOST_FACES = 1_000_000
 MOST_BYTES = 512 * 2**20
+MOST_VALUES = 20 * MOST_FACES
 _CHUNK = 2**20
 _HEADER = 2**16
 
@@ -25,7 +26,7 @@ def refuse_huge(path: Path) -> None:
     if size > MOST_BYTES:
         raise UserError(f"{path}: expected at most {MOST_BYTES >> 20} MiB; got {size >> 20}. Simplify it.")
     count = {
-        ".obj": lambda: _lines(path, b"\nf"),
+        ".obj": lambda: _obj(path),
         ".stl": lambda: _stl(path, size),
         ".ply": lambda: _ply(path),
         ".off": lambda: _off(path),
@@ -45,6 +46,27 @@ def _lines(path: Path, mark: bytes) -> int:
             total += block.count(mark)
             tail = block[-len(mark) + 1 :]
     return total
+
+
+def _obj(path: Path) -> int:
+    """The larger of the triangles that an OBJ file's polygons make and a third of its vertices.
+
+    Stops at the first line at which there are too many: a polygon may have millions of corners.
+    """
+    triangles, vertices, polygon = 0, 0, False
+    with path.open("rb") as file:
+        for line in file:
+            if not polygon:
+                word = line.split(None, 1)[:1]
+                polygon = word == [b"f"]
+                vertices += word == [b"v"]
+                triangles -= 3 * polygon
+            if polygon:
+                triangles += line.count(b" ") + line.count(b"\t") + line.count(b"\v") + 1
+                polygon = line.rstrip(b"\r\n").endswith(b"\\")
+            if max(triangles, vertices // 3) > MOST_FACES:
+                break
+    return max(triangles, vertices // 3)
 
 
 def _stl(path: Path, size: int) -> int:
@@ -84,8 +106,13 @@ def _glb_json(path: Path) -> bytes:
 
 def _gltf(text: bytes) -> int:
     """Faces of all nodes' meshes, an instanced mesh counted as often as it is placed."""
-    tree = json.loads(text)
+    tree = parse_json(text)
     accessors = tree.get("accessors", [])
+    total = sum(int(accessor["count"]) for accessor in accessors)
+    if total > MOST_VALUES or any(int(accessor["count"]) < 0 for accessor in accessors):
+        raise ValueError(
+            f"its accessors hold {total} values"
+        )  # without a buffer they are zeros, made by a loader
 
     def faces(primitive: dict) -> int:
         index = primitive.get("indices", primitive["attributes"]["POSITION"])

@@ -16,9 +16,10 @@ from urllib.parse import unquote
 import numpy as np
 from PIL import Image
 
+from vig.checks import read_bytes
 from vig.errors import UserError
-from vig_world.assets.own.counting import refuse_huge
-from vig_world.assets.own.surfaces import painted
+from vig_world.assets.own.counting import MOST_BYTES, refuse_huge
+from vig_world.assets.own.surfaces import MOST_PIXELS, painted
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
@@ -60,7 +61,7 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     """
     try:
         refuse_huge(path)
-        data = path.read_bytes()
+        data = read_bytes(path, MOST_BYTES)
         files = _files(root, path)
         with _quiet():
             import trimesh  # takes half a second, so only when custom meshes are read
@@ -85,7 +86,7 @@ def _files(root: Path, path: Path) -> Any:
     """A resolver of trimesh's that reads below `root` only and keeps what it read and what was missing."""
     from trimesh.resolvers import FilePathResolver
 
-    top, folder = os.path.abspath(root), os.path.abspath(path.parent)
+    top, folder = os.path.realpath(root), os.path.realpath(path.parent)
 
     class Files(FilePathResolver):
         def __init__(self) -> None:
@@ -96,10 +97,13 @@ def _files(root: Path, path: Path) -> Any:
         def get(self, name: str) -> bytes:
             plain = name.strip().replace("\\", "/")
             for candidate in (plain, unquote(plain), plain.lstrip("/"), plain.split("/")[-1]):
-                place = os.path.abspath(os.path.join(folder, candidate))
+                place = os.path.realpath(os.path.join(folder, candidate))
                 if os.path.commonpath([top, place]) == top and os.path.isfile(place):
-                    self.read[plain] = Path(place).read_bytes()
-                    return self.read[plain]
+                    data = read_bytes(place, MOST_BYTES)
+                    if not plain.lower().endswith(_PICTURES) or _opens(data):
+                        self.read[plain] = data
+                        return data
+                    break
             self.missing.append(plain)
             raise FileNotFoundError(name)
 
@@ -117,6 +121,15 @@ def _quiet() -> Iterator[None]:
             yield
     finally:
         logger.disabled = before
+
+
+def _opens(data: bytes) -> bool:
+    """Whether a picture's header is one of a size that is decoded."""
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            return image.width * image.height <= MOST_PIXELS
+    except Exception:  # a decoder may raise anything on a damaged file
+        return False
 
 
 def _readable(name: str, data: bytes) -> bool:

@@ -12,16 +12,18 @@ Settings of deeper folders override those above.
 
 from __future__ import annotations
 
-import math
 import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
+from vig.checks import read_bytes
 from vig.errors import UserError
 from vig_world.assets.props.families import ZONE_NAMES
 
 FILE = "vig.toml"
+MOST_BYTES, MOST_LINE = 1 << 18, 1 << 13
+"""Of the file, and of a line of it: the time that a parser takes grows with the square of a dotted name."""
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -66,11 +68,15 @@ def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Fi
 def _read(path: Path) -> dict[str, Any]:
     """A checked `vig.toml`, its lists made tuples; empty when there is none."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = read_bytes(path, MOST_BYTES).decode()
+        if max(map(len, text.splitlines()), default=0) > MOST_LINE:
+            raise ValueError(f"a line of more than {MOST_LINE} characters")
+        table = tomllib.loads(text)
     except FileNotFoundError:
         return {}
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: expected TOML; got {error}. Correct that line.") from error
+    except (ValueError, RecursionError) as error:
+        came = "tables nested too deeply" if isinstance(error, RecursionError) else error
+        raise UserError(f"{path}: expected TOML; got {came}. Correct that line.") from error
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror}). Check its permissions.") from error
     for key in table:
@@ -79,10 +85,10 @@ def _read(path: Path) -> dict[str, Any]:
     tables: dict[str, Any] = {"defaults": table.get("defaults", {})}
     files = table.get("files", {})
     if not isinstance(files, dict):
-        _refuse(path, "tables [files.NAME]", f"files = {files!r}", "Write a table for each file")
+        _refuse(path, "tables [files.NAME]", f"files = {files!r:.100}", "Write a table for each file")
     for name, settings in [("[defaults]", tables["defaults"]), *files.items()]:
         if not isinstance(settings, dict):
-            _refuse(path, f"a table {name}", repr(settings), "Write it in brackets")
+            _refuse(path, f"a table {name}", repr(settings)[:100], "Write it in brackets")
     tables["defaults"] = _checked(path, "[defaults]", tables["defaults"])
     tables["files"] = {
         name: _checked(path, f"[files.{name!r}]", settings) for name, settings in files.items()
@@ -98,7 +104,7 @@ def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]
     names = [field.name for field in fields(FileSettings)]
     result: dict[str, Any] = {}
     for key, value in settings.items():
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
         strings = isinstance(value, list) and all(isinstance(item, str) for item in value)
         expected = {
             "up": (value in AXES, "one of " + " ".join(AXES)),
@@ -110,9 +116,9 @@ def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]
             "skip": (isinstance(value, bool), "true or false"),
         }.get(key)  # fmt: skip
         if expected is None:
-            _refuse(path, f"in {where} keys {' '.join(names)}", repr(key), "Correct or remove it")
+            _refuse(path, f"in {where} keys {' '.join(names)}", repr(key)[:100], "Correct or remove it")
         if not expected[0]:
-            _refuse(path, f"in {where} {key} = {expected[1]}", repr(value), "Correct it")
+            _refuse(path, f"in {where} {key} = {expected[1]}", repr(value)[:100], "Correct it")
         result[key] = tuple(value) if isinstance(value, list) else float(value) if number else value
     return result
 

@@ -11,6 +11,8 @@ from vig.scene import linear_from_srgb
 from vig_world.assets.textures import BRIGHTEST, DARKEST
 
 MOST_TEXELS = 256
+MOST_PIXELS = 50_000_000
+"""Of a picture before it is made smaller."""
 GREY = 0.5
 """Albedo where a file has no readable colour."""
 _PALETTE = 64
@@ -55,6 +57,8 @@ def _rgb(colour: Any, linear: bool) -> np.ndarray:
 
 def _linear(image: Image.Image) -> np.ndarray | None:
     """A picture as linear RGB, each side at most MOST_TEXELS; None when it cannot be decoded."""
+    if image.width * image.height > MOST_PIXELS:
+        return None
     try:
         image.load()
     except Exception:  # a decoder may raise anything on a damaged picture

@@ -1,0 +1,124 @@
+"""Damaged photos, panoramas and boxes: a picture, or one line."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.fuzz.mutations import damaged, outcomes
+from vig.cli.fit import parse_box
+from vig.errors import UserError
+from vig.photo.images import read_photo
+from vig.photo.window import Window
+from vig_world.assets.hdr import read_panorama
+
+FORMATS = {
+    "PNG": {},
+    "JPEG": {},
+    "WEBP": {},
+    "TIFF": {"compression": "tiff_lzw"},
+    "BMP": {},
+    "GIF": {},
+    "PPM": {},
+}
+
+
+def mutants(data: bytes, path: Path, count: int, seed: int) -> Iterator[Path]:
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        path.write_bytes(damaged(data, rng))
+        yield path
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_damaged_photos(name: str, tmp_path: Path) -> None:
+    image = Image.fromarray(np.random.default_rng(0).integers(0, 256, (24, 20, 3), np.uint8))
+    held = io.BytesIO()
+    image.save(held, format=name, **FORMATS[name])
+
+    def read(path: Path) -> None:
+        photo = read_photo(path)
+        assert photo.ndim == 3 and photo.dtype == np.float32
+        assert 0 <= photo.min() and photo.max() <= 1  # NaN fails both
+
+    counts = outcomes(mutants(held.getvalue(), tmp_path / "photo", 200, 1), read)
+    assert counts.total() == 200 and counts["refused"] > 20
+
+
+def test_damaged_panoramas(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    pixels = rng.integers(1, 200, (16, 32, 4), np.uint8)
+    pixels[..., 3] = 128
+    data = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n" + pixels.tobytes()
+    (tmp_path / "p.hdr").write_bytes(data)
+    assert read_panorama(tmp_path / "p.hdr").shape == (16, 32, 3)
+
+    def read(path: Path) -> None:
+        image = read_panorama(path)
+        assert np.isfinite(image).all() and image.min() >= 0
+
+    counts = outcomes(mutants(data, tmp_path / "p.hdr", 200, 2), read)
+    assert counts.total() == 200 and counts["refused"] > 20
+
+
+def test_photos_of_monstrous_size(tmp_path: Path) -> None:
+    """By their header; nothing is decoded."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    for side in (10_001, 20_000, 2**31 - 1):
+        header = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
+        data = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+        (tmp_path / "huge.png").write_bytes(data)
+        with pytest.raises(UserError, match="expected at most 100 megapixels|a damaged one"):
+            read_photo(tmp_path / "huge.png")
+
+
+def test_boxes() -> None:
+    """Strange numbers and texts for --box, on photos of strange shapes."""
+    rng = np.random.default_rng(3)
+    words = [
+        "0",
+        "-1",
+        "1e308",
+        "nan",
+        "inf",
+        "-inf",
+        "8",
+        "16.5",
+        "1e-300",
+        "",
+        " ",
+        "x",
+        "0x10",
+        "9" * 400,
+        "½",
+        "1_0",
+    ]
+    texts = [",".join(rng.choice(words, int(rng.integers(1, 6)))) for _ in range(500)]
+    texts += [",".join(f"{value:g}" for value in rng.uniform(0, 60, 4)) for _ in range(100)]
+
+    def read(text: str) -> None:
+        width, height = (int(side) for side in rng.integers(16, 120, 2))
+        window = Window.of(width, height, parse_box(text))
+        cut, known = window.cut(np.zeros((height, width, 3), np.float32))
+        assert cut.shape == (150, 150, 3) and known.any()
+
+    counts = outcomes(texts, read)
+    assert counts.total() == 600 and counts["refused"] > 400 and counts["accepted"] > 10
+
+
+@pytest.mark.parametrize(
+    "box", [(float("nan"), 0, 20, 20), (0, 0, float("inf"), 20), (0, 0, float("nan"), 20)]
+)
+def test_boxes_that_are_not_finite(box: tuple[float, float, float, float]) -> None:
+    with pytest.raises(UserError, match="expected a box"):
+        Window.of(64, 64, box)
