@@ -28,6 +28,8 @@ SWEEP_MARGIN = 8
 SWEEP_LANES = 16
 """Cells that are swept side by side: the grid's width is a multiple of it."""
 MOST_DIRECTIONS = 32
+GROUND_DEPTH = 0.02
+"""Metres below the ground to which its shadows still reach."""
 # The constants above are declared in C++, too.
 _CONSTANTS = {
     name: value for name, value in globals().items() if name.isupper() and isinstance(value, int | float)

@@ -30,10 +30,10 @@ for (int number = 0; number < task->item_count; ++number) {
         const float above = height > 0 ? height : 0;
         const float z = 2 * above / (a + sqrtf(a * a + 4 * b * above));
         // Cells lie between planes; places along x and y are of cells' centres.
-        if (!(x >= 1 && x < X - 2 && y >= 1 && y < Y - 2 && z < Z && height > -0.02f))
+        if (!(x >= 1 && x < X - 2 && y >= 1 && y < Y - 2 && z < Z && height > -GROUND_DEPTH))
             continue;
         const int ix = x, iy = y, iz = z;
-        // What lies flat on the ground casts no shadow beside it.
+        // Flat things on the ground cast no shadow beside them: weights fall to 0 there.
         const float weight = p[3] * area * (above < 0.5f * a ? above / (0.5f * a) : 1);
         const float fx = x - ix, fy = y - iy;
         float* const here = occupancy + (size_t)(iz * Y + iy) * X + ix;

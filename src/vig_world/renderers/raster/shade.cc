@@ -107,7 +107,8 @@ for (int slot = 0; slot < task->part_count; ++slot) {
     if (header.occlusion) {
         ambient = *(const Grid*)(asset + header.occlusion);
         ambient.values = (wp::int64)(asset + header.occlusion + sizeof(Grid));
-        // The light is what arrives at the object, whatever the room takes of it there: that is the measure.
+        // The light is what arrives at the object, its own ambient occlusion included: occlusion elsewhere is
+        // relative to that. At least 0.3 of the light is assumed to be left there, which bounds the ratio.
         float x[LANES], y[LANES], z[LANES], mx[LANES], my[LANES], mz[LANES], less[LANES];
         for (int lane = 0; lane < LANES; ++lane) {
             const float up = 1.25f * ambient.cell - item.translation[2];
@@ -122,7 +123,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
         lost(ambient, x, y, z, mx, my, mz, less);
         reference = less[0] < 0 ? 1 : 1 / wp::max(1 - less[0], 0.3f);
     }
-    // A highlight's exponent 2^sharpness, of a Blinn-Phong lobe as wide as the roughness says.
+    // A highlight's exponent 2^sharpness, of a Blinn-Phong lobe as wide as the roughness, from 8 to 128.
     int sharpness = 3;
     const float lobe_width = part.roughness * part.roughness;
     while (sharpness < 7 && lobe_width * lobe_width * (1 << sharpness) < 1)
@@ -201,6 +202,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 const float along_y = uy[lane] * uy[lane] + vy[lane] * vy[lane];
                 const bool x_longer = along_x > along_y;
                 const float longer = x_longer ? along_x : along_y, shorter = x_longer ? along_y : along_x;
+                // Two taps cover an anisotropy of up to 4 in area.
                 const float footprint = shorter > 0.25f * longer ? shorter : 0.25f * longer;
                 union { float real; int bits; } doubled = {2 * footprint};
                 int level = ((doubled.bits >> 23) - 127) >> 1;  // round(log2(sqrt(footprint)))
@@ -255,6 +257,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 wy[lane] = eye[1] + z[lane] * dy;
                 wz[lane] = eye[2] + z[lane] * dz;
                 const float ax = at[0][lane], ay = at[1][lane], az = at[2][lane];
+                // 1e-12: a degenerate normal stays finite.
                 const float unit = 1 / __builtin_sqrtf(ax * ax + ay * ay + az * az + 1e-12f);
                 const float x = unit * (R[0][0] * ax + R[0][1] * ay + R[0][2] * az);
                 const float y = unit * (R[1][0] * ax + R[1][1] * ay + R[1][2] * az);
@@ -273,7 +276,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 rz[lane] = dz * length - 2 * away * z;
             }
             for (int lane = 0; lane < LANES; ++lane) {
-                // Further away the light is not the object's any more, but more even.
+                // Further away the light differs from the object's, and is taken to be more even.
                 const float far = wx[lane] * wx[lane] + wy[lane] * wy[lane] + wz[lane] * wz[lane];
                 const float even = EVEN * far / (far + 1);
                 full[lane] += even * (E[0] - full[lane]);
@@ -281,7 +284,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
             }
             float x[LANES], y[LANES], z[LANES], less[LANES];
             if (header.occlusion) {
-                // In the asset's frame, and far enough before the surface not to see the surface's own cells.
+                // In the asset's frame, far enough off the surface not to look up the surface's own cells.
                 float shift[3], mx[LANES], my[LANES], mz[LANES];
                 for (int r = 0; r < 3; ++r)
                     shift[r] = item.translation[r];
@@ -300,20 +303,20 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 for (int lane = 0; lane < LANES; ++lane)
                     left[lane] = reference * (1 - (less[lane] > 0 ? less[lane] : 0));
             }
-            // What casts shadows leaves its own cells to see out.
+            // Props cast shadows: start outside the cells that they fill themselves.
             const float ahead = item.is_support ? 0 : 1.2f * shadow->cell;
             int within = 0;
             for (int lane = 0; lane < LANES; ++lane) {
                 x[lane] = wx[lane] + ahead * nx[lane];
                 y[lane] = wy[lane] + ahead * ny[lane];
                 z[lane] = wz[lane] + ahead * nz[lane];
-                within |= (wz[lane] > -0.02f) & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
+                within |= (wz[lane] > -GROUND_DEPTH) & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
             }
             if (within) {
                 lost(*shadow, x, y, z, nx, ny, nz, less);
                 for (int lane = 0; lane < LANES; ++lane) {
-                    const float taken = wz[lane] > -0.02f && less[lane] > 0 ? less[lane] : 0;
-                    left[lane] *= 1 - taken / (full[lane] + 1e-6f);
+                    const float taken = wz[lane] > -GROUND_DEPTH && less[lane] > 0 ? less[lane] : 0;
+                    left[lane] *= 1 - taken / (full[lane] + 1e-6f);  // 1e-6: a dark side loses nothing of 0
                 }
             }
             float lobe[LANES];
