@@ -1,4 +1,4 @@
-"""What is written for the user of one explanation."""
+"""What is written for the user of one fit."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +14,11 @@ import torch
 import trimesh
 from PIL import Image
 
+from vig import Explanation
 from vig.errors import UserError
 from vig.inference import Fit, Verdict
 from vig.inference.calibration import CLUES
 from vig.photo.window import Window
-from vig.report import write_explanation
 from vig.report.files import write_glb
 from vig.scene import Latents, ObjectClass
 
@@ -28,8 +29,17 @@ def latents() -> Latents:
     return Latents(torch.full((1, 10), 0.5), torch.tensor([-1.0]), torch.tensor([0.5]), albedo, light)
 
 
+def written(
+    folder: Path, photo: np.ndarray, window: Window, fit: Fit, object_class: ObjectClass
+) -> dict[str, Any]:
+    """What the JSON of a saved explanation holds."""
+    explanation = Explanation(photo, window, fit, object_class)
+    assert explanation.save(folder) == folder
+    return explanation.to_dict()
+
+
 @pytest.fixture
-def explanation() -> Fit:
+def fit() -> Fit:
     """An object over rows 50-99, columns 50-99 of the window; its right half is hidden."""
     amodal = torch.zeros(150, 150, dtype=torch.bool)
     amodal[50:100, 50:100] = True
@@ -55,10 +65,10 @@ def explanation() -> Fit:
 
 
 def test_four_files_are_written_and_the_json_says_what_was_returned(
-    explanation: Fit, teapot: ObjectClass, tmp_path: Path
+    fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
-    said = write_explanation(tmp_path / "new" / "photo", photo, Window.of(150, 150), explanation, teapot)
+    said = written(tmp_path / "new" / "photo", photo, Window.of(150, 150), fit, teapot)
     folder = tmp_path / "new" / "photo"
     assert {path.name for path in folder.iterdir()} == {
         "explanation.json",
@@ -71,10 +81,10 @@ def test_four_files_are_written_and_the_json_says_what_was_returned(
 
 
 def test_the_json_speaks_degrees_and_names_every_latent(
-    explanation: Fit, teapot: ObjectClass, tmp_path: Path
+    fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
-    said = write_explanation(tmp_path, photo, Window.of(150, 150), explanation, teapot)
+    said = written(tmp_path, photo, Window.of(150, 150), fit, teapot)
     assert set(said) == {
         *(
             "vig",
@@ -89,7 +99,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
             "shape",
         ),
         *("alternative", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
-        *("evaluations", "window", "framing"),
+        *("evaluations", "window", "framing", "camera"),
     }
     assert (said["class"], said["verdict"]) == ("teapot", "trusted")
     assert said["azimuth_deg"] == pytest.approx(360 - math.degrees(1), abs=1e-4)  # in [0, 360)
@@ -109,23 +119,21 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     assert said["alternative"] is None
 
 
-def test_the_other_explanation_is_told(explanation: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
+def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     other = replace(latents(), azimuth=torch.tensor([2.0]))
-    ambiguous = replace(explanation, verdict=Verdict.AMBIGUOUS, reason="two", alternative=other)
+    ambiguous = replace(fit, verdict=Verdict.AMBIGUOUS, reason="two", alternative=other)
     photo = np.full((150, 150, 3), 0.2, np.float32)
-    said = write_explanation(tmp_path, photo, Window.of(150, 150), ambiguous, teapot)
+    said = written(tmp_path, photo, Window.of(150, 150), ambiguous, teapot)
     assert said["verdict"] == "ambiguous" and said["reason"] == "two"
     assert said["alternative"]["azimuth_deg"] == pytest.approx(math.degrees(2.0), abs=1e-4)
     assert set(said["alternative"]) == {"azimuth_deg", "elevation_deg", "albedo", "light", "shape"}
 
 
 def test_the_mask_has_three_values_in_the_photos_own_frame(
-    explanation: Fit, teapot: ObjectClass, tmp_path: Path
+    fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     """A window of side 300 at (-30, 40) in a photo of 400 x 320: every window pixel is two of the photo's."""
-    write_explanation(
-        tmp_path, np.full((320, 400, 3), 0.2, np.float32), Window(-30, 40, 300), explanation, teapot
-    )
+    written(tmp_path, np.full((320, 400, 3), 0.2, np.float32), Window(-30, 40, 300), fit, teapot)
     mask = np.asarray(Image.open(tmp_path / "mask.png"))
     expected = np.zeros((320, 400), np.uint8)
     expected[140:240, 70:120] = 255
@@ -135,21 +143,17 @@ def test_the_mask_has_three_values_in_the_photos_own_frame(
 
 
 def test_what_lies_beyond_the_photo_is_not_called_hidden(
-    explanation: Fit, teapot: ObjectClass, tmp_path: Path
+    fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     """The photo ends where the hidden half begins: all of the object that it shows is visible."""
-    said = write_explanation(
-        tmp_path, np.full((150, 75, 3), 0.2, np.float32), Window(0, 0, 150), explanation, teapot
-    )
+    said = written(tmp_path, np.full((150, 75, 3), 0.2, np.float32), Window(0, 0, 150), fit, teapot)
     assert said["hidden_fraction"] == 0.0
 
 
-def test_nothing_covered_is_not_a_fraction(explanation: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
+def test_nothing_covered_is_not_a_fraction(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     nothing = torch.zeros(150, 150, dtype=torch.bool)
-    empty = replace(explanation, amodal=nothing, mask=nothing)
-    said = write_explanation(
-        tmp_path, np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150), empty, teapot
-    )
+    empty = replace(fit, amodal=nothing, mask=nothing)
+    said = written(tmp_path, np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150), empty, teapot)
     assert said["hidden_fraction"] is None
     assert not np.asarray(Image.open(tmp_path / "mask.png")).any()
 
@@ -175,11 +179,9 @@ def test_the_object_is_in_metres_with_y_up_and_its_albedo(teapot: ObjectClass, t
     assert mesh.visual.material.metallicFactor == 0 and mesh.visual.material.roughnessFactor == 1
 
 
-def test_a_file_where_the_folder_should_be_is_told(
-    explanation: Fit, teapot: ObjectClass, tmp_path: Path
-) -> None:
+def test_a_file_where_the_folder_should_be_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("mine")
     photo = np.full((150, 150, 3), 0.2, np.float32)
     with pytest.raises(UserError, match="a part of the path is a file"):
-        write_explanation(tmp_path / "taken", photo, Window.of(150, 150), explanation, teapot)
+        written(tmp_path / "taken", photo, Window.of(150, 150), fit, teapot)
     assert (tmp_path / "taken").read_text() == "mine"
