@@ -18,7 +18,7 @@ from vig_world.assets.props import FAMILIES
 from vig_world.assets.props.material import Material
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.raster import Item, Packed, Pyramid, Target, depth, draw
-from vig_world.renderers.raster.shading import EVEN, MOST
+from vig_world.renderers.raster.records import EVEN, MOST_LIGHT
 from vig_world.renderers.view import View
 
 HERE = np.eye(3), np.zeros(3)
@@ -255,7 +255,7 @@ def test_a_rooms_corner_is_dimmer_than_its_wall(teapot: ObjectClass) -> None:
     picture = linear(draw([room], target(teapot, light), View.of(teapot, 0.9, 0.1), light))[..., 1]
     wall = picture[10:40, 10:140]
     assert wall.max() > 1.08 * wall.min()
-    assert wall.max() < 0.5 * EXPOSURE_L00 * Y00 * MOST
+    assert wall.max() < 0.5 * EXPOSURE_L00 * Y00 * MOST_LIGHT
 
 
 def test_what_hides_the_object_is_told_apart(teapot: ObjectClass) -> None:

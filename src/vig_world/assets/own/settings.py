@@ -1,4 +1,4 @@
-"""What a user tells of mesh files: `vig.toml` in their folder or in a folder above, up to the root.
+"""Settings of mesh files: `vig.toml` in their folder or in a folder above, up to the root.
 
     [defaults]
     up = "z"
@@ -6,8 +6,8 @@
     scale = 0.001
     skip = false
 
-`[defaults]` holds for all files below that folder, `[files.NAME]` for one, NAME being relative to it. What a
-file of a deeper folder says comes last, and so goes before.
+`[defaults]` holds for all files below that folder, `[files.NAME]` for one, NAME being relative to it.
+Settings of deeper folders override those above.
 """
 
 from __future__ import annotations
@@ -19,24 +19,27 @@ from typing import Any, NoReturn
 
 from vig.checks import read_bytes
 from vig.errors import UserError
+from vig_world.assets.props.families import ZONE_NAMES
 
 FILE = "vig.toml"
 MOST_BYTES, MOST_LINE = 1 << 18, 1 << 13
 """Of the file, and of a line of it: the time that a parser takes grows with the square of a dotted name."""
-ZONES = (
-    "cooking", "dining", "drinks", "desk", "reading", "display", "storage", "bedside", "washing", "floor",
-)  # fmt: skip
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is told of a file; None or empty where nothing is.
+class FileSettings:
+    """Settings of one file; None or empty where not given.
 
-    up: which of the file's axes points up. scale: metres per unit of the file. turn: degrees,
-    counter-clockwise about the upward axis, after the file's axes were put upright (furniture's front is to
-    face -Y). zones: where it belongs. family: what it is, such as `table`. nodes: the only ones of a scene
-    that are wanted. skip: leave the file out.
+    Attributes:
+        up: Which of the file's axes points up.
+        scale: Metres per unit of the file.
+        turn: Degrees, counter-clockwise about the upward axis, after the file's axes were put upright
+            (furniture's front is to face -Y).
+        zones: Zones to which it belongs.
+        family: What it is, such as `table`.
+        nodes: The only nodes of a scene to read; empty: all.
+        skip: Whether to leave the file out.
     """
 
     up: str | None = None
@@ -48,9 +51,9 @@ class Told:
     skip: bool = False
 
 
-def told(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Told:
-    """What the `vig.toml` files between root and a file's own folder say of it. UserError on a wrong one."""
-    result = Told()
+def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> FileSettings:
+    """Merge a file's settings in the `vig.toml` files from root to its folder. UserError for a wrong one."""
+    result = FileSettings()
     folders = [root, *(root / part for part in reversed(path.relative_to(root).parents) if part.parts)]
     for folder in folders:
         if folder not in cache:
@@ -73,12 +76,12 @@ def _read(path: Path) -> dict[str, Any]:
         return {}
     except (ValueError, RecursionError) as error:
         came = "tables nested too deeply" if isinstance(error, RecursionError) else error
-        raise UserError(f"{path}: expected TOML; got {came}. Mend that line.") from error
+        raise UserError(f"{path}: expected TOML; got {came}. Correct that line.") from error
     except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror}). Check its rights.") from error
+        raise UserError(f"{path}: cannot be read ({error.strerror}). Check its permissions.") from error
     for key in table:
         if key not in ("defaults", "files"):
-            _refuse(path, "[defaults] and [files.NAME]", repr(key), "Move what it says into one of them")
+            _refuse(path, "[defaults] and [files.NAME]", repr(key), "Move it into one of them")
     tables: dict[str, Any] = {"defaults": table.get("defaults", {})}
     files = table.get("files", {})
     if not isinstance(files, dict):
@@ -98,7 +101,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]:
     """Settings of one table with the right types, or UserError."""
-    names = [field.name for field in fields(Told)]
+    names = [field.name for field in fields(FileSettings)]
     result: dict[str, Any] = {}
     for key, value in settings.items():
         number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
@@ -107,9 +110,7 @@ def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]
             "up": (value in AXES, "one of " + " ".join(AXES)),
             "scale": (number and value > 0, "a positive number of metres per unit"),
             "turn": (number, "a number of degrees"),
-            "zones": (
-                strings and all(item in ZONES for item in value), "a list of some of " + " ".join(ZONES),
-            ),
+            "zones": (strings and set(value) <= set(ZONE_NAMES), "a list of some of " + " ".join(ZONE_NAMES)),
             "family": (isinstance(value, str) and value != "", "a name"),
             "nodes": (strings and value != [], "a list of the scene's node names"),
             "skip": (isinstance(value, bool), "true or false"),

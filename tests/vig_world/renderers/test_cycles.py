@@ -82,7 +82,7 @@ def test_a_worker_answers_until_it_dies_and_tells_its_last_words() -> None:
     assert worker.hello == {"blender": "fake"}
     big = np.arange(500_000, dtype=np.float64)  # more than a pipe holds
     np.testing.assert_array_equal(worker.ask({}, {"x": big}, 20)[1]["double"], 2 * big)
-    with pytest.raises(WorkerDiedError, match="ended with code 3; its last words: out of memory"):
+    with pytest.raises(WorkerDiedError, match="ended with code 3; last line of its log: out of memory"):
         worker.ask({"do": "die"}, {}, 20)
 
 

@@ -1,12 +1,7 @@
-"""Lights the object's vertices as the model does, in C++ for the sake of its speed."""
+// Lights the object's vertices as the model does.
+//
+// The body of a function of `Target* const task`; `native.py` puts the declarations before it.
 
-from __future__ import annotations
-
-import warp as wp
-
-from vig_world.renderers.raster.records import native
-
-_LIGHT = """
 // Area-weighted vertex normals, and with them irradiance and the areas that vertices stand for.
 const float* const vertices = (const float*)task->vertices;
 const float* const added = (const float*)task->added;
@@ -64,8 +59,3 @@ for (int v = 0; v < V; ++v) {
     n[3] = e > 0 ? e : 0;
     n[4] = 0;
 }
-"""
-
-
-@wp.func_native(snippet=native("Target", _LIGHT))
-def light_target(address: wp.uint64): ...

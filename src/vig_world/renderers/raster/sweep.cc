@@ -1,72 +1,10 @@
-"""How much light things take from each other: a grid of cells swept along a few directions of light.
+// Sweeps planes of shadow down through a grid, one for each direction of light; see `shadows.py`.
+//
+// The body of a function of `Sweep* const task`; `native.py` puts the declarations before it.
 
-Surfaces are strewn with points; each point makes its cell a little opaque. For each of K directions a plane
-of shadow goes down through the grid: the shadow in a plane is that of the plane above, shifted along the
-direction and thereby a little blurred, joined with what the cells between are opaque. What is lost of the
-light from a direction is kept as the irradiance that a normal loses, in harmonics of degree 0 and 1:
-lost(n) = v0 + v . n. In C++ for the sake of its speed.
-"""
-
-from __future__ import annotations
-
-import warp as wp
-
-from vig_world.renderers.raster.records import native
-
-MARGIN = 8
-"""Cells round a plane that are never in shadow; no shadow moves further from plane to plane."""
-MOST_DIRECTIONS = 32
-LANES = 16
-"""Cells that are swept side by side: the grid's width is a multiple of it."""
-
-_STREW = """
-const Grid& grid = task->grid;
-const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2] - 1;
-float* const occupancy = (float*)task->occupancy;
-for (int n = 0; n < X * Y * Z; ++n)
-    occupancy[n] = 0;
-const float inverse = 1 / grid.cell, area = task->opacity * inverse * inverse;
-const float a = grid.rise[0], b = grid.rise[1];
-for (int number = 0; number < task->item_count; ++number) {
-    const Item& item = ((const Item*)task->items)[number];
-    if (item.is_support)
-        continue;
-    const char* const asset = (const char*)item.asset;
-    const Header& header = *(const Header*)asset;
-    const float* const points = (const float*)(asset + header.points);
-    float R[3][3], T[3];
-    for (int r = 0; r < 3; ++r) {
-        T[r] = item.translation[r] - grid.origin[r];
-        for (int c = 0; c < 3; ++c)
-            R[r][c] = item.rotation[r][c];
-    }
-    for (int n = 0; n < header.point_count; ++n) {
-        const float* const p = points + 4 * n;
-        const float x = (R[0][0] * p[0] + R[0][1] * p[1] + R[0][2] * p[2] + T[0]) * inverse;
-        const float y = (R[1][0] * p[0] + R[1][1] * p[1] + R[1][2] * p[2] + T[1]) * inverse;
-        const float height = R[2][0] * p[0] + R[2][1] * p[1] + R[2][2] * p[2] + T[2];
-        const float above = height > 0 ? height : 0;
-        const float z = 2 * above / (a + sqrtf(a * a + 4 * b * above));
-        // Cells lie between planes; places along x and y are of cells' centres.
-        if (!(x >= 1 && x < X - 2 && y >= 1 && y < Y - 2 && z < Z && height > -0.02f))
-            continue;
-        const int ix = x, iy = y, iz = z;
-        // What lies flat on the ground casts no shadow beside it.
-        const float weight = p[3] * area * (above < 0.5f * a ? above / (0.5f * a) : 1);
-        const float fx = x - ix, fy = y - iy;
-        float* const here = occupancy + (size_t)(iz * Y + iy) * X + ix;
-        here[0] += weight * (1 - fx) * (1 - fy);
-        here[1] += weight * fx * (1 - fy);
-        here[X] += weight * (1 - fx) * fy;
-        here[X + 1] += weight * fx * fy;
-    }
-}
-"""
-
-_SWEEP = """
 const Grid& grid = task->grid;
 const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2] - 1, K = task->direction_count;
-const int wide = X + 2 * MARGIN, high = Y + 2 * MARGIN;
+const int wide = X + 2 * SWEEP_MARGIN, high = Y + 2 * SWEEP_MARGIN;
 const size_t plane_size = (size_t)wide * high;
 float* const occupancy = (float*)task->occupancy;
 float* const planes = (float*)task->planes;
@@ -74,7 +12,7 @@ float* const gathered = (float*)task->gathered;
 const float* const directions = (const float*)task->directions;
 const float* const weights = (const float*)task->weights;
 short* const values = (short*)grid.values;
-typedef float Floats __attribute__((ext_vector_type(LANES), aligned(4)));
+typedef float Floats __attribute__((ext_vector_type(SWEEP_LANES), aligned(4)));
 long long move[MOST_DIRECTIONS];
 float share[MOST_DIRECTIONS][4];
 const float stored = 1 / grid.scale, inverse = 1 / grid.cell;
@@ -111,10 +49,10 @@ for (int s = top; s >= 0; --s) {
     const float* const before = planes + (s & 1 ? K * plane_size : 0);
     float* const after = planes + (s & 1 ? 0 : K * plane_size);
     for (int y = 0; y < Y; ++y)
-        for (int x = 0; x < X; x += LANES) {
+        for (int x = 0; x < X; x += SWEEP_LANES) {
             const Floats here = *(const Floats*)(opaque + (size_t)y * X + x), clear = 1 - here;
             Floats g0 = 0, g1 = 0, g2 = 0, g3 = 0;
-            const size_t place = (size_t)(y + MARGIN) * wide + MARGIN + x;
+            const size_t place = (size_t)(y + SWEEP_MARGIN) * wide + SWEEP_MARGIN + x;
             for (int k = 0; k < K; ++k) {
                 const float* const from = before + place + move[k];
                 const float* const w = share[k];
@@ -144,12 +82,3 @@ for (int s = top; s >= 0; --s) {
             for (int c = 0; c < 4; ++c)
                 out[4 * (y * X + x) + c] = 0;
 }
-"""
-
-
-@wp.func_native(snippet=native("Sweep", _STREW))
-def strew_points(address: wp.uint64): ...
-
-
-@wp.func_native(snippet=native("Sweep", _SWEEP, MARGIN=MARGIN, LANES=LANES, MOST_DIRECTIONS=MOST_DIRECTIONS))
-def sweep_shadows(address: wp.uint64): ...

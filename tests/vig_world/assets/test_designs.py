@@ -197,3 +197,11 @@ def test_a_small_change_of_a_parameter_moves_vertices_a_little() -> None:
         step = 1e-3 * max(abs(value), 0.01)
         after = teapot_vertices(dataclasses.replace(base, **{field.name: value + step}))
         assert np.abs(after - before).max() < 5e-4, field.name
+
+
+def test_designs_are_read_in_the_order_and_with_the_values_of_the_file() -> None:
+    utah = TRAINING_DESIGNS[1]
+    assert [design.name for design in TRAINING_DESIGNS[:3]] == ["classic", "utah", "brown betty"]
+    assert HELD_OUT_DESIGNS[0].name == "windsor"
+    assert (utah.belly_radius, utah.spout_base_angle, utah.handle_thickness) == (0.095, 22.0, 0.012)
+    assert utah.spout_tip_radius == TeapotDesign("default").spout_tip_radius  # not in the file

@@ -1,15 +1,7 @@
-"""From samples to fragments: what is shaded once. In C++ for the sake of its speed.
+// From samples to fragments: a pixel's samples of the same face are one fragment, shaded in their middle.
+//
+// The body of a function of `Task* const task`; `native.py` puts the declarations before it.
 
-A pixel's samples that see the same face are one fragment, to be shaded in the middle of them.
-"""
-
-from __future__ import annotations
-
-import warp as wp
-
-from vig_world.renderers.raster.records import SAMPLES, native
-
-_COLLECT = """
 constexpr int S = SAMPLES, n = S * S;
 const int W = task->width, columns = W / S, rows = task->height / S;
 const float* const q_image = (const float*)task->q;
@@ -92,8 +84,3 @@ for (int part = 0; part < task->part_count; ++part) {
 }
 for (int n = 0; n < count; ++n)
     sorted[parts[fragments[n].part].count++] = n;
-"""
-
-
-@wp.func_native(snippet=native("Task", _COLLECT, SAMPLES=SAMPLES))
-def collect_fragments(address: wp.uint64): ...

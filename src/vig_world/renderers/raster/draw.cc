@@ -1,25 +1,18 @@
-"""The rasteriser: which face is nearest at each sample. In C++ for the sake of its speed.
+// The rasteriser: which face is nearest at each sample.
+//
+// As in `vig.renderer.raster`, 16 faces are set up side by side in vector registers and culled before one is
+// drawn; here whole parts outside the frame are skipped first, faces that reach behind the camera are clipped
+// at the near plane, and depth and face lie in two buffers of 32 bits, so that twice as many samples fit a
+// register.
+//
+// The body of a function of `Task* const task`; `native.py` puts the declarations before it.
 
-As in `vig.renderer.raster`, 16 faces are set up side by side in vector registers and culled before one is
-drawn; here whole parts outside the frame are left out before, faces that reach behind the eye are cut off at
-the near plane, and depth and face lie in two buffers of 32 bits, so that twice as many samples fit a
-register.
-"""
-
-from __future__ import annotations
-
-import warp as wp
-
-from vig_world.renderers.raster.records import native
-
-SLACK = 4.8e-7
-"""A sample that lies beyond an edge by rounding only is covered, so that no gap opens between neighbours."""
-
-_DRAW = """
 typedef float Floats __attribute__((ext_vector_type(8), aligned(4)));
 typedef int Ints __attribute__((ext_vector_type(8), aligned(4)));
 const Floats eight = {0, 1, 2, 3, 4, 5, 6, 7};
-const int W = task->width, H = task->height;
+typedef float real;
+const int width = task->width, height = task->height;
+#include <pixel_box>
 float* const q_image = (float*)task->q;
 int* const id_image = (int*)task->ids;
 float* const screen = (float*)task->screen;
@@ -30,7 +23,7 @@ float* const clipped = (float*)task->clipped;
 const float f = task->focal, mid_x = task->cx, mid_y = task->cy, near = task->near;
 const bool keep = task->keep;
 int part_count = 0, face_count = 0, clipped_count = 0;
-for (int n = 0; n < W * H; ++n) {
+for (int n = 0; n < width * height; ++n) {
     q_image[n] = 0;
     id_image[n] = -1;
 }
@@ -55,8 +48,8 @@ auto fill = [&](int id, float ax, float ay, float aq, float bx, float by, float 
         const float off_y = y + 0.5f - ay, b_row = bdy * off_y, c_row = cdy * off_y;
         // Eight samples at once, without a branch; those beyond the box keep what they hold.
         for (int x = x0; x <= x1; x += 8) {
-            Floats* const q_here = (Floats*)(q_image + y * W + x);
-            Ints* const id_here = (Ints*)(id_image + y * W + x);
+            Floats* const q_here = (Floats*)(q_image + y * width + x);
+            Ints* const id_here = (Ints*)(id_image + y * width + x);
             const Floats q_held = *q_here, off_x = eight + (x + 0.5f - ax);
             const Floats b = b_row + bdx * off_x, c = c_row + cdx * off_x, q = aq + b * b_more + c * c_more;
             const Ints nearer = (b >= -SLACK) & (c >= -SLACK) & (1 - b - c >= -SLACK) & (q > q_held)
@@ -93,7 +86,7 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
         wholly = p[2] - radius > near;
         if (!(p[2] + radius > near))
             return false;
-        const float ends[4] = {mid_x, W - mid_x, mid_y, H - mid_y};
+        const float ends[4] = {mid_x, width - mid_x, mid_y, height - mid_y};
         for (int side = 0; side < 4; ++side) {
             const float along = side < 2 ? p[0] : p[1], end = ends[side];
             const float beyond = f * (side & 1 ? along : -along) - end * p[2];
@@ -189,8 +182,8 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
                 float high_y = wp::max(a[1], wp::max(b[1], c[1])) - 0.5f;
                 low_x = wp::max(low_x, 0.0f);
                 low_y = wp::max(low_y, 0.0f);
-                high_x = wp::min(high_x, W - 1.0f);
-                high_y = wp::min(high_y, H - 1.0f);
+                high_x = wp::min(high_x, width - 1.0f);
+                high_y = wp::min(high_y, height - 1.0f);
                 if (!(low_x <= high_x && low_y <= high_y))
                     continue;
                 const int numbers[4] = {first + order[0], first + order[1], first + order[2], slot + 1};
@@ -199,7 +192,6 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
             }
         };
 
-        constexpr int LANES = 16;
         const int end = part.faces[1];
         for (int base = part.faces[0]; base < end; base += LANES) {
             int corner[LANES][4], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
@@ -232,27 +224,8 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
                 const int ahead = (aq[lane] > 0) + (bq[lane] > 0) + (cq[lane] > 0);
                 // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
                 const int turned = (ahead == 3) & (area < 0);
-                float low_x = bx[lane] < cx[lane] ? bx[lane] : cx[lane];
-                float low_y = by[lane] < cy[lane] ? by[lane] : cy[lane];
-                float high_x = bx[lane] > cx[lane] ? bx[lane] : cx[lane];
-                float high_y = by[lane] > cy[lane] ? by[lane] : cy[lane];
-                low_x = ax[lane] + (low_x < 0 ? low_x : 0) - 0.5f;
-                low_y = ay[lane] + (low_y < 0 ? low_y : 0) - 0.5f;
-                high_x = ax[lane] + (high_x > 0 ? high_x : 0) - 0.5f;
-                high_y = ay[lane] + (high_y > 0 ? high_y : 0) - 0.5f;
-                low_x = low_x > 0 ? low_x : 0;
-                low_y = low_y > 0 ? low_y : 0;
-                high_x = high_x < W - 1 ? high_x : W - 1;
-                high_y = high_y < H - 1 ? high_y : H - 1;
-                const int within = turned & (high_x >= low_x) & (high_y >= low_y);
-                // All are within the image, so that truncation rounds down; one more where it lost a part.
-                x0[lane] = within ? (int)low_x : 0;
-                y0[lane] = within ? (int)low_y : 0;
-                x1[lane] = within ? (int)high_x : -1;
-                y1[lane] = within ? (int)high_y : -1;
-                x0[lane] += (float)x0[lane] < low_x;
-                y0[lane] += (float)y0[lane] < low_y;
-                const int covers = (x1[lane] >= x0[lane]) & (y1[lane] >= y0[lane]) & within;
+                const int covers = turned & pixel_box(ax[lane], ay[lane], bx[lane], by[lane], cx[lane],
+                                                      cy[lane], x0[lane], x1[lane], y0[lane], y1[lane]);
                 drawn[lane] = covers | ((ahead == 1) | (ahead == 2)) << 1;
                 any |= drawn[lane];
             }
@@ -271,8 +244,3 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
 task->part_count = part_count;
 task->face_count = face_count;
 task->clipped_count = clipped_count;
-"""
-
-
-@wp.func_native(snippet=native("Task", _DRAW, SLACK=SLACK))
-def draw_faces(address: wp.uint64): ...

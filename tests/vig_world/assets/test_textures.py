@@ -6,8 +6,6 @@ import pytest
 from vig_world.assets.textures import (
     FINISHES,
     KINDS,
-    METRES,
-    NOT_PERIODIC,
     colour,
     decoration,
     near,
@@ -42,7 +40,7 @@ def test_base_is_the_main_colour(kind):
         assert np.allclose(median, base, rtol=0.4)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in NOT_PERIODIC])
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.periodic])
 def test_surfaces_tile(kind):
     """The step across the border is not larger than the largest step between rows or columns inside."""
     for seed in range(4):
@@ -55,10 +53,9 @@ def test_surfaces_tile(kind):
 
 def test_finishes_name_kinds_that_tile_and_have_a_scale():
     assert set(FINISHES) == {"wall", "floor", "ceiling", "wood", "top", "fabric"}
-    kinds = {kind for slot in FINISHES.values() for kind in slot}
-    assert kinds <= set(KINDS) - set(NOT_PERIODIC)
-    assert set(METRES) == set(KINDS)
-    assert all(0 < low < high for low, high in METRES.values())
+    assert all(KINDS[kind].periodic for slot in FINISHES.values() for kind in slot)
+    assert all(0 < kind.metres[0] < kind.metres[1] for kind in KINDS.values())
+    assert [name for name, kind in KINDS.items() if not kind.periodic] == ["news", "page", "picture", "print"]
 
 
 def test_decoration_goes_round_without_a_seam():
@@ -152,7 +149,7 @@ def test_near_stays_near():
 
 
 def test_refuses_unknown_kinds_and_tiny_sizes():
-    with pytest.raises(ValueError, match="kind must be one of paint, wood"):
+    with pytest.raises(ValueError, match="kind must be one of brick, checker"):
         texture("velvet", np.random.default_rng(0))
     with pytest.raises(ValueError, match="at least 8 pixels; got 4"):
         texture("paint", np.random.default_rng(0), 4)

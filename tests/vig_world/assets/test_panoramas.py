@@ -5,10 +5,16 @@ import pytest
 import torch
 
 from vig.scene import EXPOSURE_L00, grey, irradiance, project_panorama, rotate_z
-from vig_world.assets.panoramas import directions, grey_light, light_parts, local_light, panorama
+from vig.scene.light import exposed
+from vig_world.assets.panoramas import directions, light_parts, local_light, panorama
 from vig_world.assets.panoramas.painting import paint
 from vig_world.assets.panoramas.parts import Box, Bulb, Finish, Panel, Room
 from vig_world.assets.panoramas.tracing import first_met, seen
+
+
+def grey_light(image: np.ndarray) -> np.ndarray:
+    """Exposed grey SH light (9,) of a panorama (H, W, 3)."""
+    return exposed(grey(project_panorama(image)))
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,9 @@ import pytest
 from vig.scene import Mesh, srgb8_from_linear
 from vig_world.assets.props.material import Material
 from vig_world.renderers.raster import Packed, Pyramid
-from vig_world.renderers.raster.encoding import BINS, srgb_tables
-from vig_world.renderers.raster.gloom import directions
-from vig_world.renderers.raster.points import strewn
-from vig_world.renderers.raster.shadow import BOUNCE, sky_weights
+from vig_world.renderers.raster.draw import srgb_tables
+from vig_world.renderers.raster.records import BINS
+from vig_world.renderers.raster.shadows import BOUNCE, directions, sky_weights, surface_points
 
 
 def decoded(pyramid: Pyramid) -> list[np.ndarray]:
@@ -45,11 +44,11 @@ def test_any_size_becomes_a_power_of_two_and_keeps_its_mean(shape: tuple[int, in
     np.testing.assert_allclose(finest.mean(), texture.mean(), atol=0.01)
 
 
-def test_strewn_points_stand_for_the_whole_surface() -> None:
+def test_surface_points_stand_for_the_whole_surface() -> None:
     rng = np.random.default_rng(0)
     vertices = rng.uniform(0, 0.3, (12, 3)).astype(np.float32)
     faces = rng.permuted(np.tile(np.arange(12, dtype=np.int32), (20, 1)), axis=1)[:, :3]
-    points = strewn(vertices, faces, 1e-4)
+    points = surface_points(vertices, faces, 1e-4)
     a, b, c = (vertices[faces[:, i]].astype(float) for i in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     assert points[:, 3].sum() == pytest.approx(areas.sum(), rel=1e-5)

@@ -1,23 +1,10 @@
-"""Shades what the rasteriser saw: textures, light, gloss. In C++ for the sake of its speed.
+// Shades fragments: textures, light, gloss.
+//
+// Fragments come sorted by the part of an asset they belong to, so that 16 with the same material go side by
+// side through vector registers.
+//
+// The body of a function of `Task* const task`; `native.py` puts the declarations before it.
 
-Fragments come sorted by the part of an asset they belong to, so that 16 with the same material go side by
-side through vector registers.
-"""
-
-from __future__ import annotations
-
-import warp as wp
-
-from vig_world.renderers.raster.records import MOST_LEVELS, SAMPLES, native
-
-LEAST = 0.1
-"""Share of the irradiance that no shadow takes away."""
-MOST = 1.25
-"""The most by which a place is lighter than the object's, which may be in a dim corner."""
-EVEN = 0.6
-"""Far from the object, this share of the irradiance is the mean of all directions; half of it at 1 m."""
-
-_SHADE = """
 constexpr int S = SAMPLES;
 const float* const faces = (const float*)task->faces;
 const Item* const items = (const Item*)task->items;
@@ -27,7 +14,6 @@ const int* const sorted = (const int*)task->sorted;
 float* const linear = (float*)task->linear;
 typedef float Floats __attribute__((ext_vector_type(4)));
 typedef short Shorts __attribute__((ext_vector_type(4), aligned(2)));
-constexpr int LANES = 16;
 float back[3][3], eye[3];  // world from camera
 for (int r = 0; r < 3; ++r) {
     double sum = 0;
@@ -116,15 +102,16 @@ for (int slot = 0; slot < task->part_count; ++slot) {
         level_start[level] = at;
         at += 1 << (log_width + log_height - 2 * level);
     }
-    Grid gloom = {};
+    Grid ambient = {};
     float reference = 1;
-    if (header.gloom) {
-        gloom = *(const Grid*)(asset + header.gloom);
-        gloom.values = (wp::int64)(asset + header.gloom + sizeof(Grid));
-        // The light is what arrives at the object, whatever the room takes of it there: that is the measure.
+    if (header.occlusion) {
+        ambient = *(const Grid*)(asset + header.occlusion);
+        ambient.values = (wp::int64)(asset + header.occlusion + sizeof(Grid));
+        // The light is what arrives at the object, its own ambient occlusion included: occlusion elsewhere is
+        // relative to that. At least 0.3 of the light is assumed to be left there, which bounds the ratio.
         float x[LANES], y[LANES], z[LANES], mx[LANES], my[LANES], mz[LANES], less[LANES];
         for (int lane = 0; lane < LANES; ++lane) {
-            const float up = 1.25f * gloom.cell - item.translation[2];
+            const float up = 1.25f * ambient.cell - item.translation[2];
             const float from_x = -item.translation[0], from_y = -item.translation[1];
             x[lane] = R[0][0] * from_x + R[1][0] * from_y + R[2][0] * up;
             y[lane] = R[0][1] * from_x + R[1][1] * from_y + R[2][1] * up;
@@ -133,10 +120,10 @@ for (int slot = 0; slot < task->part_count; ++slot) {
             my[lane] = R[2][1];
             mz[lane] = R[2][2];
         }
-        lost(gloom, x, y, z, mx, my, mz, less);
+        lost(ambient, x, y, z, mx, my, mz, less);
         reference = less[0] < 0 ? 1 : 1 / wp::max(1 - less[0], 0.3f);
     }
-    // A highlight's exponent 2^sharpness, of a Blinn-Phong lobe as wide as the roughness says.
+    // A highlight's exponent 2^sharpness, of a Blinn-Phong lobe as wide as the roughness, from 8 to 128.
     int sharpness = 3;
     const float lobe_width = part.roughness * part.roughness;
     while (sharpness < 7 && lobe_width * lobe_width * (1 << sharpness) < 1)
@@ -215,6 +202,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 const float along_y = uy[lane] * uy[lane] + vy[lane] * vy[lane];
                 const bool x_longer = along_x > along_y;
                 const float longer = x_longer ? along_x : along_y, shorter = x_longer ? along_y : along_x;
+                // Two taps cover an anisotropy of up to 4 in area.
                 const float footprint = shorter > 0.25f * longer ? shorter : 0.25f * longer;
                 union { float real; int bits; } doubled = {2 * footprint};
                 int level = ((doubled.bits >> 23) - 127) >> 1;  // round(log2(sqrt(footprint)))
@@ -269,6 +257,7 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 wy[lane] = eye[1] + z[lane] * dy;
                 wz[lane] = eye[2] + z[lane] * dz;
                 const float ax = at[0][lane], ay = at[1][lane], az = at[2][lane];
+                // 1e-12: a degenerate normal stays finite.
                 const float unit = 1 / __builtin_sqrtf(ax * ax + ay * ay + az * az + 1e-12f);
                 const float x = unit * (R[0][0] * ax + R[0][1] * ay + R[0][2] * az);
                 const float y = unit * (R[1][0] * ax + R[1][1] * ay + R[1][2] * az);
@@ -287,19 +276,19 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 rz[lane] = dz * length - 2 * away * z;
             }
             for (int lane = 0; lane < LANES; ++lane) {
-                // Further away the light is not the object's any more, but more even.
+                // Further away the light differs from the object's, and is taken to be more even.
                 const float far = wx[lane] * wx[lane] + wy[lane] * wy[lane] + wz[lane] * wz[lane];
                 const float even = EVEN * far / (far + 1);
                 full[lane] += even * (E[0] - full[lane]);
                 left[lane] = 1;
             }
             float x[LANES], y[LANES], z[LANES], less[LANES];
-            if (header.gloom) {
-                // In the asset's frame, and far enough before the surface not to see the surface's own cells.
+            if (header.occlusion) {
+                // In the asset's frame, far enough off the surface not to look up the surface's own cells.
                 float shift[3], mx[LANES], my[LANES], mz[LANES];
                 for (int r = 0; r < 3; ++r)
                     shift[r] = item.translation[r];
-                const float ahead = 1.25f * gloom.cell;
+                const float ahead = 1.25f * ambient.cell;
                 for (int lane = 0; lane < LANES; ++lane) {
                     const float from_x = wx[lane] - shift[0], from_y = wy[lane] - shift[1];
                     const float from_z = wz[lane] - shift[2];
@@ -310,24 +299,25 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                     y[lane] = R[0][1] * from_x + R[1][1] * from_y + R[2][1] * from_z + ahead * my[lane];
                     z[lane] = R[0][2] * from_x + R[1][2] * from_y + R[2][2] * from_z + ahead * mz[lane];
                 }
-                lost(gloom, x, y, z, mx, my, mz, less);
+                lost(ambient, x, y, z, mx, my, mz, less);
                 for (int lane = 0; lane < LANES; ++lane)
                     left[lane] = reference * (1 - (less[lane] > 0 ? less[lane] : 0));
             }
-            // What casts shadows leaves its own cells to see out.
+            // Props cast shadows: start outside the cells that they fill themselves.
             const float ahead = item.is_support ? 0 : 1.2f * shadow->cell;
             int within = 0;
             for (int lane = 0; lane < LANES; ++lane) {
                 x[lane] = wx[lane] + ahead * nx[lane];
                 y[lane] = wy[lane] + ahead * ny[lane];
                 z[lane] = wz[lane] + ahead * nz[lane];
-                within |= (wz[lane] > -0.02f) & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
+                const bool above = wz[lane] > -GROUND_DEPTH;
+                within |= above & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
             }
             if (within) {
                 lost(*shadow, x, y, z, nx, ny, nz, less);
                 for (int lane = 0; lane < LANES; ++lane) {
-                    const float taken = wz[lane] > -0.02f && less[lane] > 0 ? less[lane] : 0;
-                    left[lane] *= 1 - taken / (full[lane] + 1e-6f);
+                    const float taken = wz[lane] > -GROUND_DEPTH && less[lane] > 0 ? less[lane] : 0;
+                    left[lane] *= 1 - taken / (full[lane] + 1e-6f);  // 1e-6: a dark side loses nothing of 0
                 }
             }
             float lobe[LANES];
@@ -341,7 +331,8 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                     lobe[lane] *= lobe[lane];
             const float bright = part.emission, metal = part.metal, plain = 1 - metal, mirror = part.mirror;
             for (int lane = 0; lane < LANES; ++lane) {
-                const float open = left[lane] > LEAST ? left[lane] < MOST ? left[lane] : MOST : LEAST;
+                const float open = left[lane] > LEAST_LIGHT
+                    ? left[lane] < MOST_LIGHT ? left[lane] : MOST_LIGHT : LEAST_LIGHT;
                 const float x = rx[lane], y = ry[lane], z = rz[lane];
                 float l = L[0] + L[1] * y + L[2] * z + L[3] * x + L[4] * x * y + L[5] * y * z
                     + L[6] * (3 * z * z - 1) + L[7] * x * z + L[8] * (x * x - y * y);
@@ -364,18 +355,3 @@ for (int slot = 0; slot < task->part_count; ++slot) {
     }
     start = end;
 }
-"""
-
-_SHADED = native(
-    "Task",
-    _SHADE,
-    SAMPLES=SAMPLES,
-    MOST_LEVELS=MOST_LEVELS,
-    LEAST=LEAST,
-    MOST=MOST,
-    EVEN=EVEN,
-)
-
-
-@wp.func_native(snippet=_SHADED)
-def shade_samples(address: wp.uint64): ...
