@@ -16,11 +16,11 @@ import torch
 
 from benchmarks.report import metric, report, write
 from vig.dataset import read_dataset
-from vig.dataset.metrics import angle_error_deg
 from vig.inference import Verdict, explain
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.calibration import low, rolled
+from vig_lab.evaluation.metrics import angle_error_deg
 from vig_lab.evaluation.statistics import NEAR_DEG
 
 ANGLES = (0, 5, 10, 20, 30, 45, 90, 135, 180)

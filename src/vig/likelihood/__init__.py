@@ -9,10 +9,15 @@ from vig.likelihood.pixel import NEVER, PixelModel, mixture
 from vig.likelihood.robust import ROBUST
 from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
 from vig.likelihood.surroundings import log_colour_density
+from vig.names import LikelihoodName
+
+LIKELIHOODS: dict[LikelihoodName, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
+"""The pixel models of a fit by name."""
 
 __all__ = [
     "FRAMING_COUNT",
     "GAUSSIAN",
+    "LIKELIHOODS",
     "NEVER",
     "ROBUST",
     "SPATIAL",
