@@ -77,11 +77,16 @@ def last_fit(results: Mapping[str, MethodResult]) -> str | None:
 def draw(
     latents: Latents, object_class: ObjectClass, self_shadow: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Render N explanations in the standard camera: linear RGB (N, H, W, 3) and coverage (N, H, W)."""
+    """Render N explanations in the standard camera.
+
+    Returns:
+        The object's own colour (N, H, W, 3), linear RGB, 0 where it is not, and coverage (N, H, W) in [0, 1].
+    """
     camera = Camera.standard(target_height=object_class.target_height)
     with torch.no_grad():
         drawn = render_latents(latents, object_class, camera, self_shadow)
-    return drawn.rgb.numpy(), drawn.coverage.numpy()
+    colours = drawn.rgb / drawn.coverage.clamp_min(1e-3)[..., None]  # they were blended with black
+    return colours.numpy(), drawn.coverage.numpy()
 
 
 def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
