@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import metric, report, write
+from benchmarks.measuring import metric, report, write
 from vig.dataset.format import image_paths
 from vig_world.generation.write import make_dataset
 
@@ -56,7 +56,7 @@ def main() -> None:
 
 
 class Run:
-    """One dataset made. whole, steady: samples per second. memory: MiB over time, all processes together."""
+    """One generated dataset. whole, steady: samples per second; memory: MiB over time, of all processes."""
 
     def __init__(self, whole: float, steady: float, memory: np.ndarray) -> None:
         self.whole, self.steady, self.memory = whole, steady, memory
