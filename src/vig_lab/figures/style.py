@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vig.errors import optional_import
 from vig.files import atomic_write
 from vig_lab.evaluation.protocol import MASK_HEAD
 from vig_lab.evaluation.results import MethodResult
@@ -34,8 +35,9 @@ EXPLAINED = ("rm", "gaussian", "robust", "spatial")
 
 def new_figure(width: float, height: float) -> Figure:
     """A white figure, inches, whose parts are laid out without overlapping."""
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
+    with optional_import("world"):
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     spacing = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08, hspace=0.04, wspace=0.04)
     return Figure(figsize=(width, height), facecolor="white", layout=spacing)
