@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import dataclass
+from importlib import resources
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,6 +25,9 @@ NOTHING = (1 << 63) - 1
 
 KEYS_MARGIN = 8
 """Keys that must follow an image's last, as pixels are drawn eight at a time."""
+
+PIXEL_BOX = resources.files(__package__).joinpath("pixel_box.cc").read_text("utf-8")
+"""C++ that both rasterisers share: the pixels in a triangle's bounding box."""
 
 _FARTHEST = 1 << (62 - FACE_BITS)
 _DEPTH_STEPS = 1 << 27
@@ -130,6 +134,7 @@ def _draw_faces(real: type, vec3: type) -> Any:
     typedef {scalar} real;
     const real slack = {slack}, steps = {float(_DEPTH_STEPS)};
     const wp::int64 farthest = {_FARTHEST};
+    {PIXEL_BOX}
     const real* const points = (const real*)screen.data + (size_t)image * screen.shape.dims[1] * 3;
     const int* const corners = (const int*)faces.data;
     wp::int64* const key = (wp::int64*)keys.data + (size_t)image * keys.shape.dims[1];
@@ -163,27 +168,8 @@ def _draw_faces(real: type, vec3: type) -> Any:
             // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
             const int turned = ahead & (area[lane] < 0);
             const int away = ahead & (area[lane] > 0) & (cull == 0);
-            real low_x = bx[lane] < cx[lane] ? bx[lane] : cx[lane];
-            real low_y = by[lane] < cy[lane] ? by[lane] : cy[lane];
-            real high_x = bx[lane] > cx[lane] ? bx[lane] : cx[lane];
-            real high_y = by[lane] > cy[lane] ? by[lane] : cy[lane];
-            low_x = ax[lane] + (low_x < 0 ? low_x : 0) - real(0.5);
-            low_y = ay[lane] + (low_y < 0 ? low_y : 0) - real(0.5);
-            high_x = ax[lane] + (high_x > 0 ? high_x : 0) - real(0.5);
-            high_y = ay[lane] + (high_y > 0 ? high_y : 0) - real(0.5);
-            low_x = low_x > 0 ? low_x : 0;
-            low_y = low_y > 0 ? low_y : 0;
-            high_x = high_x < width - 1 ? high_x : width - 1;
-            high_y = high_y < height - 1 ? high_y : height - 1;
-            const int within = (high_x >= low_x) & (high_y >= low_y);
-            // All are within the image, so that truncation rounds down; one more where it lost a part.
-            x0[lane] = within ? (int)low_x : 0;
-            y0[lane] = within ? (int)low_y : 0;
-            x1[lane] = within ? (int)high_x : -1;
-            y1[lane] = within ? (int)high_y : -1;
-            x0[lane] += (real)x0[lane] < low_x;
-            y0[lane] += (real)y0[lane] < low_y;
-            const int covers = (x1[lane] >= x0[lane]) & (y1[lane] >= y0[lane]) & within;
+            const int covers = pixel_box(ax[lane], ay[lane], bx[lane], by[lane], cx[lane], cy[lane], x0[lane],
+                                         x1[lane], y0[lane], y1[lane]);
             drawn[lane] = turned | ((turned | away) & covers) << 1;
         }}
         for (int lane = 0; lane < LANES && base + lane < end; ++lane) {{
