@@ -37,7 +37,7 @@ def source(name: str) -> str:
         "#pragma clang fp contract(fast)\n"
         + declarations()
         + f"{record}* const task = ({record}*)address;\n"
-        + body.replace("#include <pixel_box>\n", PIXEL_BOX)
+        + body.replace("#include <pixel_box>\n", PIXEL_BOX.read_text("utf-8"))
     )
 
 

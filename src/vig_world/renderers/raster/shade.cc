@@ -310,7 +310,8 @@ for (int slot = 0; slot < task->part_count; ++slot) {
                 x[lane] = wx[lane] + ahead * nx[lane];
                 y[lane] = wy[lane] + ahead * ny[lane];
                 z[lane] = wz[lane] + ahead * nz[lane];
-                within |= (wz[lane] > -GROUND_DEPTH) & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
+                const bool above = wz[lane] > -GROUND_DEPTH;
+                within |= above & (x[lane] * x[lane] < reach) & (y[lane] * y[lane] < reach);
             }
             if (within) {
                 lost(*shadow, x, y, z, nx, ny, nz, less);
