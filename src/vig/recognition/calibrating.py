@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from vig.checks import read_tensors
 from vig.dataset import Dataset
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig.files import atomic_write
 from vig.recognition.calibration import PREFIX, Calibration, temperature, widening
 from vig.recognition.examples import Examples
@@ -96,7 +96,8 @@ def _plot(
     path: Path, logits: torch.Tensor, standard: torch.Tensor, azimuth: torch.Tensor, made: Calibration
 ) -> None:
     """Observed against stated probability, before and after: azimuth's regions, intervals of each number."""
-    from matplotlib.figure import Figure
+    with optional_import("world"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from vig.errors import optional_import
 from vig.files import atomic_write
 
 
@@ -39,7 +40,8 @@ class Log:
         self._plot(list(trained), list(errors))
 
     def _plot(self, parts: list[str], errors: list[str]) -> None:
-        from matplotlib.figure import Figure
+        with optional_import("world"):
+            from matplotlib.figure import Figure
 
         epochs = [int(row["epoch"]) for row in self.rows]
         figure = Figure(figsize=(3 * len(errors), 5), layout="constrained")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from vig.errors import optional_import
 from vig.files import atomic_write
 from vig.renderer.explained import render_latents
 from vig.scene import Camera, Latents, ObjectClass
@@ -37,8 +38,9 @@ EXPLAINED = ("rm", "gaussian", "robust", "spatial")
 
 def new_figure(width: float, height: float) -> Figure:
     """A white figure of a size in inches, laid out without overlaps."""
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
+    with optional_import("world"):
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     spacing = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08, hspace=0.04, wspace=0.04)
     return Figure(figsize=(width, height), facecolor="white", layout=spacing)
