@@ -67,7 +67,7 @@ ABLATIONS: dict[str, Ablation] = {
     "silhouettes": Ablation("constant silhouettes", lambda s: replace(s, silhouette="paper")),
     "priors": Ablation(
         "no word of the recognition model on latents, the class's counted once",
-        lambda s: replace(s, belief_weight=0.0, view_weight=0.0, prior_weight=1.0),
+        lambda s: replace(s, recognition_weight=0.0, view_weight=0.0, prior_weight=1.0),
     ),
     "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
     "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),

@@ -18,8 +18,7 @@ from safetensors.numpy import save_file
 from vig import __version__
 from vig.checks import check_arrays, decode, parse_json, read_tensors
 from vig.files import atomic_write
-from vig.inference import ExplainSettings, Fit, calibration_of, explain_one
-from vig.inference.calibration import CLUES
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, calibration_of, explain_one
 from vig.likelihood import load_kernels
 from vig.parallel.processes import map_in_processes
 from vig.parallel.threads import map_on_threads
@@ -46,7 +45,7 @@ class Fits:
     deviation: np.ndarray
     masks: np.ndarray
     masks_by_pixel: np.ndarray
-    clues: np.ndarray
+    confidence_features: np.ndarray
     confidence: np.ndarray
     verdicts: tuple[str, ...]
 
@@ -58,7 +57,7 @@ class Fits:
             np.stack([fit.deviation.float().numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask_by_pixel).numpy() for fit in fits]),
-            np.stack([fit.clues.numpy() for fit in fits]),
+            np.stack([fit.confidence_features.numpy() for fit in fits]),
             np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
         )
@@ -71,7 +70,7 @@ class Fits:
             np.concatenate([part.deviation for part in parts]),
             np.concatenate([part.masks for part in parts]),
             np.concatenate([part.masks_by_pixel for part in parts]),
-            np.concatenate([part.clues for part in parts]),
+            np.concatenate([part.confidence_features for part in parts]),
             np.concatenate([part.confidence for part in parts]),
             tuple(verdict for part in parts for verdict in part.verdicts),
         )
@@ -174,10 +173,10 @@ def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
     """A hash of all that a fit depends on but its photo and the code: weights, class, settings, version."""
     plain = replace(settings, calibration=None)
-    digest = hashlib.sha256(f"{__version__} {class_fingerprint(object_class)} {plain!r} {CLUES}".encode())
+    digest = hashlib.sha256(
+        f"{__version__} {class_fingerprint(object_class)} {plain!r} {CONFIDENCE_FEATURES}".encode()
+    )
     own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
-    if settings.visible_prior is not None:
-        own["visible_prior"] = settings.visible_prior  # whose repr leaves numbers out
     own |= recognizer.calibration.tensors()
     calibration = (settings.calibration or calibration_of(object_class)) if settings.calibrated else None
     if calibration is not None:
@@ -202,7 +201,7 @@ def _read(path: Path, key: str) -> Fits | None:
         bits, floats = ("uint8", (size[0], row)), "float32 float64"
         rows: dict[str, tuple[str, tuple[int | str, ...]]]
         rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
-        rows |= {"clues": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
+        rows |= {"confidence_features": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
         check_arrays(held, rows | {"masks": bits, "masks_by_pixel": bits})
         masks, by_pixel = (
             np.unpackbits(held[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
@@ -213,7 +212,7 @@ def _read(path: Path, key: str) -> Fits | None:
             held["deviation"],
             masks,
             by_pixel,
-            held["clues"],
+            held["confidence_features"],
             held["confidence"],
             decode(tuple[str, ...], parse_json(told["verdicts"])),
         )
@@ -227,7 +226,7 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "deviation": fits.deviation,
         "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
         "masks_by_pixel": np.packbits(fits.masks_by_pixel.reshape(len(fits.masks), -1), axis=1),
-        "clues": fits.clues,
+        "confidence_features": fits.confidence_features,
         "confidence": fits.confidence,
     }
     told = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}

@@ -14,7 +14,7 @@ from vig.dataset import Dataset, read_dataset
 from vig.dataset.format import complete_split, read_info
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.inference import Calibration, ExplainSettings
+from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.recognition import Recognizer, TrainingSettings
 from vig.recognition import calibrate as calibrate_network
@@ -85,7 +85,7 @@ class Run:
     def explain_settings(self) -> ExplainSettings:
         """How photos are fitted: calibrated as the run has learned, or as its weights came."""
         if self.folder.calibration.exists():
-            return ExplainSettings(calibration=Calibration.load(self.folder.calibration))
+            return ExplainSettings(calibration=FitCalibration.load(self.folder.calibration))
         return ExplainSettings(calibrated=False)
 
     def tiers(self) -> tuple[str, ...]:
