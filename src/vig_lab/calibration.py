@@ -19,6 +19,7 @@ from vig.dataset import Dataset
 from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
 from vig.inference.calibration import faded, residual
 from vig.recognition import Recognizer
+from vig.recognition.calibration import WITHIN_90
 from vig.scene import ObjectClass, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 
@@ -26,8 +27,6 @@ RIGHT = math.radians(15.0)
 """A view is right within this."""
 PRECISION = 0.98
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
-WITHIN_90 = 1.6449
-"""Standard deviations on either side that hold 90 % of a Gaussian."""
 AGAINST = (
     "hidden_fraction",
     "log_residual",

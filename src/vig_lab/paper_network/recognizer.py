@@ -23,7 +23,7 @@ class PaperRecognizer(Recognizer):
         self.network = networks_from(settings, tensors)
 
     @torch.inference_mode()
-    def _some(self, photos: torch.Tensor) -> Prediction:
+    def _predict(self, photos: torch.Tensor) -> Prediction:
         with bfloat16(photos.device):
             return Prediction(*self.network(srgb_from_linear(photos).permute(0, 3, 1, 2)))
 

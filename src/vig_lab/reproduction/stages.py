@@ -17,9 +17,7 @@ from vig.files import atomic_write
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.recognition import Recognizer, TrainingSettings
-from vig.recognition import calibrate as calibrate_network
-from vig.recognition import train as train_network
-from vig.recognition.calibrating import LEAST
+from vig.recognition.calibration import LEAST_IMAGES as LEAST
 from vig.scene import ObjectClass
 from vig_lab.ablation import ablation_markdown, run_ablations, variants
 from vig_lab.calibration import calibrate_fits, describe, fits_of
@@ -30,6 +28,8 @@ from vig_lab.evaluation.statistics import within
 from vig_lab.figures import draw_figures as draw_all
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.paper_network.training import PaperTrainingSettings, train_paper
+from vig_lab.plots import calibrate_and_plot as calibrate_network
+from vig_lab.plots import train_and_plot as train_network
 from vig_lab.reproduction.comparison import comparison_block
 from vig_lab.reproduction.folder import DATASETS, TIERS, RunFolder
 from vig_lab.reproduction.scales import Settings
