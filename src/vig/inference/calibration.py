@@ -124,7 +124,8 @@ class FitCalibration:
                 raise ValueError("scale and floor must not be negative")
             limits = {"view_bias": 1e6, "in_distribution_bias": 1e6, "threshold": 2.0}
             numbers = {name: check_number(name, values[name], -most, most) for name, most in limits.items()}
-            return FitCalibration(**tensors, **numbers)
+            checked: dict[str, Any] = {**tensors, **numbers}
+            return FitCalibration(**checked)
 
 
 def faded(view: torch.Tensor, in_distribution: torch.Tensor) -> torch.Tensor:

@@ -107,7 +107,9 @@ def blobs(count: int, height: int, width: int, rng: np.random.Generator) -> np.n
     cos, sin = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
     along, across = np.abs(cos * x + sin * y), np.abs(cos * y - sin * x)
     power = power[:, None, None]
-    inside = (along / reach[:, 0, None, None]) ** power + (across / reach[:, 1, None, None]) ** power < 1
+    inside: np.ndarray = (along / reach[:, 0, None, None]) ** power + (
+        across / reach[:, 1, None, None]
+    ) ** power < 1
     return inside.astype(np.float32)
 
 
