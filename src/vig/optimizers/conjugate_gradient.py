@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from vig.optimizers.bounds import held_by_bounds, scales
-from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
 
 SUFFICIENT, CURVATURE = 1e-4, 0.1
 """Wolfe's conditions: share of the promised gain, and of the slope that may be left."""
@@ -18,11 +18,13 @@ EXTRAPOLATION, GROWTH = 3.0, 10.0
 
 @dataclass(frozen=True)
 class ConjugateGradient:
-    """Settings. The budget's iterations are line searches.
+    """Settings. The budget's iterations are line searches; a line that meets a bound goes on along it.
 
-    evaluations: of each line search at most. scaled: each parameter is counted in its own standard
-    deviations, by the normal matrix's diagonal at the start (`scales`). The paper's budget is 50 line
-    searches of 20 evaluations, unscaled. A line that meets a bound goes on along it.
+    The paper's budget is 50 line searches of 20 evaluations, unscaled.
+
+    Attributes:
+        evaluations: Of each line search, at most.
+        scaled: Each parameter counts in its own standard deviations at the start (`scales`).
     """
 
     evaluations: int = 20
@@ -32,16 +34,13 @@ class ConjugateGradient:
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        count = len(starts)
-        noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
-        line = _Lines(problem, photo, noise, starts.clone())
-        active = torch.isfinite(line.value).nonzero()[:, 0]
-        unit = 1 / scales(line.normal) if self.scaled else torch.ones_like(line.points)
-        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
+        line = _Lines(problem, starts, photo, sigma)
+        unit = 1 / scales(line.normal.nan_to_num()) if self.scaled else torch.ones_like(line.points)
         direction, before = torch.zeros_like(line.points), torch.zeros_like(line.points)
-        slope, step = torch.ones_like(noise), torch.zeros_like(noise)
-        steepest = torch.ones(count, dtype=torch.bool, device=problem.device)
+        slope, step = torch.ones_like(line.noise), torch.zeros_like(line.noise)
+        steepest = torch.ones_like(line.converged)
         for _ in range(budget.iterations):
+            active = line.active
             if not len(active):
                 break
             held = held_by_bounds(line.points[active], line.gradient[active], problem)
@@ -63,21 +62,12 @@ class ConjugateGradient:
             failed = gain <= 0
             done = (rise <= 0) | (failed & steepest[active]) | (~failed & (gain < budget.tolerance))
             steepest[active] = failed
-            converged[active[done]] = True
-            active = active[~done]
-        return Descent(line.points, line.value, line.evaluations, converged)
+            line.end(done)
+        return line.descent()
 
 
-class _Lines:
-    """Where B searches are, and line searches from there."""
-
-    def __init__(self, problem: Problem, photo: torch.Tensor, noise: torch.Tensor, points: torch.Tensor):
-        self.problem, self.photo, self.noise, self.points = problem, photo, noise, points
-        start = problem(points, photo, noise)
-        assert start.gradient is not None and start.normal is not None
-        self.normal = start.normal.nan_to_num()
-        self.value, self.gradient = start.value.clone(), start.gradient.clone()
-        self.evaluations = torch.ones(len(points), dtype=torch.int64, device=problem.device)
+class _Lines(Searches):
+    """Line searches from where B searches stand."""
 
     def search(
         self, active: torch.Tensor, along: torch.Tensor, first: torch.Tensor, limit: int
@@ -101,16 +91,13 @@ class _Lines:
             free_trial = origin[going] + step[going, None] * along[going]
             trial = free_trial.clamp(self.problem.lower, self.problem.upper)
             which = active[going]
-            tried = self.problem(trial, self.photo[which], self.noise[which])
-            assert tried.gradient is not None
-            self.evaluations[which] += 1
+            tried = self.evaluate(which, trial)
             moving = torch.where(trial == free_trial, along[going], 0.0)
-            value, now = tried.value, (tried.gradient * moving).sum(1).nan_to_num()
+            value, now = tried[0], (tried[1] * moving).sum(1).nan_to_num()
             promised = (uphill[going] * (trial - origin[going])).sum(1)
             enough = value >= base[going] + SUFFICIENT * promised
             better = value > self.value[which]
-            self.points[which[better]], self.value[which[better]] = trial[better], value[better]
-            self.gradient[which[better]] = tried.gradient[better]
+            self.move(which, trial, tried, better)
             best[going[better]] = step[going[better]]
             flat = now.abs() <= CURVATURE * slope[going]
             beyond = ~enough | (value < value_low[going]) | (now < 0)
