@@ -15,12 +15,11 @@ from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, Stage, explain_one
 from vig.likelihood import ROBUST
-from vig.optimizers.bfgs import BFGS
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
-from vig.optimizers.lbfgs import LBFGS
 from vig.optimizers.optimizer import Optimizer
+from vig.optimizers.quasi_newton import BFGS, LBFGS
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.evaluation.presentation import Block

@@ -46,7 +46,7 @@ def assess(
 ) -> Fit:
     """Make a `Fit` of a selection: masks, verdict, confidence, deviations.
 
-    With a calibration, a fit is trusted when its features say that its view is right; without, when no other
+    With a calibration, a fit is trusted when its confidence reaches the threshold; without, when no other
     view comes near it and the recognition model's best guess is of the same view.
 
     Args:
@@ -207,16 +207,10 @@ def roll_gain(
     log_prior: torch.Tensor,
     pixels: int,
 ) -> float:
-    """Nats a visible pixel by which rotating the rendering slightly increases its likelihood; the better way.
+    """Nats a visible pixel by which rotating the rendering slightly, either way, increases its likelihood.
 
-    No latent expresses a rolled camera. Rotating the rendered picture takes no further fit.
-
-    Args:
-        rendered: (H, W, 3) linear RGB.
-        coverage: (H, W) in [0, 1].
-        observed: (H, W, 3) linear RGB.
-        log_prior: (H, W, 3) as `PixelModel.log_prior`.
-        pixels: How many of the object are visible.
+    No latent expresses a rolled camera; rotating the rendered picture takes no further fit. rendered, observed
+    (H, W, 3) linear RGB, coverage (H, W) in [0, 1], log_prior (H, W, 3); pixels of the object that are visible.
     """
     picture = torch.cat([rendered * coverage[..., None], coverage[..., None]], -1).permute(2, 0, 1)[None]
 

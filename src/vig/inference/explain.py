@@ -60,7 +60,7 @@ def explain_one(
         objectives = objectives_of(photo, prediction, object_class, settings, scales, valid)
         ends = refine(objectives, prediction, settings)
         selection = select(objectives[1.0], ends, prediction.best(), settings.likelihood.sigma)
-        # Learned from fits with an outlier model: without one the evidence means something else.
+        # Learned from fits with an outlier model: without one the evidence has another scale.
         calibrated = settings.calibrated and settings.likelihood.alpha < 1
         calibration = (settings.calibration or calibration_of(object_class)) if calibrated else None
         return assess(objectives[1.0], selection, prediction, settings, calibration)

@@ -18,7 +18,7 @@ EXTRAPOLATION, GROWTH = 3.0, 10.0
 
 @dataclass(frozen=True)
 class ConjugateGradient:
-    """Settings. The budget's iterations are line searches; a line that meets a bound goes on along it.
+    """Settings. The budget's iterations are line searches; a line that meets a bound continues along it.
 
     The paper's budget is 50 line searches of 20 evaluations, unscaled.
 
@@ -103,41 +103,36 @@ class _Lines(Searches):
             beyond = ~enough | (value < value_low[going]) | (now < 0)
             nearer, farther = going[beyond], going[~beyond]
             high[nearer], value_high[nearer] = step[nearer], value[beyond]
-            reached = (farther, step[farther].clone(), now[~beyond])
-            step[nearer] = self._inside(low, high, value_low, value_high, slope_low, nearer)
-            step[farther] = self._outside(low, high, slope_low, *reached)
-            low[farther], slope_low[farther], value_low[farther] = reached[1], reached[2], value[~beyond]
+            at, slope_at = step[farther].clone(), now[~beyond]
+            step[nearer] = _inside(
+                low[nearer], high[nearer], value_low[nearer], value_high[nearer], slope_low[nearer]
+            )
+            step[farther] = _outside(low[farther], high[farther], slope_low[farther], at, slope_at)
+            low[farther], slope_low[farther], value_low[farther] = at, slope_at, value[~beyond]
             narrow = high[going] - low[going] <= 1e-9 * low[going]
             going = going[~((enough & flat) | narrow)]
         return self.value[active] - base, best
 
-    @staticmethod
-    def _inside(
-        low: torch.Tensor,
-        high: torch.Tensor,
-        value_low: torch.Tensor,
-        value_high: torch.Tensor,
-        slope_low: torch.Tensor,
-        which: torch.Tensor,
-    ) -> torch.Tensor:
-        """Top of the parabola through low's value and slope and high's value, well inside the bracket."""
-        width, slope = high[which] - low[which], slope_low[which]
-        bend = value_low[which] + slope * width - value_high[which]
-        share = (0.5 * slope * width / bend.clamp_min(1e-30)).nan_to_num(nan=0.5)
-        return low[which] + width * share.to(width.dtype).clamp(0.1, 0.9)
 
-    @staticmethod
-    def _outside(
-        low: torch.Tensor,
-        high: torch.Tensor,
-        slope_low: torch.Tensor,
-        which: torch.Tensor,
-        step: torch.Tensor,
-        slope: torch.Tensor,
-    ) -> torch.Tensor:
-        """Where the secant of the slopes at low and step says it is flat, between the two and the bracket."""
-        far = torch.where(torch.isfinite(high[which]), 0.5 * (step + high[which]), EXTRAPOLATION * step)
-        bend = slope_low[which] - slope
-        guess = step + (step - low[which]) * slope / bend
-        guess = torch.where(bend > 0, guess, far)
-        return torch.minimum(torch.maximum(guess, step + 0.1 * (far - step)), far)
+def _inside(
+    low: torch.Tensor,
+    high: torch.Tensor,
+    value_low: torch.Tensor,
+    value_high: torch.Tensor,
+    slope: torch.Tensor,
+) -> torch.Tensor:
+    """Top of the parabola through low's value and slope and high's value, well within the bracket."""
+    width = high - low
+    bend = at_low + slope * width - at_high
+    share = (0.5 * slope * width / bend.clamp_min(1e-30)).nan_to_num(nan=0.5)
+    return low + width * share.to(width.dtype).clamp(0.1, 0.9)
+
+
+def _outside(
+    low: torch.Tensor, high: torch.Tensor, slope_low: torch.Tensor, step: torch.Tensor, slope: torch.Tensor
+) -> torch.Tensor:
+    """Where the secant of the slopes at low and step is flat, between the two and the bracket."""
+    far = torch.where(torch.isfinite(high), 0.5 * (step + high), EXTRAPOLATION * step)
+    bend = slope_low - slope
+    guess = torch.where(bend > 0, step + (step - low) * slope / bend, far)
+    return torch.minimum(torch.maximum(guess, step + 0.1 * (far - step)), far)

@@ -25,7 +25,7 @@ LEAST_FACTOR = 0.5
 LEAST_IMAGES = 50
 """Images below which a calibration means nothing."""
 CELL_STRIDE = 7
-"""Of the mask's cells one in so many is used: neighbours say the same."""
+"""Of the mask's cells one in so many is used: neighbours are nearly the same."""
 
 
 @dataclass(frozen=True)

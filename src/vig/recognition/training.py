@@ -208,7 +208,7 @@ def losses(
     """Each part of the loss: a distribution over azimuth, Gaussian likelihoods of numbers, a mask.
 
     Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
-    are hard to tell go on being learned.
+    are hard to predict continue to be learned.
 
     Args:
         heads: The network's outputs.
