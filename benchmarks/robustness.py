@@ -46,7 +46,7 @@ def try_scenes(count: int, seed: int, device: str = "cpu") -> Tally:
         photo = torch.from_numpy(rng.uniform(0, 1, (1, height, width, 3)))
         model = ROBUST if rng.random() < 0.7 else GAUSSIAN
         likelihood = Likelihood(geometry, camera, Photos(photo, model.log_prior(height, width)[None]))
-        points = torch.from_numpy(_points(rng, number, geometry.layout.modes)).float()
+        points = torch.from_numpy(_points(rng, number, geometry.rows.modes)).float()
         sigma = torch.from_numpy(np.exp(rng.normal(-3, 1, number))).float()
         found = likelihood.at(points, torch.zeros(number, dtype=torch.int32), sigma, images=True)
         finite = torch.ones(number, dtype=torch.bool)

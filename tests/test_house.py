@@ -211,7 +211,7 @@ def imports_at_top(tree: ast.Module) -> Iterator[str]:
         "from ..inference import explain",
         "from .. import inference",
         "def f():\n    from vig.cli.main import main",
-        "import numpy, vig.report.overlay",
+        "import numpy, vig.report.files",
         "import vig_world",
         "from vig_lab.evaluation import evaluate",
     ],

@@ -240,7 +240,7 @@ def decode_picture(data: bytes, kind: str) -> np.ndarray:
     try:
         opened = Image.open(io.BytesIO(data), formats=("PNG",))
     except UnidentifiedImageError:
-        raise ValueError("not a picture that opens") from None
+        raise ValueError("an unreadable picture") from None
     with opened as image:
         wanted = (IMAGE_SIZE, IMAGE_SIZE), PICTURE_MODES[kind]
         if (image.size, image.mode) != wanted:

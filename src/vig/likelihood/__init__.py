@@ -1,16 +1,12 @@
 """Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
 
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
-from vig.likelihood.gaussian import GAUSSIAN
 from vig.likelihood.kernels.assembly import load_kernels
-from vig.likelihood.kernels.surface import FRAMING_COUNT
-from vig.likelihood.pixel import NEVER, PixelModel, mixture
-from vig.likelihood.robust import ROBUST
+from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, mixture
 from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
 from vig.likelihood.surroundings import log_colour_density
 
 __all__ = [
-    "FRAMING_COUNT",
     "GAUSSIAN",
     "NEVER",
     "ROBUST",

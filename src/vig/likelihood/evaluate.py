@@ -16,7 +16,7 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import run_on_threads, thread_count
 from vig.renderer import warp_array
-from vig.scene import Camera, Latents, point_layout
+from vig.scene import Camera, Latents
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
@@ -108,16 +108,16 @@ class Likelihood:
         size = tuple(photos.linear.shape[1:3])
         if size != (camera.height, camera.width):
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
-        self.layout = point_layout(geometry.model.modes)
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
+        self.layout = geometry.layout
         count = len(photos.linear)
         self.observed = photos.linear.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         self.log_prior = (
             photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         )
         self.background = self.log_prior[..., 2].double().sum(1)
-        load_kernels(geometry.dtype, geometry.layout.modes, geometry.device)
-        k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
+        load_kernels(geometry.dtype, geometry.rows.modes, geometry.device)
+        k = likelihood_kernels(geometry.dtype, geometry.rows.modes)
         self.photo_arrays = {
             "observed": warp_array(self.observed, k.vec3),
             "log_prior": warp_array(self.log_prior, k.vec3),
@@ -160,7 +160,7 @@ class Likelihood:
         count = len(points)
         group = 1 if self.geometry.device == "cpu" else max(count, 1)
         threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
-        size = self.geometry.layout.size
+        size = self.layout.size
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
         gradient = torch.empty(count, size, **place) if derivatives else None
@@ -191,7 +191,7 @@ class Likelihood:
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
         """ValueError for what kernels cannot see: they would read beyond an array, or answer NaN."""
-        size, count = self.geometry.layout.size, len(points)
+        size, count = self.layout.size, len(points)
         if points.ndim != 2 or points.shape[1] != size:
             raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")
         if not torch.isfinite(points).all():

@@ -11,6 +11,7 @@ from torch import nn
 from torch.nn import functional
 
 from vig.checks import check_number
+from vig.parallel.internals import has_bfloat16
 from vig.scene import regressed_layout
 from vig.scene.shape_model import MOST_MODES
 
@@ -180,7 +181,7 @@ def bfloat16(device: torch.device) -> torch.autocast:
     """Arithmetic in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
     if device.type == "cuda":
         return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
-    return torch.autocast("cpu", torch.bfloat16, enabled=torch.cpu._is_avx512_bf16_supported())
+    return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())
 
 
 class _Residual(nn.Module):

@@ -1,4 +1,4 @@
-"""What the merged files of a dataset say of one sample."""
+"""The records of one sample in the merged files of a dataset."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def depth_units(depth: np.ndarray) -> np.ndarray:
 
 
 def class_fingerprint(object_class: ObjectClass) -> str:
-    """A short hash of the shapes of a class, so that a dataset is not continued with another."""
+    """A short hash of the shapes of a class: a dataset can only be continued with the same class."""
     digest = hashlib.sha256()
     model = object_class.shape_model
     for array in (model.mean, model.basis, model.faces):
@@ -42,9 +42,11 @@ def describe(
     object_class: ObjectClass,
     photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
-    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
+    """The records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
-    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
+    Args:
+        depth: The depth image as stored, see `depth_units`.
+        photo: Settings of the camera model, if it was used.
     """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
     info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)

@@ -1,4 +1,4 @@
-"""What a worker needs to make any sample of a split, and the sample as files."""
+"""The recipe of a split, and the maker that turns it into the files of any sample."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ TIERS = ("raster", "cycles")
 PHOTO_STREAM = 2**20
 """Number of the random stream of photographs, far from those of attempts at a scene."""
 RUN_LENGTHS = 3
-"""zlib's strategy Z_RLE: quickest for pictures with noise, and the smallest files of level 1."""
+"""zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
 
 
 class Renderer(Protocol):
-    """A tier: something that makes pictures of scenes. It lives in one worker process."""
+    """Makes pictures of scenes, in one worker process."""
 
     def render(self, spec: SceneSpec) -> Picture:
         """The picture of a scene: a pure function of it."""
         ...
 
     def close(self) -> None:
-        """Let go of what rendering holds, such as a child process."""
+        """Release resources, such as a child process."""
         ...
 
 
 @dataclass(frozen=True)
 class _Raster:
-    """The raster tier as a renderer."""
+    """The rasteriser as a renderer."""
 
     library: Library
     object_class: ObjectClass
@@ -63,8 +63,11 @@ class _Raster:
 class Job:
     """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
 
-    options: settings of the tier's renderer; they are recorded in the dataset. own: the user's assets. photo:
-    pictures are photographed (`vig_world.renderers.photo`).
+    Attributes:
+        tier: Name of the renderer, one of `TIERS`.
+        options: Settings of the renderer; they are recorded in the dataset.
+        own: The user's custom assets.
+        photo: Whether pictures pass through a camera model (`vig_world.renderers.photo`).
     """
 
     seed: int
@@ -77,7 +80,7 @@ class Job:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Tells classes apart."""
+        """Hash that identifies the class."""
         return class_fingerprint(self.object_class)
 
 
@@ -99,7 +102,7 @@ class Maker:
             return sample(self.library, self.job.object_class, self.job.seed, index)
 
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
-        """The files of a scene. Raises UserError when the tier cannot run here."""
+        """The files of a scene. Raises UserError when the renderer cannot run here."""
         with one_thread():
             if self._renderer is None:
                 self._renderer = self._open()
@@ -123,7 +126,7 @@ class Maker:
 
 
 def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
-    """The picture as a camera takes it, and how it was taken; labels stay."""
+    """Pass a picture through the camera model; labels stay. Also returns the camera's settings."""
     linear = getattr(picture, "linear", None)
     if linear is None:
         linear = linear_from_srgb(picture.image.astype("float32") / 255)
@@ -135,7 +138,7 @@ def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSetti
 def encode(
     spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
 ) -> dict[str, bytes]:
-    """A sample as files: name in the split's folder to content; the sidecar, which says it is whole, last."""
+    """A sample as files by name in the split's folder; the sidecar, which marks it complete, comes last."""
     root = Path()
     pictures = {
         "rgb": picture.image,
@@ -163,7 +166,7 @@ def store(folder: Path, files: dict[str, bytes]) -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Sums in torch depend on the number of threads; bytes must not."""
+    """Run torch on one thread: its sums depend on the number of threads, and samples must not."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -173,4 +176,4 @@ def one_thread() -> Iterator[None]:
 
 
 Advance = Callable[[int], None]
-"""Called with how many more samples are on the disk."""
+"""Called with the number of samples newly written."""
