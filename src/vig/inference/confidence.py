@@ -88,10 +88,7 @@ def assess(
 
 @dataclass(frozen=True)
 class _Shown:
-    """The images (H, W) of one fit and its photo: what the fit covers, what of it is visible.
-
-    `visible` is the pixel model's posterior, `by_pixel` that of each pixel by itself.
-    """
+    """Images (H, W) of one fit; `visible` is the pixel model's posterior, `by_pixel` that of single pixels."""
 
     observed: torch.Tensor
     rendered: torch.Tensor
@@ -209,8 +206,8 @@ def roll_gain(
 ) -> float:
     """Nats a visible pixel by which rotating the rendering slightly, either way, increases its likelihood.
 
-    No latent expresses a rolled camera; rotating the rendered picture takes no further fit. rendered, observed
-    (H, W, 3) linear RGB, coverage (H, W) in [0, 1], log_prior (H, W, 3); pixels of the object that are visible.
+    No latent expresses a rolled camera; rotating the rendered picture takes no further fit. rendered and
+    observed (H, W, 3) are linear RGB; pixels: how many of the object's are visible.
     """
     picture = torch.cat([rendered * coverage[..., None], coverage[..., None]], -1).permute(2, 0, 1)[None]
 

@@ -98,8 +98,8 @@ def train_paper(
 ) -> Path:
     """Train the networks on all but the last tenth of the images.
 
-    On a GPU where there is one, in bfloat16 where the processor computes in it. An interrupted run resumes from
-    the checkpoint that is written after each epoch. The standard deviations in the weights are those of the
+    On a GPU where there is one, in bfloat16 where the processor computes in it. An interrupted run resumes
+    from the checkpoint that is written after each epoch. The standard deviations in the weights are those of the
     held-out images, which also chose the best epoch.
 
     Args:
@@ -112,8 +112,8 @@ def train_paper(
         The weights' path.
 
     Raises:
-        UserError: The dataset is too small, the settings train nothing, the training diverges, or `out` holds a
-            checkpoint that is damaged or of another run.
+        UserError: The dataset is too small, the settings train nothing, the training diverges, or `out` holds
+            a checkpoint that is damaged or of another run.
     """
     for name, least in (("epochs", 1), ("seed", 0)):
         if getattr(settings, name) < least:
