@@ -20,12 +20,13 @@ from vig.errors import UserError
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
-from vig.recognition.checkpoint import save_weights
+from vig.recognition.checkpoint import FORMAT, save_weights
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
 from vig.renderer.raster import rasterize
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_lab.paper_network.network import PaperNetworks, PaperSettings
+from vig_lab.paper_network.recognizer import PaperRecognizer
 
 CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)], np.float32)
 CUBE_FACES = np.array(
@@ -106,9 +107,9 @@ def test_damaged_weights_of_the_papers_networks(tmp_path: Path) -> None:
     path = tmp_path / "recognition.safetensors"
     tensors = {f"network.{k}": v.numpy() for k, v in networks.state_dict().items()}
     settings = '{"modes": 2, "azimuth_bins": 8, "filters": [1, 1, 1], "dense": [2, 2], "dropout": 0.5}'
-    save_file(tensors, path, {"net": "paper", "settings": settings})
-    Recognizer(path)
-    counts = outcomes(mutants(path, damaged_tensors, 100, 3), Recognizer)
+    save_file(tensors, path, {"net": "paper", "format": FORMAT, "settings": settings})
+    PaperRecognizer(path)
+    counts = outcomes(mutants(path, damaged_tensors, 100, 3), PaperRecognizer)
     assert counts.total() == 100 and counts["refused"] > 30
 
 

@@ -88,7 +88,7 @@ def assess(
 
 @dataclass(frozen=True)
 class _Shown:
-    """Images (H, W) of one fit; `visible` is the pixel model's posterior, `by_pixel` that of single pixels."""
+    """Images (H, W) of a fit; `visible` is the pixel model's posterior, `by_pixel` that of single pixels."""
 
     observed: torch.Tensor
     rendered: torch.Tensor

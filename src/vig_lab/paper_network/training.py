@@ -99,8 +99,8 @@ def train_paper(
     """Train the networks on all but the last tenth of the images.
 
     On a GPU where there is one, in bfloat16 where the processor computes in it. An interrupted run resumes
-    from the checkpoint that is written after each epoch. The standard deviations in the weights are those of the
-    held-out images, which also chose the best epoch.
+    from the checkpoint that is written after each epoch. The standard deviations in the weights are those of
+    the held-out images, which also chose the best epoch.
 
     Args:
         dataset: To learn from.

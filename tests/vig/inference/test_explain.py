@@ -324,8 +324,10 @@ def test_another_view_is_one_more_than_25_degrees_away_and_near_is_within_30_nat
 
 
 def test_confidence_features_are_what_their_names_say(occluded: Case, teapot: ObjectClass) -> None:
-    layout, deviation = occluded.prediction.layout, torch.linspace(0.1, 0.9, 23)[None]
-    deviation[:, layout["elevation"]] = 0.2
+    layout, rest = occluded.prediction.layout, torch.linspace(0.1, 0.9, 22)
+    shape, others = rest[:10], rest[10:].split((3, 9))
+    parts = {"shape": shape, "elevation": torch.tensor([0.2]), "albedo": others[0], "light": others[1]}
+    deviation = layout.join(parts)[None]
     prediction = replace(occluded.prediction, deviation=deviation)
     found = explain_one(occluded.photo, prediction, teapot, SETTINGS)
     feature = dict(zip(CONFIDENCE_FEATURES, found.confidence_features.tolist(), strict=True))
