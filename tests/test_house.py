@@ -63,6 +63,7 @@ for name in ("composition", "packs", "renderers", "generation", "cli"):
     WORLD[f"vig_world.{name}"] = set(WORLD)
 LAB = {
     "vig_lab.names": set(),
+    "vig_lab.plots": set(),
     "vig_lab.paper_network": set(),
     "vig_lab.evaluation": {"vig_lab.names", "vig_lab.paper_network"},
     "vig_lab.calibration": {"vig_lab.evaluation", "vig_lab.paper_network"},

@@ -15,12 +15,11 @@ from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, Stage, explain_one
 from vig.likelihood import LIKELIHOODS, ROBUST
-from vig.optimizers.bfgs import BFGS
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
-from vig.optimizers.lbfgs import LBFGS
 from vig.optimizers.optimizer import Optimizer
+from vig.optimizers.quasi_newton import BFGS, LBFGS
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.evaluation.presentation import Block
@@ -69,7 +68,7 @@ ABLATIONS: dict[str, Ablation] = {
     "silhouettes": Ablation("constant silhouettes", lambda s: replace(s, silhouette="paper")),
     "priors": Ablation(
         "no prior on latents from the recognition model, the class's counted once",
-        lambda s: replace(s, belief_weight=0.0, view_weight=0.0, prior_weight=1.0),
+        lambda s: replace(s, recognition_weight=0.0, view_weight=0.0, prior_weight=1.0),
     ),
     "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
     "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),

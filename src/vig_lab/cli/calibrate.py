@@ -9,11 +9,11 @@ from vig.cli.common import check_workers, check_writable, progress_bar
 from vig.dataset import read_dataset
 from vig.errors import UserError
 from vig.inference.calibration import FILE
-from vig.recognition import calibrate as calibrate_network
 from vig.scene import ObjectClass
 from vig_lab.calibration import calibrate_fits, describe, fits_of
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
+from vig_lab.plots import calibrate_and_plot as calibrate_network
 
 
 def calibrate(settings: Calibrate) -> int:

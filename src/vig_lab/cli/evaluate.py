@@ -13,7 +13,7 @@ from vig.dataset import read_dataset
 from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.inference import Calibration, ExplainSettings
+from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
 from vig_lab.cli.settings import Evaluate
@@ -38,7 +38,7 @@ def evaluate(settings: Evaluate) -> int:
     explaining = ExplainSettings()
     if settings.weights is not None:  # their own calibration, not the class's
         path = settings.weights.with_name(FILE)
-        own = Calibration.load(path) if path.exists() else None
+        own = FitCalibration.load(path) if path.exists() else None
         explaining = ExplainSettings(calibrated=own is not None, calibration=own)
     check_writable(settings.out)
     with progress_bar(settings.json) as progress:

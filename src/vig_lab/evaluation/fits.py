@@ -18,8 +18,7 @@ from safetensors.numpy import save_file
 from vig import __version__
 from vig.checks import check_arrays, decode, parse_json, read_tensors
 from vig.files import atomic_write
-from vig.inference import ExplainSettings, Fit, calibration_of, explain_one
-from vig.inference.calibration import CLUES
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, calibration_of, explain_one
 from vig.likelihood import load_kernels
 from vig.parallel.processes import map_in_processes
 from vig.parallel.threads import map_on_threads
@@ -42,7 +41,7 @@ class Fits:
         masks: (N, H, W) bool, the visible pixels; the whole silhouette under a likelihood without outliers,
             as in the paper.
         masks_by_pixel: (N, H, W) bool, the same with each pixel decided independently.
-        clues: (N, C), see `vig.inference.Fit`.
+        confidence_features: (N, C), see `vig.inference.Fit`.
         confidence: (N,), see there.
         verdicts: N names.
     """
@@ -51,7 +50,7 @@ class Fits:
     deviation: np.ndarray
     masks: np.ndarray
     masks_by_pixel: np.ndarray
-    clues: np.ndarray
+    confidence_features: np.ndarray
     confidence: np.ndarray
     verdicts: tuple[str, ...]
 
@@ -63,7 +62,7 @@ class Fits:
             np.stack([fit.deviation.float().numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask_by_pixel).numpy() for fit in fits]),
-            np.stack([fit.clues.numpy() for fit in fits]),
+            np.stack([fit.confidence_features.numpy() for fit in fits]),
             np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
         )
@@ -76,7 +75,7 @@ class Fits:
             np.concatenate([part.deviation for part in parts]),
             np.concatenate([part.masks for part in parts]),
             np.concatenate([part.masks_by_pixel for part in parts]),
-            np.concatenate([part.clues for part in parts]),
+            np.concatenate([part.confidence_features for part in parts]),
             np.concatenate([part.confidence for part in parts]),
             tuple(verdict for part in parts for verdict in part.verdicts),
         )
@@ -189,10 +188,10 @@ def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
     """Hash of everything that a fit depends on, but for its photo and the code."""
     plain = replace(settings, calibration=None)
-    digest = hashlib.sha256(f"{__version__} {object_class.fingerprint} {plain!r} {CLUES}".encode())
+    digest = hashlib.sha256(
+        f"{__version__} {object_class.fingerprint} {plain!r} {CONFIDENCE_FEATURES}".encode()
+    )
     own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
-    if settings.visible_prior is not None:
-        own["visible_prior"] = settings.visible_prior  # whose repr leaves numbers out
     own |= recognizer.calibration.tensors()
     calibration = (settings.calibration or calibration_of(object_class)) if settings.calibrated else None
     if calibration is not None:
@@ -217,7 +216,7 @@ def _read(path: Path, key: str) -> Fits | None:
         bits, floats = ("uint8", (size[0], row)), "float32 float64"
         rows: dict[str, tuple[str, tuple[int | str, ...]]]
         rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
-        rows |= {"clues": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
+        rows |= {"confidence_features": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
         check_arrays(tensors, rows | {"masks": bits, "masks_by_pixel": bits})
         masks, by_pixel = (
             np.unpackbits(tensors[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
@@ -228,7 +227,7 @@ def _read(path: Path, key: str) -> Fits | None:
             tensors["deviation"],
             masks,
             by_pixel,
-            tensors["clues"],
+            tensors["confidence_features"],
             tensors["confidence"],
             decode(tuple[str, ...], parse_json(metadata["verdicts"])),
         )
@@ -242,7 +241,7 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "deviation": fits.deviation,
         "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
         "masks_by_pixel": np.packbits(fits.masks_by_pixel.reshape(len(fits.masks), -1), axis=1),
-        "clues": fits.clues,
+        "confidence_features": fits.confidence_features,
         "confidence": fits.confidence,
     }
     metadata = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}

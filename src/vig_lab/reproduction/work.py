@@ -14,12 +14,10 @@ from vig.dataset import Dataset, read_dataset
 from vig.dataset.format import complete_split, read_info
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.inference import Calibration, ExplainSettings
+from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.recognition import Recognizer, TrainingSettings
-from vig.recognition import calibrate as calibrate_network
-from vig.recognition import train as train_network
-from vig.recognition.calibrating import LEAST
+from vig.recognition.calibration import LEAST_IMAGES as LEAST
 from vig.scene import ObjectClass
 from vig_lab.ablation import ablation_markdown, run_ablations, variants
 from vig_lab.calibration import calibrate_fits, describe, fits_of
@@ -31,6 +29,8 @@ from vig_lab.evaluation.statistics import within
 from vig_lab.figures import draw_figures as draw_all_figures
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.paper_network.training import PaperTrainingSettings, train_paper
+from vig_lab.plots import calibrate_and_plot as calibrate_network
+from vig_lab.plots import train_and_plot as train_network
 from vig_lab.reproduction.settings import DATASETS, RENDERERS, RunFolder, Settings
 from vig_world.generation.progress import Meter
 from vig_world.generation.show import contact_sheet
@@ -84,7 +84,7 @@ class Run:
     def explain_settings(self) -> ExplainSettings:
         """How photos are fitted: with the run's calibration, or uncalibrated where it has none."""
         if self.folder.calibration.exists():
-            return ExplainSettings(calibration=Calibration.load(self.folder.calibration))
+            return ExplainSettings(calibration=FitCalibration.load(self.folder.calibration))
         return ExplainSettings(calibrated=False)
 
     def renderers(self) -> tuple[str, ...]:

@@ -11,10 +11,10 @@ from PIL import Image
 
 from vig.dataset import Dataset
 from vig.inference import ExplainSettings, Stage, Valuation, explain_one
-from vig.optimizers.bfgs import BFGS
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget
+from vig.optimizers.quasi_newton import BFGS
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.figures import animation, fit_animation
