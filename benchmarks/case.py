@@ -54,7 +54,7 @@ class Case:
         return placed
 
     def covered(self) -> int:
-        """Pixels whose centre lies on the object at the first guess."""
+        """Pixels whose centre the object covers at the first guess."""
         still, origin = np.eye(3), np.zeros(3)
         fragments = rasterize(self.points()[0], self.model.faces, still, origin, self.camera, cull=True)
         return int((fragments.face >= 0).sum())

@@ -62,12 +62,12 @@ class Run:
         self.whole, self.steady, self.memory = whole, steady, memory
 
     @staticmethod
-    def of(tier: str, count: int, workers: int, seed: int) -> Run:
-        """Make `count` samples of a tier."""
+    def of(renderer: str, count: int, workers: int, seed: int) -> Run:
+        """Make `count` samples with a renderer, "raster" or "cycles"."""
         with tempfile.TemporaryDirectory() as folder, Memory() as memory:
             out = Path(folder) / "dataset"
             started = time.perf_counter()
-            make_dataset(out, count, seed, tier=tier, workers=workers, progress=False)
+            make_dataset(out, count, seed, tier=renderer, workers=workers, progress=False)
             whole = count / (time.perf_counter() - started)
             written = [image_paths(out / "train", i)["rgb"].stat().st_mtime for i in range(count)]
         late = np.sort(written)[count // 4 :]

@@ -32,7 +32,7 @@ def calibrate(settings: Calibrate) -> int:
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with progress_bar(settings.json) as progress:
         task = progress.add_task("fits", total=sum(map(fits_of, datasets)))
-        calibration, lessons = calibrate_fits(
+        calibration, samples = calibrate_fits(
             datasets,
             object_class,
             recognizer,
@@ -43,7 +43,7 @@ def calibrate(settings: Calibrate) -> int:
         )
     calibration.save(folder / FILE)
     shutil.rmtree(fits, ignore_errors=True)
-    lines += describe(calibration, lessons)
+    lines += describe(calibration, samples)
     if settings.json:
         print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
     else:

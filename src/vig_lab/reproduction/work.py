@@ -180,7 +180,7 @@ def calibrate(run: Run) -> None:
     if run.settings.net == "vig":  # the paper's networks predict what was measured on held-out photos
         calibrate_network(run.folder.weights, [dataset], run.report)
     with Meter(fits_of(dataset), 0, run.progress, "fits") as meter:
-        learned, lessons = calibrate_fits(
+        learned, samples = calibrate_fits(
             [dataset],
             run.object_class,
             run.recognizer(),
@@ -190,7 +190,7 @@ def calibrate(run: Run) -> None:
             processes=True,
         )
     learned.save(run.folder.calibration)
-    for line in describe(learned, lessons):
+    for line in describe(learned, samples):
         run.report(f"calibrate: {line}")
 
 
