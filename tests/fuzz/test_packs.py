@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import torch
 from safetensors.numpy import load_file, save_file
-from vig.renderer.raster import rasterize
 
 from tests.fuzz.mutations import damaged_json, damaged_tensors, outcomes
 from vig.errors import UserError
@@ -23,6 +22,7 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
 from vig.recognition.checkpoint import save_weights
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.renderer.raster import rasterize
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_lab.paper_network.network import PaperNetworks, PaperSettings

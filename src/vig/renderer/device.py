@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import cast
 
 import torch
@@ -19,6 +20,7 @@ from vig.errors import UserError
 wp.config.log_level = wp.LOG_ERROR
 wp.config.enable_backward = False
 
+_NATIVE = {wp.float32: "float", wp.float64: "double"}
 _starting = threading.Lock()
 
 
@@ -51,6 +53,21 @@ def scalar_type(dtype: torch.dtype) -> type:
     if dtype not in (torch.float32, torch.float64):
         raise ValueError(f"the renderer works in float32 or float64; got {dtype}")
     return wp.float32 if dtype == torch.float32 else wp.float64
+
+
+def native_code(folder: Path, *files: str, real: type, **constants: int | float) -> str:
+    """The code of .cc files, one after the other, for `wp.func_native`: bodies of functions.
+
+    Before it stand the type `real` and the constants as `constexpr`, each of its Python type.
+    """
+    preamble = [f"typedef {_NATIVE[real]} real;"]
+    for name, number in constants.items():
+        if isinstance(number, float):
+            preamble.append(f"constexpr real {name} = real({number!r});")
+        else:
+            kind = "bool" if isinstance(number, bool) else "wp::int64" if number.bit_length() > 31 else "int"
+            preamble.append(f"constexpr {kind} {name} = {str(number).lower()};")
+    return "\n".join([*preamble, *((folder / file).read_text() for file in files)])
 
 
 def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array:

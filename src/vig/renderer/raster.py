@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.device import initialise, scalar_type, warp_array
+from vig.renderer.device import initialise, native_code, scalar_type, warp_array
 from vig.scene import Camera
 
 NEAR = 0.01
@@ -28,6 +29,41 @@ KEYS_MARGIN = 8
 _FARTHEST = 1 << (62 - FACE_BITS)
 _DEPTH_STEPS = 1 << 27
 """Steps of a key in one over depth, per 1 / metre: 4 nanometres at 0.7 m."""
+
+
+@functools.cache
+def native_draw_faces(dtype: torch.dtype) -> Any:
+    """The rasteriser's loop, in C++ for the sake of its speed: see draw_faces.cc.
+
+    It draws faces `first` to `end` of mesh (row of screen, facing and used) into image (row of keys).
+    """
+    initialise()
+    real = scalar_type(dtype)
+    vec3 = wp.types.vector(3, real)
+    constants = {
+        "SLACK": -4.0 * torch.finfo(dtype).eps,
+        "DEPTH_STEPS": float(_DEPTH_STEPS),
+        "FARTHEST": _FARTHEST,
+        "FACE_BITS": FACE_BITS,
+    }
+
+    @wp.func_native(snippet=native_code(Path(__file__).parent, "draw_faces.cc", real=real, **constants))
+    def draw_faces(
+        mesh: wp.int32,
+        image: wp.int32,
+        first: wp.int32,
+        end: wp.int32,
+        screen: wp.array2d(dtype=vec3),
+        faces: wp.array2d(dtype=wp.int32),
+        width: wp.int32,
+        height: wp.int32,
+        cull: wp.int32,
+        keys: wp.array2d(dtype=wp.int64),
+        facing: wp.array2d(dtype=wp.uint8),
+        used: wp.array2d(dtype=wp.uint8),
+    ): ...
+
+    return draw_faces
 
 
 @functools.cache
@@ -60,7 +96,7 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
                 point[0] * scale + intrinsics[image][1], point[1] * scale + intrinsics[image][2], q
             )
 
-    draw_faces = _draw_faces(real, vec3)
+    draw_faces = native_draw_faces(dtype)
 
     @wp.kernel(module=module)
     def rasterize_faces(
@@ -74,9 +110,9 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
         facing: wp.array2d(dtype=wp.uint8),
         used: wp.array2d(dtype=wp.uint8),
     ):
-        """Draw a chunk of faces; say which are turned to the eye, and which vertices these use."""
         image, part = wp.tid()
-        draw_faces(image, part * chunk, chunk, screen, faces, width, height, cull, keys, facing, used)
+        end = wp.min((part + 1) * chunk, faces.shape[0])
+        draw_faces(image, image, part * chunk, end, screen, faces, width, height, cull, keys, facing, used)
 
     @wp.kernel(module=module)
     def resolve(
@@ -114,137 +150,6 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
     return SimpleNamespace(
         to_screen=to_screen, rasterize_faces=rasterize_faces, resolve=resolve, vec3=vec3, real=real
     )
-
-
-def _draw_faces(real: type, vec3: type) -> Any:
-    """The rasteriser's loop, in C++ for the sake of its speed: on a processor, 16 faces are set up side by
-    side in vector registers and culled before one is drawn.
-
-    A centre that lies beyond a face's edge by rounding only is covered, so that no gap opens between two
-    neighbours. Comparisons are put so that NaN draws nothing.
-    """
-    scalar = "float" if real is wp.float32 else "double"
-    slack = -4.0 * float(np.finfo(np.float32 if real is wp.float32 else np.float64).eps)
-    snippet = f"""
-    constexpr int LANES = 16;
-    typedef {scalar} real;
-    const real slack = {slack}, steps = {float(_DEPTH_STEPS)};
-    const wp::int64 farthest = {_FARTHEST};
-    const real* const points = (const real*)screen.data + (size_t)image * screen.shape.dims[1] * 3;
-    const int* const corners = (const int*)faces.data;
-    wp::int64* const key = (wp::int64*)keys.data + (size_t)image * keys.shape.dims[1];
-    wp::uint8* const front = (wp::uint8*)facing.data + (size_t)image * facing.shape.dims[1];
-    wp::uint8* const touched = (wp::uint8*)used.data + (size_t)image * used.shape.dims[1];
-    const int end = first + chunk < faces.shape.dims[0] ? first + chunk : faces.shape.dims[0];
-    for (int base = first; base < end; base += LANES) {{
-        int i[LANES], j[LANES], k[LANES], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
-        real ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES];
-        real cx[LANES], cy[LANES], cq[LANES], area[LANES];
-        for (int lane = 0; lane < LANES; ++lane) {{
-            const int face = base + lane < end ? base + lane : end - 1;
-            i[lane] = corners[3 * face];
-            j[lane] = corners[3 * face + 1];
-            k[lane] = corners[3 * face + 2];
-        }}
-        for (int lane = 0; lane < LANES; ++lane) {{
-            ax[lane] = points[3 * i[lane]];
-            ay[lane] = points[3 * i[lane] + 1];
-            aq[lane] = points[3 * i[lane] + 2];
-            bx[lane] = points[3 * j[lane]] - ax[lane];
-            by[lane] = points[3 * j[lane] + 1] - ay[lane];
-            bq[lane] = points[3 * j[lane] + 2];
-            cx[lane] = points[3 * k[lane]] - ax[lane];
-            cy[lane] = points[3 * k[lane] + 1] - ay[lane];
-            cq[lane] = points[3 * k[lane] + 2];
-        }}
-        for (int lane = 0; lane < LANES; ++lane) {{
-            area[lane] = bx[lane] * cy[lane] - by[lane] * cx[lane];
-            const bool ahead = (aq[lane] > 0) & (bq[lane] > 0) & (cq[lane] > 0);
-            // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
-            const int turned = ahead & (area[lane] < 0);
-            const int away = ahead & (area[lane] > 0) & (cull == 0);
-            real low_x = bx[lane] < cx[lane] ? bx[lane] : cx[lane];
-            real low_y = by[lane] < cy[lane] ? by[lane] : cy[lane];
-            real high_x = bx[lane] > cx[lane] ? bx[lane] : cx[lane];
-            real high_y = by[lane] > cy[lane] ? by[lane] : cy[lane];
-            low_x = ax[lane] + (low_x < 0 ? low_x : 0) - real(0.5);
-            low_y = ay[lane] + (low_y < 0 ? low_y : 0) - real(0.5);
-            high_x = ax[lane] + (high_x > 0 ? high_x : 0) - real(0.5);
-            high_y = ay[lane] + (high_y > 0 ? high_y : 0) - real(0.5);
-            low_x = low_x > 0 ? low_x : 0;
-            low_y = low_y > 0 ? low_y : 0;
-            high_x = high_x < width - 1 ? high_x : width - 1;
-            high_y = high_y < height - 1 ? high_y : height - 1;
-            const int within = (high_x >= low_x) & (high_y >= low_y);
-            // All are within the image, so that truncation rounds down; one more where it lost a part.
-            x0[lane] = within ? (int)low_x : 0;
-            y0[lane] = within ? (int)low_y : 0;
-            x1[lane] = within ? (int)high_x : -1;
-            y1[lane] = within ? (int)high_y : -1;
-            x0[lane] += (real)x0[lane] < low_x;
-            y0[lane] += (real)y0[lane] < low_y;
-            const int covers = (x1[lane] >= x0[lane]) & (y1[lane] >= y0[lane]) & within;
-            drawn[lane] = turned | ((turned | away) & covers) << 1;
-        }}
-        for (int lane = 0; lane < LANES && base + lane < end; ++lane) {{
-            front[base + lane] = drawn[lane] & 1;
-            if (drawn[lane] & 1)
-                touched[i[lane]] = touched[j[lane]] = touched[k[lane]] = 1;
-            if (drawn[lane] < 2)
-                continue;
-            const real inverse = 1 / area[lane];
-            const real bdx = cy[lane] * inverse, bdy = -cx[lane] * inverse;
-            const real cdx = -by[lane] * inverse, cdy = bx[lane] * inverse;
-            const real qdx = bdx * (bq[lane] - aq[lane]) + cdx * (cq[lane] - aq[lane]);
-            const real qdy = bdy * (bq[lane] - aq[lane]) + cdy * (cq[lane] - aq[lane]);
-            for (int y = y0[lane]; y <= y1[lane]; ++y) {{
-                const real off_y = y + real(0.5) - ay[lane];
-                const real b_row = bdy * off_y, c_row = cdy * off_y, q_row = aq[lane] + qdy * off_y;
-#ifdef __CUDA_ARCH__
-                for (int x = x0[lane]; x <= x1[lane]; ++x) {{
-                    const real off_x = x + real(0.5) - ax[lane];
-                    const real b = b_row + bdx * off_x, c = c_row + cdx * off_x;
-                    if (b >= slack && c >= slack && 1 - b - c >= slack) {{
-                        const wp::int64 far = farthest - (wp::int64)((q_row + qdx * off_x) * steps);
-                        wp::atomic_min(key + y * width + x, far << {FACE_BITS} | (base + lane));
-                    }}
-                }}
-#else
-                // Eight pixels at once, without a branch; those beyond the face's box keep what they hold.
-                for (int x = x0[lane]; x <= x1[lane]; x += 8) {{
-                    wp::int64* const here = key + y * width + x;
-                    for (int step = 0; step < 8; ++step) {{
-                        const real off_x = x + step + real(0.5) - ax[lane];
-                        const real b = b_row + bdx * off_x, c = c_row + cdx * off_x;
-                        const bool covered = (b >= slack) & (c >= slack) & (1 - b - c >= slack);
-                        const wp::int64 far = farthest - (wp::int64)((q_row + qdx * off_x) * steps);
-                        const wp::int64 drawn = far << {FACE_BITS} | (base + lane);
-                        const bool nearer = covered & (x + step <= x1[lane]) & (drawn < here[step]);
-                        here[step] = nearer ? drawn : here[step];
-                    }}
-                }}
-#endif
-            }}
-        }}
-    }}
-    """
-
-    @wp.func_native(snippet=snippet)
-    def draw_faces(
-        image: wp.int32,
-        first: wp.int32,
-        chunk: wp.int32,
-        screen: wp.array2d(dtype=vec3),
-        faces: wp.array2d(dtype=wp.int32),
-        width: wp.int32,
-        height: wp.int32,
-        cull: wp.int32,
-        keys: wp.array2d(dtype=wp.int64),
-        facing: wp.array2d(dtype=wp.uint8),
-        used: wp.array2d(dtype=wp.uint8),
-    ): ...
-
-    return draw_faces
 
 
 @dataclass(frozen=True)

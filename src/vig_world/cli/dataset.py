@@ -114,7 +114,8 @@ def show(settings: Show) -> int:
 
 def export(settings: Export) -> int:
     """`vig dataset export`."""
-    from vig.dataset import export_coco, export_webdataset
+    from vig_world.generation.coco import export_coco
+    from vig_world.generation.webdataset import export_webdataset
 
     if settings.to == "coco":
         export_coco(settings.dataset, settings.out, settings.split)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+
+from vig.likelihood import Photos
 from vig.renderer import Topology
 from vig.renderer.primitives import (
     Pyramid,
@@ -20,8 +22,6 @@ from vig.renderer.primitives import (
     visible_faces,
 )
 from vig.renderer.raster import rasterize
-
-from vig.likelihood import Photos
 from vig.scene import Camera, Latents, Mesh, ObjectClass
 
 TRIANGLE = np.array([[-0.1, -0.1, 0.4], [0.1, -0.1, 0.4], [0.0, 0.1, 0.4]], np.float32)
