@@ -8,8 +8,7 @@ import torch
 import warp as wp
 
 from vig.renderer.device import initialise, scalar_type
-from vig.renderer.primitives.arguments import check_floats, check_table
-from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
+from vig.renderer.kernel_calls import check_floats, check_table, kernel_module, launch, opaque
 
 
 @functools.cache
@@ -45,6 +44,55 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     def total(v: vec3):
         return v[0] + v[1] + v[2]
 
+    @wp.struct
+    class Ray:
+        """The ray through a pixel's centre (x, y), and the three corners of the face that it meets.
+
+        o: corners relative to the pixel times their depths z. w: the weights, 1 / total(edges.n) times
+        edges.n, and their derivatives along x and y.
+        """
+
+        x: real
+        y: real
+        oa: vec2
+        ob: vec2
+        oc: vec2
+        z: vec3
+        edges: Edges
+        inverse: real
+        w: vec3
+        wx: vec3
+        wy: vec3
+
+    @wp.func
+    def from_pixel(point: vec3, x: real, y: real):
+        return vec2(point[0] - x * point[2], point[1] - y * point[2])
+
+    @wp.func
+    def ray_at(
+        points: wp.array(dtype=vec3),
+        corners: wp.array2d(dtype=wp.int32),
+        pixels: wp.array2d(dtype=wp.int32),
+        row: int,
+    ):
+        r = Ray()
+        a = points[corners[row, 0]]
+        b = points[corners[row, 1]]
+        c = points[corners[row, 2]]
+        r.x = real(pixels[row, 0]) + real(0.5)
+        r.y = real(pixels[row, 1]) + real(0.5)
+        r.oa = from_pixel(a, r.x, r.y)
+        r.ob = from_pixel(b, r.x, r.y)
+        r.oc = from_pixel(c, r.x, r.y)
+        r.z = vec3(a[2], b[2], c[2])
+        e = edges_at(r.oa, r.ob, r.oc, r.z)
+        r.edges = e
+        r.inverse = real(1.0) / total(e.n)
+        r.w = e.n * r.inverse
+        r.wx = (e.nx - r.w * total(e.nx)) * r.inverse
+        r.wy = (e.ny - r.w * total(e.ny)) * r.inverse
+        return r
+
     @wp.kernel(module=module)
     def forward(
         points: wp.array(dtype=vec3),
@@ -53,19 +101,10 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         result: wp.array(dtype=vec9),
     ):
         row = wp.tid()
-        a = points[corners[row, 0]]
-        b = points[corners[row, 1]]
-        c = points[corners[row, 2]]
-        x = real(pixels[row, 0]) + real(0.5)
-        y = real(pixels[row, 1]) + real(0.5)
-        oa = vec2(a[0] - x * a[2], a[1] - y * a[2])
-        ob = vec2(b[0] - x * b[2], b[1] - y * b[2])
-        oc = vec2(c[0] - x * c[2], c[1] - y * c[2])
-        e = edges_at(oa, ob, oc, vec3(a[2], b[2], c[2]))
-        inverse = real(1.0) / total(e.n)
-        w = e.n * inverse
-        wx = (e.nx - w * total(e.nx)) * inverse
-        wy = (e.ny - w * total(e.ny)) * inverse
+        r = ray_at(points, corners, pixels, row)
+        w = r.w
+        wx = r.wx
+        wy = r.wy
         result[row] = vec9(w[0], w[1], w[2], wx[0], wx[1], wx[2], wy[0], wy[1], wy[2])
 
     @wp.kernel(module=module)
@@ -77,33 +116,28 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         result: wp.array(dtype=vec9),
     ):
         row = wp.tid()
-        a = points[corners[row, 0]]
-        b = points[corners[row, 1]]
-        c = points[corners[row, 2]]
+        r = ray_at(points, corners, pixels, row)
+        oa = r.oa
+        ob = r.ob
+        oc = r.oc
+        e = r.edges
         da = moved[corners[row, 0]]
         db = moved[corners[row, 1]]
         dc = moved[corners[row, 2]]
-        x = real(pixels[row, 0]) + real(0.5)
-        y = real(pixels[row, 1]) + real(0.5)
-        oa = vec2(a[0] - x * a[2], a[1] - y * a[2])
-        ob = vec2(b[0] - x * b[2], b[1] - y * b[2])
-        oc = vec2(c[0] - x * c[2], c[1] - y * c[2])
-        ta = vec2(da[0] - x * da[2], da[1] - y * da[2])
-        tb = vec2(db[0] - x * db[2], db[1] - y * db[2])
-        tc = vec2(dc[0] - x * dc[2], dc[1] - y * dc[2])
-        z = vec3(a[2], b[2], c[2])
+        ta = from_pixel(da, r.x, r.y)
+        tb = from_pixel(db, r.x, r.y)
+        tc = from_pixel(dc, r.x, r.y)
         dz = vec3(da[2], db[2], dc[2])
-        e = edges_at(oa, ob, oc, z)
         # Every edge function is bilinear in two corners: the product rule, three terms of it at once.
         dn = vec3(cross(tb, oc) + cross(ob, tc), cross(tc, oa) + cross(oc, ta), cross(ta, ob) + cross(oa, tb))
-        by_place = edges_at(ta, tb, tc, z)
+        by_place = edges_at(ta, tb, tc, r.z)
         by_depth = edges_at(oa, ob, oc, dz)
         dnx = by_place.nx + by_depth.nx
         dny = by_place.ny + by_depth.ny
-        inverse = real(1.0) / total(e.n)
-        w = e.n * inverse
-        wx = (e.nx - w * total(e.nx)) * inverse
-        wy = (e.ny - w * total(e.ny)) * inverse
+        inverse = r.inverse
+        w = r.w
+        wx = r.wx
+        wy = r.wy
         dw = (dn - w * total(dn)) * inverse
         dwx = (dnx - dw * total(e.nx) - w * total(dnx) - wx * total(dn)) * inverse
         dwy = (dny - dw * total(e.ny) - w * total(dny) - wy * total(dn)) * inverse
@@ -118,25 +152,21 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         result: wp.array(dtype=vec3),
     ):
         row = wp.tid()
-        a = points[corners[row, 0]]
-        b = points[corners[row, 1]]
-        c = points[corners[row, 2]]
-        x = real(pixels[row, 0]) + real(0.5)
-        y = real(pixels[row, 1]) + real(0.5)
-        oa = vec2(a[0] - x * a[2], a[1] - y * a[2])
-        ob = vec2(b[0] - x * b[2], b[1] - y * b[2])
-        oc = vec2(c[0] - x * c[2], c[1] - y * c[2])
-        z = vec3(a[2], b[2], c[2])
-        e = edges_at(oa, ob, oc, z)
-        inverse = real(1.0) / total(e.n)
-        w = e.n * inverse
-        wx = (e.nx - w * total(e.nx)) * inverse
-        wy = (e.ny - w * total(e.ny)) * inverse
+        r = ray_at(points, corners, pixels, row)
+        oa = r.oa
+        ob = r.ob
+        oc = r.oc
+        z = r.z
+        x = r.x
+        y = r.y
+        e = r.edges
+        inverse = r.inverse
+        w = r.w
         g = cotangents[row]
         gx = vec3(g[3], g[4], g[5])
         gy = vec3(g[6], g[7], g[8])
         gw = vec3(g[0], g[1], g[2]) - (gx * total(e.nx) + gy * total(e.ny)) * inverse
-        on_total = -(wp.dot(gw, w) + wp.dot(gx, wx) + wp.dot(gy, wy)) * inverse
+        on_total = -(wp.dot(gw, w) + wp.dot(gx, r.wx) + wp.dot(gy, r.wy)) * inverse
         n = gw * inverse + vec3(on_total, on_total, on_total)
         tx = wp.dot(gx, w)
         ty = wp.dot(gy, w)
@@ -164,54 +194,28 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         wp.atomic_add(result, corners[row, 1], vec3(on_b[0], on_b[1], on_z[1] - x * on_b[0] - y * on_b[1]))
         wp.atomic_add(result, corners[row, 2], vec3(on_c[0], on_c[1], on_z[2] - x * on_c[0] - y * on_c[1]))
 
-    return SimpleNamespace(forward=forward, tangent=tangent, backward=backward, vec3=vec3, vec9=vec9)
-
-
-def _inputs(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> list[Any]:
-    vec3 = _kernels(points.dtype).vec3
-    return [array_of(points, vec3), array_of(corners, wp.int32), array_of(pixels, wp.int32)]
+    return SimpleNamespace(forward=forward, tangent=tangent, backward=backward)
 
 
 def _forward(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
-    kernels = _kernels(points.dtype)
     result = points.new_empty(len(corners), 9)
-    wp.launch(
-        kernels.forward,
-        dim=len(corners),
-        inputs=_inputs(points, corners, pixels),
-        outputs=[array_of(result, kernels.vec9)],
-        device=device_of(points),
-    )
+    launch(_kernels(points.dtype).forward, len(corners), points, corners, pixels, result)
     return result
 
 
 def _tangent(
     points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor, moved: torch.Tensor
 ) -> torch.Tensor:
-    kernels = _kernels(points.dtype)
     result = points.new_empty(len(corners), 9)
-    wp.launch(
-        kernels.tangent,
-        dim=len(corners),
-        inputs=[*_inputs(points, corners, pixels), array_of(moved, kernels.vec3)],
-        outputs=[array_of(result, kernels.vec9)],
-        device=device_of(points),
-    )
+    launch(_kernels(points.dtype).tangent, len(corners), points, corners, pixels, moved, result)
     return result
 
 
 def _backward(
     points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor, cotangents: torch.Tensor
 ) -> torch.Tensor:
-    kernels = _kernels(points.dtype)
     result = torch.zeros_like(points)
-    wp.launch(
-        kernels.backward,
-        dim=len(corners),
-        inputs=[*_inputs(points, corners, pixels), array_of(cotangents, kernels.vec9)],
-        outputs=[array_of(result, kernels.vec3)],
-        device=device_of(points),
-    )
+    launch(_kernels(points.dtype).backward, len(corners), points, corners, pixels, cotangents, result)
     return result
 
 

@@ -14,15 +14,110 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.primitives.arguments import check_floats, check_size, check_table
-from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
-from vig.renderer.primitives.visibility import screen_functions
+from vig.renderer.device import initialise, scalar_type
+from vig.renderer.kernel_calls import check_floats, check_size, check_table, kernel_module, launch, opaque
 from vig.renderer.raster import NEAR
 
 
 @functools.cache
+def _screen_functions(dtype: torch.dtype) -> SimpleNamespace:
+    """Types and device functions on homogeneous screen points."""
+    initialise()
+    real = scalar_type(dtype)
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    near = real(NEAR)
+
+    @wp.func
+    def from_pixel(point: vec3, x: real, y: real):
+        """The point's place relative to a pixel, still times its depth."""
+        return vec2(point[0] - x * point[2], point[1] - y * point[2])
+
+    @wp.func
+    def cross(a: vec2, b: vec2):
+        return a[0] * b[1] - a[1] * b[0]
+
+    @wp.func
+    def weights_at(a: vec3, b: vec3, c: vec3, x: real, y: real):
+        """Barycentric weights, up to one common factor, of the ray through (x, y)."""
+        oa = from_pixel(a, x, y)
+        ob = from_pixel(b, x, y)
+        oc = from_pixel(c, x, y)
+        return vec3(cross(ob, oc), -cross(oa, oc), cross(oa, ob))
+
+    @wp.func
+    def depth_inside(weights: vec3, a: vec3, b: vec3, c: vec3):
+        """Depth where the ray of these weights meets the triangle; -1 where it passes beside it."""
+        inside = (weights[0] >= real(0.0) and weights[1] >= real(0.0) and weights[2] >= real(0.0)) or (
+            weights[0] <= real(0.0) and weights[1] <= real(0.0) and weights[2] <= real(0.0)
+        )
+        total = weights[0] + weights[1] + weights[2]
+        if not inside or total == real(0.0):
+            return real(-1.0)
+        return (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) / total
+
+    @wp.func
+    def clipped(a: vec3, b: vec3):
+        """Where the segment from a (before the near plane) to b (beyond it) crosses that plane, in pixels."""
+        share = (near - a[2]) / (b[2] - a[2])
+        return vec2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])) / near
+
+    @wp.func
+    def seen_of_edge(a: vec3, b: vec3, low: vec2, high: vec2):
+        """Widen a box by the part of a side that lies beyond the near plane."""
+        p = vec2(real(0.0), real(0.0))
+        q = vec2(real(0.0), real(0.0))
+        if a[2] < near and b[2] < near:
+            return low, high
+        if a[2] < near:
+            p = clipped(a, b)
+        else:
+            p = vec2(a[0], a[1]) / a[2]
+        if b[2] < near:
+            q = clipped(b, a)
+        else:
+            q = vec2(b[0], b[1]) / b[2]
+        return wp.min(low, wp.min(p, q)), wp.max(high, wp.max(p, q))
+
+    @wp.func
+    def box_of(a: vec3, b: vec3, c: vec3):
+        """Bounding box in pixels of what lies beyond the near plane; empty where nothing does."""
+        if wp.min(a[2], wp.min(b[2], c[2])) >= near:
+            pa = vec2(a[0], a[1]) / a[2]
+            pb = vec2(b[0], b[1]) / b[2]
+            pc = vec2(c[0], c[1]) / c[2]
+            return wp.min(pa, wp.min(pb, pc)), wp.max(pa, wp.max(pb, pc))
+        low = vec2(real(1.0e9), real(1.0e9))
+        high = vec2(real(-1.0e9), real(-1.0e9))
+        low, high = seen_of_edge(a, b, low, high)
+        low, high = seen_of_edge(b, c, low, high)
+        low, high = seen_of_edge(c, a, low, high)
+        return low, high
+
+    @wp.func
+    def first_line(low: real):
+        """The first row or column from `low` on, clamped before it becomes a whole number."""
+        return int(wp.ceil(wp.max(low, real(0.0))))
+
+    @wp.func
+    def last_line(high: real, count: int):
+        """The last row or column up to `high`, clamped before it becomes a whole number."""
+        return int(wp.floor(wp.min(high, real(count - 1))))
+
+    return SimpleNamespace(
+        real=real,
+        vec2=vec2,
+        vec3=vec3,
+        weights_at=weights_at,
+        depth_inside=depth_inside,
+        box_of=box_of,
+        first_line=first_line,
+        last_line=last_line,
+    )
+
+
+@functools.cache
 def _kernels(dtype: torch.dtype) -> SimpleNamespace:
-    f = screen_functions(dtype)
+    f = _screen_functions(dtype)
     real, vec2, vec3 = f.real, f.vec2, f.vec3
     weights_at, depth_inside, box_of = f.weights_at, f.depth_inside, f.box_of
     first_line, last_line = f.first_line, f.last_line
@@ -42,7 +137,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         return bx * cy - by * cx
 
     @wp.kernel(module=module)
-    def find_rims(
+    def find_silhouette(
         points: wp.array(dtype=vec3),
         edges: wp.array2d(dtype=wp.int32),
         rims: wp.array(dtype=wp.uint8),
@@ -164,7 +259,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                                 hidden[at] = wp.uint8(1)
                         at = links[at]
 
-    return SimpleNamespace(find_rims=find_rims, cross_lines=cross_lines, hide=hide, vec3=vec3)
+    return SimpleNamespace(find_silhouette=find_silhouette, cross_lines=cross_lines, hide=hide)
 
 
 @dataclass(frozen=True)
@@ -237,59 +332,27 @@ def _search(
     check_indices("opposite vertices of edges", edges[:, 3], len(points), -1)
     check_indices("first faces of edges", edges[:, 4], len(faces))
     check_indices("second faces of edges", edges[:, 5], len(faces), -1)
-    kernels, device = _kernels(points.dtype), device_of(points)
+    kernels = _kernels(points.dtype)
     images, height, width = size
-    seen = [array_of(points, kernels.vec3), array_of(edges, wp.int32)]
     flags = torch.empty(len(edges), dtype=torch.uint8, device=points.device)
-    wp.launch(kernels.find_rims, dim=len(edges), inputs=[*seen, array_of(flags, wp.uint8)], device=device)
-    rims = flags.nonzero().squeeze(1)
-    rims_wp, layer_wp = array_of(rims, wp.int64), array_of(layer, wp.int32)
-    counts = torch.zeros(len(rims), dtype=torch.int32, device=points.device)
+    launch(kernels.find_silhouette, len(edges), points, edges, flags)
+    chosen = flags.nonzero().squeeze(1)
+    counts = torch.zeros(len(chosen), dtype=torch.int32, device=points.device)
     heads = torch.full((images, 2, height, width), -1, dtype=torch.int32, device=points.device)
-    heads_wp = array_of(heads, wp.int32)
 
-    def cross(
-        fill: int, ends: torch.Tensor, cells: torch.Tensor, links: torch.Tensor, spots: torch.Tensor
-    ) -> None:
-        wp.launch(
-            kernels.cross_lines,
-            dim=len(rims),
-            inputs=[*seen, layer_wp, rims_wp, fill, array_of(counts, wp.int32), array_of(ends, wp.int32)],
-            outputs=[
-                heads_wp,
-                array_of(links, wp.int32),
-                array_of(cells, wp.int32),
-                array_of(spots, kernels.vec3),
-            ],
-            device=device,
-        )
-
-    def room(total: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def cross(fill: int, ends: torch.Tensor, total: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         cells = torch.empty((total, 5), dtype=torch.int32, device=points.device)
-        return cells, torch.empty(total, dtype=torch.int32, device=points.device), points.new_empty(total, 3)
+        links, spots = cells.new_empty(total), points.new_empty(total, 3)
+        given = points, edges, layer, chosen, fill, counts, ends, heads, links, cells, spots
+        launch(kernels.cross_lines, len(chosen), *given)
+        return cells, links, spots
 
-    cross(0, counts, *room(0))
+    cross(0, counts, 0)
     ends = counts.cumsum(0).int()
-    cells, links, spots = room(int(ends[-1]) if len(ends) else 0)
+    cells, links, spots = cross(1, ends, int(ends[-1]) if len(ends) else 0)
     hidden = torch.zeros(len(cells), dtype=torch.uint8, device=points.device)
-    if len(cells) == 0:
-        return rims, cells, hidden
-    cross(1, ends, cells, links, spots)
-    wp.launch(
-        kernels.hide,
-        dim=len(faces),
-        inputs=[
-            seen[0],
-            array_of(faces, wp.int32),
-            layer_wp,
-            seen[1],
-            rims_wp,
-            heads_wp,
-            array_of(links, wp.int32),
-            array_of(cells, wp.int32),
-            array_of(spots, kernels.vec3),
-        ],
-        outputs=[array_of(hidden, wp.uint8)],
-        device=device,
-    )
-    return rims, cells, hidden
+    if len(cells):
+        launch(
+            kernels.hide, len(faces), points, faces, layer, edges, chosen, heads, links, cells, spots, hidden
+        )
+    return chosen, cells, hidden

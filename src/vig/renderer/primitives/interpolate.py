@@ -8,8 +8,7 @@ import torch
 import warp as wp
 
 from vig.renderer.device import initialise, scalar_type
-from vig.renderer.primitives.arguments import check_floats, check_table
-from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
+from vig.renderer.kernel_calls import check_floats, check_table, kernel_module, launch, opaque
 
 
 @functools.cache
@@ -57,40 +56,22 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                 wp.atomic_add(on_attributes, vertex, channel, weight * cotangent)
             on_weights[row, corner] = total
 
-    return SimpleNamespace(forward=forward, backward=backward, real=real)
-
-
-def _inputs(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> list[Any]:
-    real = scalar_type(attributes.dtype)
-    return [array_of(attributes, real), array_of(corners, wp.int32), array_of(weights, real)]
+    return SimpleNamespace(forward=forward, backward=backward)
 
 
 def _forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
-    kernels = _kernels(attributes.dtype)
     result = attributes.new_empty(len(corners), attributes.shape[1])
-    wp.launch(
-        kernels.forward,
-        dim=len(corners),
-        inputs=_inputs(attributes, corners, weights),
-        outputs=[array_of(result, kernels.real)],
-        device=device_of(attributes),
-    )
+    launch(_kernels(attributes.dtype).forward, len(corners), attributes, corners, weights, result)
     return result
 
 
 def _backward(
     attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor, cotangents: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    kernels = _kernels(attributes.dtype)
-    on_attributes, on_weights = torch.zeros_like(attributes), torch.empty_like(weights)
-    wp.launch(
-        kernels.backward,
-        dim=len(corners),
-        inputs=[*_inputs(attributes, corners, weights), array_of(cotangents, kernels.real)],
-        outputs=[array_of(on_attributes, kernels.real), array_of(on_weights, kernels.real)],
-        device=device_of(attributes),
-    )
-    return on_attributes, on_weights
+    results = torch.zeros_like(attributes), torch.empty_like(weights)
+    kernel = _kernels(attributes.dtype).backward
+    launch(kernel, len(corners), attributes, corners, weights, cotangents, *results)
+    return results
 
 
 class _Interpolate(torch.autograd.Function):

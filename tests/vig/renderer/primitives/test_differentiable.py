@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from tests.vig.renderer.primitives import reference
 from vig.renderer.primitives import (
     barycentrics,
     interpolate,
     pyramid,
-    reference,
     sample_texture,
     stack_pyramids,
 )

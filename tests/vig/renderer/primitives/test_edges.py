@@ -7,8 +7,9 @@ import pytest
 import torch
 import trimesh
 
+from tests.vig.renderer.primitives import reference
 from vig.renderer import Topology
-from vig.renderer.primitives import Crossings, antialias, find_crossings, reference, visible_faces
+from vig.renderer.primitives import Crossings, antialias, find_crossings, visible_faces
 
 SIZE = (1, 24, 32)
 
