@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from vig.cli.explaining import parse_box
 
 from tests.fuzz.mutations import damaged, outcomes
+from vig.cli.fit import parse_box
 from vig.errors import UserError
-from vig.photo.images import read_panorama, read_photo
+from vig.photo.images import read_photo
 from vig.photo.window import Window
+from vig_world.assets.hdr import read_panorama
 
 FORMATS = {
     "PNG": {},
