@@ -6,7 +6,8 @@ import torch
 
 from benchmarks.case import GUESSES, make_case, subdivided
 from benchmarks.ours import Ours
-from vig.scene import ObjectClass, face_normals
+from vig.scene import ObjectClass
+from vig_world.mesh import face_normals
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,14 +15,13 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from PIL import Image, UnidentifiedImageError
 
-from vig.checks import decode, inside, read_bytes, read_json, reading
+from vig.checks import inside, read_bytes, reading
 from vig.dataset.format import (
     COLUMNS,
     DEPTH_SCALE,
     MOST_PICTURE,
     PICTURE_MODES,
     REMEDY,
-    SCENE,
     TABLE,
     complete_split,
     image_paths,
@@ -34,9 +32,8 @@ from vig.scene import IMAGE_SIZE, layout_of_width
 
 MOST_TABLE = 1 << 30
 """Bytes of the table's file."""
-MOST_IN_LIST, MOST_TEXT, MOST_SPEC, MOST_LABELS = 256, 16_384, 65_536, 4096
-"""Of each sample: entries of a list in the table, bytes of each text column, bytes of its
-spec, and of each of its labels."""
+MOST_IN_LIST, MOST_TEXT, MOST_SPEC = 256, 16_384, 65_536
+"""Of each sample: entries of a list in the table, bytes of each text column, bytes of its spec."""
 
 _TYPES = {
     **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),
@@ -211,28 +208,6 @@ def read_specs(folder: Path, count: int) -> list[str]:
     if len(lines) != count:
         raise ValueError(f"it has {len(lines)} lines for {count} samples")
     return lines
-
-
-def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
-    """BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are damaged."""
-    tables = {}
-    for key in ("camera", "gt", "gt_info"):
-        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)
-        kind = dict[str, dict[str, Any]] if key == "camera" else dict[str, tuple[dict[str, Any], ...]]
-        decode(kind, table)
-        if len(table) != count:
-            raise ValueError(f"scene_{key}.json has {len(table)} entries for {count} samples")
-        tables[key] = table
-    return [{key: table[str(index)] for key, table in tables.items()} for index in range(count)]
-
-
-def describe_split(path: str | Path, split: str) -> dict[str, Any]:
-    """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
-    settings = read_info(Path(path))["splits"][split]
-    occlusion = read_table(Path(path), split, texts=False)["occlusion"]
-    counts, _ = np.histogram(occlusion.to_numpy(), 10, (0, 1))
-    told = {name: settings[name] for name in ("rejections", "rejections_per_sample")}
-    return {"occlusion_deciles": counts.tolist(), **told}
 
 
 def decode_picture(data: bytes, kind: str) -> np.ndarray:

@@ -22,7 +22,8 @@ from vig.renderer.primitives import (
     visible_faces,
 )
 from vig.renderer.raster import rasterize
-from vig.scene import Camera, Latents, Mesh, ObjectClass
+from vig.scene import Camera, Latents, ObjectClass
+from vig_world.mesh import Mesh
 
 TRIANGLE = np.array([[-0.1, -0.1, 0.4], [0.1, -0.1, 0.4], [0.0, 0.1, 0.4]], np.float32)
 FACE = np.array([[0, 1, 2]], np.int32)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, face_normals
+from vig.scene import EXPOSURE_L00, ObjectClass
+from vig_world.mesh import face_normals
 
 
 def test_a_saved_pack_is_read_back(teapot: ObjectClass, tmp_path: Path) -> None:

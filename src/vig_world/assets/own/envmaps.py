@@ -22,7 +22,7 @@ _FIND = (
 
 @dataclass(frozen=True)
 class OwnPanorama:
-    """An equirectangular panorama from a file, as `vig.scene.project_panorama` reads it.
+    """An equirectangular panorama from a file, as `project_panorama` reads it.
 
     name: of the file, relative to its folder. fingerprint: sha256 of the file. radiance:
     (64, 128, 3) float32 linear, for the light's coefficients; `sharp` is for path tracers.

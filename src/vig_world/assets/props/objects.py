@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.material import Prop, ceramic, material, metal, prop
 from vig_world.assets.props.shapes import box, moved, revolve, smooth, tube, vessel
+from vig_world.mesh import Mesh
 
 
 def ball(rng: np.random.Generator) -> Prop:

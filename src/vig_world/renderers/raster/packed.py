@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from vig.scene import Mesh, vertex_normals
 from vig_world.assets.props.material import Material
+from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.raster.gloom import gloom_of
 from vig_world.renderers.raster.points import strewn
 from vig_world.renderers.raster.pyramid import Pyramid
