@@ -103,7 +103,7 @@ def test_an_explanation_shows_itself_in_a_line_and_in_a_notebook(explanation: vi
 
 
 def glb_positions(path: Path) -> np.ndarray:
-    """Vertices (V, 3) of a GLB's only mesh, by the specification of the format: a chunk of JSON, then data."""
+    """Vertices (V, 3) of a GLB's only mesh; the format is a chunk of JSON, then one of data."""
     data = path.read_bytes()
     length = struct.unpack_from("<I", data, 12)[0]
     tree, start = json.loads(data[20 : 20 + length]), 28 + length

@@ -110,17 +110,21 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     """
     array = np.asarray(array)
     if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)) or array.size == 0:
-        raise ValueError(f"a picture must be (H, W), (H, W, 3) or (H, W, 4); got {array.shape}")
+        raise ValueError(
+            f"a picture must be (H, W), (H, W, 3) or (H, W, 4); got {array.shape}. Pass one picture."
+        )
     if array.dtype == bool:
         array = array.astype(np.uint8) * np.uint8(255)
     elif np.issubdtype(array.dtype, np.floating):
         if array.shape[2:] == (4,):
-            raise ValueError("a picture in linear light has 1 or 3 channels; got 4. Is the last one alpha?")
+            raise ValueError(
+                "a picture in linear light must have 1 or 3 channels; got 4. Is the last one alpha?"
+            )
         if not np.isfinite(array).all():
-            raise ValueError("a picture in linear light must be finite; got NaN or infinity")
+            raise ValueError("a picture in linear light must be finite; got NaN or infinity. Clean it.")
         array = srgb8_from_linear(array)
     elif array.dtype != np.uint8:
-        raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}")
+        raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}. Convert it.")
     with atomic_write(path) as temporary:
         Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG")
 

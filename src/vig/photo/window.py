@@ -48,7 +48,7 @@ class Window:
         ):
             raise UserError(
                 f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side within the photo of"
-                f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}"
+                f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}. Cut it at the photo's edges or widen it."
             )
         side = WINDOW_OVER_BOX * max(w, h)
         return Window(x + w / 2 - side / 2, y + h / 2 - (0.5 + BOX_BELOW_CENTRE) * side, side)

@@ -176,23 +176,27 @@ def rasterize(
 ) -> Fragments:
     """Rasterise one mesh on the CPU in float32.
 
-    vertices (V, 3) world, metres; faces (F, 3); rotation (3, 3) and translation (3,) are camera_from_world;
-    cull drops faces turned away (clockwise). Faces nearer than 1 cm to the eye's plane are not drawn.
-    Raises ValueError for other shapes and types, and for faces that name vertices which are not there.
+    Args:
+        vertices: (V, 3) world, metres. Faces nearer than `NEAR` to the eye's plane are not drawn.
+        faces: (F, 3) whole numbers.
+        rotation: (3, 3) camera_from_world.
+        translation: (3,) camera_from_world, metres.
+        camera: Its intrinsics.
+        cull: Leave out faces turned away (clockwise).
+
+    Raises:
+        ValueError: Other shapes and types, or faces that name vertices which are not there.
     """
-    vertices, faces = np.asarray(vertices), np.asarray(faces)
-    rotation, translation = np.asarray(rotation), np.asarray(translation)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu":
-        raise ValueError(f"vertices must be (V, 3) numbers; got {vertices.shape} {vertices.dtype}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise ValueError(f"faces must be (F, 3) whole numbers; got {faces.shape} {faces.dtype}")
+    vertices, faces = _checked("vertices", vertices, "V, 3"), _checked("faces", faces, "F, 3", "iu")
+    rotation, translation = _checked("rotation", rotation, "3, 3"), _checked("translation", translation, "3")
     if len(faces) > FACE_MASK:
-        raise ValueError(f"faces must be at most {FACE_MASK}; got {len(faces)}")
-    if rotation.shape != (3, 3) or translation.shape != (3,):
-        raise ValueError(
-            f"rotation must be (3, 3) and translation (3,); got {rotation.shape} and {translation.shape}"
-        )
-    check_indices("faces", faces, len(vertices))
+        raise ValueError(f"faces must be at most {FACE_MASK}; got {len(faces)}. Pass fewer.")
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera must be a Camera; got a {type(camera).__name__}. Pass a vig.Camera.")
+    try:
+        check_indices("faces", faces, len(vertices))
+    except ValueError as error:
+        raise ValueError(f"{error}. Pass the faces of these vertices.") from None
     kernels = raster_kernels(torch.float32)
     points = (vertices @ rotation.T + translation).astype(np.float32)
     points_wp = wp.from_numpy(np.ascontiguousarray(points)[None], dtype=kernels.vec3, device="cpu")
@@ -228,3 +232,18 @@ def rasterize(
     )
     shape = camera.height, camera.width
     return Fragments(face.view(shape).numpy(), barycentric.view(*shape, 3).numpy(), depth.view(shape).numpy())
+
+
+def _checked(name: str, given: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
+    """An array of a shape such as "V, 3", in which a letter stands for any number. ValueError otherwise."""
+    array = np.asarray(given)
+    sizes = shape.split(", ")
+    fits = array.ndim == len(sizes) and all(
+        size.isalpha() or int(size) == held for size, held in zip(sizes, array.shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in kinds:
+        numbers = "numbers" if "f" in kinds else "whole numbers"
+        raise ValueError(
+            f"{name} must be ({shape}) {numbers}; got {array.shape} {array.dtype}. Pass an array."
+        )
+    return array

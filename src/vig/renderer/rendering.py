@@ -42,9 +42,9 @@ def render(
     numbers that cannot be drawn.
     """
     if shading not in ("vertex", "pixel"):
-        raise ValueError(f"shading must be 'vertex' or 'pixel'; got {shading!r}")
-    if samples < 1:
-        raise ValueError(f"samples must be at least 1; got {samples}")
+        raise ValueError(f"shading must be 'vertex' or 'pixel'; got {shading!r}. Choose one.")
+    if not isinstance(samples, int) or samples < 1:
+        raise ValueError(f"samples must be a whole number of 1 or more; got {samples}. Take 1 for fits.")
     packed = pack([scenes] if isinstance(scenes, Scene) else scenes)
     points, size = _gridded(packed, samples)
     layer = packed.image[packed.face_object].int()

@@ -133,6 +133,11 @@ class ObjectClass:
     @staticmethod
     def load(name_or_folder: str | Path) -> ObjectClass:
         """Read a packaged class by name, or a class pack from a folder. UserError when it is not one."""
+        if not isinstance(name_or_folder, str | Path):
+            came = type(name_or_folder).__name__
+            raise UserError(
+                f"expected a class's name or folder; got a {came}. Pass its name, such as 'teapot'."
+            )
         folder = Path(name_or_folder)
         if not (folder / "class.json").is_file() and folder.name == str(name_or_folder):
             folder = PACKAGED / folder
@@ -140,8 +145,7 @@ class ObjectClass:
             known = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))
             raise UserError(
                 f"expected a class, one of {', '.join(known) or 'none packaged'},"
-                " or a folder with class.json;"
-                f" got '{name_or_folder}'"
+                f" or a folder with class.json; got '{name_or_folder}'. Check the name."
             )
         with reading(folder / "class.json", "the description of a class", _DAMAGED):
             told: _Description = decode(_Description, read_json(folder / "class.json"))
