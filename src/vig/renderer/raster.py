@@ -11,7 +11,8 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.device import initialise, native_code, scalar_type, warp_array
+from vig.renderer.device import initialise, native_code, scalar_type
+from vig.renderer.kernel_calls import launch
 from vig.scene import Camera
 
 NEAR = 0.01
@@ -147,9 +148,7 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
         barycentric[image, pixel] = weights / q
         depths[image, pixel] = real(1.0) / q
 
-    return SimpleNamespace(
-        to_screen=to_screen, rasterize_faces=rasterize_faces, resolve=resolve, vec3=vec3, real=real
-    )
+    return SimpleNamespace(to_screen=to_screen, rasterize_faces=rasterize_faces, resolve=resolve)
 
 
 @dataclass(frozen=True)
@@ -198,38 +197,19 @@ def rasterize(
     except ValueError as error:
         raise ValueError(f"{error}. Pass the faces of these vertices.") from None
     kernels = raster_kernels(torch.float32)
-    points = (vertices @ rotation.T + translation).astype(np.float32)
-    points_wp = wp.from_numpy(np.ascontiguousarray(points)[None], dtype=kernels.vec3, device="cpu")
-    faces_wp = wp.from_numpy(np.ascontiguousarray(faces, np.int32), dtype=wp.int32, device="cpu")
-    intrinsics = wp.from_numpy(
-        np.array([[camera.focal, camera.cx, camera.cy]], np.float32), dtype=kernels.vec3, device="cpu"
-    )
-    count, size = len(points), camera.height * camera.width
-    screen = wp.empty((1, count), dtype=kernels.vec3, device="cpu")
-    keys_wp = warp_array(torch.full((1, size + KEYS_MARGIN), NOTHING, dtype=torch.int64), wp.int64)
-    flags = [torch.empty((1, number), dtype=torch.uint8) for number in (len(faces), count)]
-    face = torch.empty((1, size), dtype=torch.int32)
+    points = torch.from_numpy((vertices @ rotation.T + translation).astype(np.float32))[None]
+    corners = torch.from_numpy(np.ascontiguousarray(faces, np.int32))
+    intrinsics = torch.tensor([[camera.focal, camera.cx, camera.cy]], dtype=torch.float32)
+    width, size = camera.width, camera.height * camera.width
+    screen = torch.empty_like(points)
+    keys = torch.full((1, size + KEYS_MARGIN), NOTHING)
+    flags = [torch.empty((1, number), dtype=torch.uint8) for number in (len(faces), len(vertices))]
+    face, depth = torch.empty((1, size), dtype=torch.int32), torch.empty((1, size))
     barycentric = torch.empty((1, size, 3))
-    depth = torch.empty((1, size))
-    wp.launch(kernels.to_screen, (1, count), [points_wp, intrinsics], [screen], device="cpu")
-    wp.launch(
-        kernels.rasterize_faces,
-        dim=(1, 1),
-        inputs=[screen, faces_wp, len(faces), camera.width, camera.height, int(cull), keys_wp],
-        outputs=[warp_array(flag, wp.uint8) for flag in flags],
-        device="cpu",
-    )
-    wp.launch(
-        kernels.resolve,
-        dim=(1, size),
-        inputs=[screen, faces_wp, keys_wp, camera.width],
-        outputs=[
-            warp_array(face, wp.int32),
-            warp_array(barycentric, kernels.vec3),
-            warp_array(depth, kernels.real),
-        ],
-        device="cpu",
-    )
+    launch(kernels.to_screen, (1, len(vertices)), points, intrinsics, screen)
+    drawn = screen, corners, len(faces), width, camera.height, int(cull), keys, *flags
+    launch(kernels.rasterize_faces, (1, 1), *drawn)
+    launch(kernels.resolve, (1, size), screen, corners, keys, width, face, barycentric, depth)
     shape = camera.height, camera.width
     return Fragments(face.view(shape).numpy(), barycentric.view(*shape, 3).numpy(), depth.view(shape).numpy())
 

@@ -1,9 +1,10 @@
 """Where visible occlusion edges pass between the centres of neighbouring pixels.
 
-An edge of a mesh is a *rim* where its two faces lie on the same side of it on the screen, or where there is
-one face only. Where a rim crosses the line between two neighbouring pixel centres, the faces around are
-searched for one that hides the crossing; those that none hides are kept. This is exact for the polygons:
-no tolerance in metres, no normals, no winding. Surfaces that pierce each other have no rim where they do.
+An edge of a mesh is a *silhouette edge* where its two faces lie on the same side of it on the screen, or
+where there is one face only. Where it crosses the line between two neighbouring pixel centres, the faces
+around are searched for one that hides the crossing; those that none hides are kept. This is exact for the
+polygons: no tolerance in metres, no normals, no winding. Surfaces that pierce each other have none where they
+do.
 """
 
 import functools
@@ -16,16 +17,19 @@ import warp as wp
 from vig.checks import check_indices
 from vig.renderer.device import initialise, scalar_type
 from vig.renderer.kernel_calls import check_floats, check_size, check_table, kernel_module, launch, opaque
+from vig.renderer.primitives.visibility import beyond_near
 from vig.renderer.raster import NEAR
 
 
 @functools.cache
-def _screen_functions(dtype: torch.dtype) -> SimpleNamespace:
-    """Types and device functions on homogeneous screen points."""
+def _kernels(dtype: torch.dtype) -> SimpleNamespace:
+    """Kernels and their functions on homogeneous screen points."""
     initialise()
     real = scalar_type(dtype)
     vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
-    near = real(NEAR)
+    module = kernel_module("crossings", dtype)
+    near, half = real(NEAR), real(0.5)
+    nearer = real(1.0 - (1e-5 if dtype == torch.float32 else 1e-9))
 
     @wp.func
     def from_pixel(point: vec3, x: real, y: real):
@@ -56,42 +60,12 @@ def _screen_functions(dtype: torch.dtype) -> SimpleNamespace:
         return (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) / total
 
     @wp.func
-    def clipped(a: vec3, b: vec3):
-        """Where the segment from a (before the near plane) to b (beyond it) crosses that plane, in pixels."""
-        share = (near - a[2]) / (b[2] - a[2])
-        return vec2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])) / near
-
-    @wp.func
-    def seen_of_edge(a: vec3, b: vec3, low: vec2, high: vec2):
-        """Widen a box by the part of a side that lies beyond the near plane."""
-        p = vec2(real(0.0), real(0.0))
-        q = vec2(real(0.0), real(0.0))
-        if a[2] < near and b[2] < near:
-            return low, high
-        if a[2] < near:
-            p = clipped(a, b)
-        else:
-            p = vec2(a[0], a[1]) / a[2]
-        if b[2] < near:
-            q = clipped(b, a)
-        else:
-            q = vec2(b[0], b[1]) / b[2]
-        return wp.min(low, wp.min(p, q)), wp.max(high, wp.max(p, q))
-
-    @wp.func
     def box_of(a: vec3, b: vec3, c: vec3):
-        """Bounding box in pixels of what lies beyond the near plane; empty where nothing does."""
-        if wp.min(a[2], wp.min(b[2], c[2])) >= near:
-            pa = vec2(a[0], a[1]) / a[2]
-            pb = vec2(b[0], b[1]) / b[2]
-            pc = vec2(c[0], c[1]) / c[2]
-            return wp.min(pa, wp.min(pb, pc)), wp.max(pa, wp.max(pb, pc))
-        low = vec2(real(1.0e9), real(1.0e9))
-        high = vec2(real(-1.0e9), real(-1.0e9))
-        low, high = seen_of_edge(a, b, low, high)
-        low, high = seen_of_edge(b, c, low, high)
-        low, high = seen_of_edge(c, a, low, high)
-        return low, high
+        """Bounding box in pixels of a triangle beyond the near plane."""
+        pa = vec2(a[0], a[1]) / a[2]
+        pb = vec2(b[0], b[1]) / b[2]
+        pc = vec2(c[0], c[1]) / c[2]
+        return wp.min(pa, wp.min(pb, pc)), wp.max(pa, wp.max(pb, pc))
 
     @wp.func
     def first_line(low: real):
@@ -102,28 +76,6 @@ def _screen_functions(dtype: torch.dtype) -> SimpleNamespace:
     def last_line(high: real, count: int):
         """The last row or column up to `high`, clamped before it becomes a whole number."""
         return int(wp.floor(wp.min(high, real(count - 1))))
-
-    return SimpleNamespace(
-        real=real,
-        vec2=vec2,
-        vec3=vec3,
-        weights_at=weights_at,
-        depth_inside=depth_inside,
-        box_of=box_of,
-        first_line=first_line,
-        last_line=last_line,
-    )
-
-
-@functools.cache
-def _kernels(dtype: torch.dtype) -> SimpleNamespace:
-    f = _screen_functions(dtype)
-    real, vec2, vec3 = f.real, f.vec2, f.vec3
-    weights_at, depth_inside, box_of = f.weights_at, f.depth_inside, f.box_of
-    first_line, last_line = f.first_line, f.last_line
-    module = kernel_module("crossings", dtype)
-    near, half = real(NEAR), real(0.5)
-    nearer = real(1.0 - (1e-5 if dtype == torch.float32 else 1e-9))
 
     @wp.func
     def side(a: vec3, b: vec3, c: vec3):
@@ -140,28 +92,28 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     def find_silhouette(
         points: wp.array(dtype=vec3),
         edges: wp.array2d(dtype=wp.int32),
-        rims: wp.array(dtype=wp.uint8),
+        chosen: wp.array(dtype=wp.uint8),
     ):
         edge = wp.tid()
-        rims[edge] = wp.uint8(0)
+        chosen[edge] = wp.uint8(0)
         a = points[edges[edge, 0]]
         b = points[edges[edge, 1]]
         if a[2] < near or b[2] < near:
             return
         if edges[edge, 3] < 0:
-            rims[edge] = wp.uint8(1)
+            chosen[edge] = wp.uint8(1)
             return
         here = side(a, b, points[edges[edge, 2]])
         there = side(a, b, points[edges[edge, 3]])
         if (here > real(0.0) and there > real(0.0)) or (here < real(0.0) and there < real(0.0)):
-            rims[edge] = wp.uint8(1)
+            chosen[edge] = wp.uint8(1)
 
     @wp.kernel(module=module)
     def cross_lines(
         points: wp.array(dtype=vec3),
         edges: wp.array2d(dtype=wp.int32),
         layer: wp.array(dtype=wp.int32),
-        rims: wp.array(dtype=wp.int64),
+        chosen: wp.array(dtype=wp.int64),
         fill: wp.int32,
         counts: wp.array(dtype=wp.int32),
         ends: wp.array(dtype=wp.int32),
@@ -170,9 +122,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         cells: wp.array2d(dtype=wp.int32),
         spots: wp.array(dtype=vec3),
     ):
-        """First time: count each rim's crossings. Second time: write them, and link those of one cell."""
+        """First time: count each edge's crossings. Second time: write them, and link those of one cell."""
         index = wp.tid()
-        edge = int(rims[index])
+        edge = int(chosen[index])
         a = points[edges[edge, 0]]
         b = points[edges[edge, 1]]
         image = layer[edges[edge, 4]]
@@ -222,23 +174,31 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     @wp.kernel(module=module)
     def hide(
         points: wp.array(dtype=vec3),
+        parts: wp.array2d(dtype=wp.int32),
+        origin: wp.array(dtype=wp.int64),
         faces: wp.array2d(dtype=wp.int32),
         layer: wp.array(dtype=wp.int32),
         edges: wp.array2d(dtype=wp.int32),
-        rims: wp.array(dtype=wp.int64),
+        chosen: wp.array(dtype=wp.int64),
         heads: wp.array4d(dtype=wp.int32),
         links: wp.array(dtype=wp.int32),
         cells: wp.array2d(dtype=wp.int32),
         spots: wp.array(dtype=vec3),
         hidden: wp.array(dtype=wp.uint8),
     ):
-        """Mark the crossings that a face lies before. A cell holds the crossings after its pixel's centre."""
-        face = wp.tid()
+        """Mark the crossings that a face hides, looked for in the box of its part beyond the near plane.
+
+        A cell holds the crossings after its pixel's centre.
+        """
+        part = wp.tid()
+        face = int(origin[part])
         a = points[faces[face, 0]]
         b = points[faces[face, 1]]
         c = points[faces[face, 2]]
         image = layer[face]
-        low, high = box_of(a, b, c)
+        low, high = box_of(points[parts[part, 0]], points[parts[part, 1]], points[parts[part, 2]])
+        if not (low[0] <= high[0] and low[1] <= high[1]):
+            return
         for axis in range(2):
             before = vec2(half, half)
             before[axis] = half + real(1.0)
@@ -250,7 +210,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                 for x in range(x0, x1 + 1):
                     at = heads[image, axis, y, x]
                     while at >= 0:
-                        edge = int(rims[cells[at, 0]])
+                        edge = int(chosen[cells[at, 0]])
                         if hidden[at] == wp.uint8(0) and edges[edge, 4] != face and edges[edge, 5] != face:
                             spot = spots[at]
                             weights = weights_at(a, b, c, spot[0], spot[1])
@@ -264,16 +224,21 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Rims of B images of H x W, and their M visible crossings with the lines between pixel centres.
+    """Silhouette edges of B images of H x W, and where M of them visibly cross the lines of pixel centres.
 
-    rims (R, 2) int64: the vertices a and b of each rim, visible or not. rim (M,) int64: which rim crosses.
-    axis (M,) int64: 0 between neighbours in a row, 1 in a column. line (M,): which row (axis 0) or column.
-    low (M,): the neighbour's column (row) that comes first. here, there (M,) int64: the two pixels, first
-    and second, as (b H + y) W + x. sharers (M,): how many visible crossings lie between the same two pixels.
+    Attributes:
+        edges: (S, 2) int64, the vertices a and b of each silhouette edge, visible or not.
+        edge: (M,) int64, which of these crosses.
+        axis: (M,) int64, 0 between neighbours in a row, 1 in a column.
+        line: (M,) which row (axis 0) or column.
+        low: (M,) the neighbour's column (row) that comes first.
+        here: (M,) int64, the first of the two pixels, as (b H + y) W + x.
+        there: (M,) int64, the second.
+        sharers: (M,) how many visible crossings lie between the same two pixels.
     """
 
-    rims: torch.Tensor
-    rim: torch.Tensor
+    edges: torch.Tensor
+    edge: torch.Tensor
     axis: torch.Tensor
     line: torch.Tensor
     low: torch.Tensor
@@ -289,24 +254,24 @@ def find_crossings(
     layer: torch.Tensor,
     size: tuple[int, int, int],
 ) -> Crossings:
-    """Find the visible occlusion edges of B images.
+    """Find the visible occlusion edges of B images; see `visible_faces` for the arguments.
 
-    points (V, 3): homogeneous screen points. faces (F, 3), edges (E, 6) int32: see `Topology`, the vertices
-    and faces of all meshes numbered through. layer (F,) int32: the image of each face. size: (B, H, W).
     Edges with an end nearer than NEAR to the eye's plane are left out. Nothing of the result has a
-    derivative: see `antialias`. Raises ValueError for other shapes and types and for indices of vertices,
-    faces or images that are not there.
+    derivative: see `antialias`. `edges` is (E, 6) int32: see `Topology`, the vertices and faces of all meshes
+    numbered through. Raises ValueError as `visible_faces`.
     """
     check_size(size)
-    rims, cells, hidden = opaque(functools.partial(_search, size=size), points.detach(), faces, edges, layer)
+    chosen, cells, hidden = opaque(
+        functools.partial(_search, size=size), points.detach(), faces, edges, layer
+    )
     cells = cells[(hidden == 0).nonzero().squeeze(1)].long()
-    rim, axis, image, y, x = cells.unbind(1)
+    edge, axis, image, y, x = cells.unbind(1)
     _, height, width = size
     here = (image * height + y) * width + x
     _, inverse, counts = torch.unique(here * 2 + axis, return_inverse=True, return_counts=True)
     return Crossings(
-        rims=edges[rims, :2].long(),
-        rim=rim,
+        edges=edges[chosen, :2].long(),
+        edge=edge,
         axis=axis,
         line=torch.where(axis == 0, y, x),
         low=torch.where(axis == 0, x, y),
@@ -323,7 +288,7 @@ def _search(
     layer: torch.Tensor,
     size: tuple[int, int, int],
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Indices of the rims, all their crossings (M, 5), and which of these are hidden (M,)."""
+    """Indices of the silhouette edges, all their crossings (M, 5), and which of these are hidden (M,)."""
     check_floats(points=(points, (None, 3)))
     check_table("faces", faces, (None, 3), len(points))
     check_table("edges", edges, (None, 6))
@@ -352,7 +317,7 @@ def _search(
     cells, links, spots = cross(1, ends, int(ends[-1]) if len(ends) else 0)
     hidden = torch.zeros(len(cells), dtype=torch.uint8, device=points.device)
     if len(cells):
-        launch(
-            kernels.hide, len(faces), points, faces, layer, edges, chosen, heads, links, cells, spots, hidden
-        )
+        points, parts, origin = beyond_near(points, faces.long())
+        given = points, parts.int(), origin, faces, layer, edges, chosen, heads, links, cells, spots, hidden
+        launch(kernels.hide, len(parts), *given)
     return chosen, cells, hidden

@@ -108,7 +108,7 @@ def _draw(
     check_table("layer", layer, (len(faces),), size[0])
     images, height, width = size
     keys = torch.full((images, height * width + KEYS_MARGIN), NOTHING, device=points.device)
-    points, corners, origin = _beyond_near(points, faces.long())
+    points, corners, origin = beyond_near(points, faces.long())
     order = torch.argsort(layer[origin], stable=True)
     counts = torch.bincount(layer[origin].long(), minlength=images)
     starts = torch.nn.functional.pad(counts.cumsum(0), (1, 0)).int()
@@ -126,15 +126,13 @@ def _draw(
     return keys, origin
 
 
-def _beyond_near(
-    points: torch.Tensor, faces: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def beyond_near(points: torch.Tensor, faces: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Triangles of what lies beyond the near plane: points, corners (F', 3), and whose part each is (F',).
 
     Points on the near plane are added at the end. A part's first corner is its farthest: the near ones may
     lie far outside the image, and what is drawn from there would be inexact.
     """
-    behind = points[:, 2][faces] < NEAR
+    behind = ~(points[:, 2] >= NEAR)[faces]  # NaN, too
     count = behind.sum(1)
     whole = (count == 0).nonzero().squeeze(1)
     across = ((count == 1) | (count == 2)).nonzero().squeeze(1)
