@@ -97,7 +97,8 @@ class Explanation:
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
         seen = self.window.back(self.fit.mask.float().numpy(), *self.photo.shape[1::-1]) > 0.5
-        return seen & self.amodal
+        visible: np.ndarray = seen & self.amodal
+        return visible
 
     @property
     def hidden_fraction(self) -> float | None:
@@ -188,7 +189,7 @@ class Explanation:
 def _numbers(name: str, size: int, given: Any, most: float) -> torch.Tensor:
     """(1, size) float32 from an argument of `Explanation.render`."""
     try:
-        array = np.asarray(given, np.float32)
+        array: np.ndarray = np.asarray(given, np.float32)
         came = f"shape {array.shape}, {str(given)[:60]}"
     except (TypeError, ValueError):
         array, came = np.empty(0), str(given)[:60]

@@ -122,7 +122,7 @@ def complete_split(root: Path, split: str | None) -> str:
     Raises UserError when it is not there, not complete, or not clear which one is meant.
     """
     splits = read_info(root)["splits"]
-    complete = [name for name, held in splits.items() if held["complete"]]
+    complete: list[str] = [name for name, held in splits.items() if held["complete"]]
     if split is None:
         if len(complete) == 1:
             return complete[0]

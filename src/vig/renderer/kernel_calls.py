@@ -37,7 +37,8 @@ def opaque(run: Callable[..., Any], *arguments: Any) -> Any:
     a second derivative of the renderer is an error and not silently zero.
     """
     initialise()
-    return _Opaque.apply(run, *(a.contiguous() if isinstance(a, torch.Tensor) else a for a in arguments))
+    apply: Callable[..., Any] = _Opaque.apply
+    return apply(run, *(a.contiguous() if isinstance(a, torch.Tensor) else a for a in arguments))
 
 
 def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> None:

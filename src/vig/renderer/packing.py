@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 
@@ -96,7 +97,7 @@ def pack(scenes: Sequence[Scene]) -> Packed:
     device = like.device
 
     def whole(
-        numbers: list, shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
+        numbers: list[Any], shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
     ) -> torch.Tensor:
         return torch.tensor(numbers, dtype=dtype, device=device).reshape(shape)
 

@@ -60,7 +60,7 @@ def render(
     crossings = find_crossings(points, packed.faces, packed.edges, layer, size)
     picture = visible.image(torch.cat([rgb, masks], dim=1), behind)
     picture = _reduced(antialias(picture, screen, crossings), samples)
-    colours, masks = picture.split([3, packed.most_objects], dim=3)
+    colours, masks = picture[..., :3], picture[..., 3:]
     visible_masks = masks.permute(0, 3, 1, 2)
 
     if samples > 1:
@@ -127,7 +127,7 @@ def _surface(
     corners = packed.faces[visible.face]
     at_centre, *along = weights.unbind(1)
     rows = interpolate(torch.cat(attributes, dim=1), corners, at_centre)
-    normals, depth, colour, *reflected = rows.split([part.shape[1] for part in attributes], dim=1)
+    normals, depth, colour, *reflected = torch.tensor_split(rows, (3, 4, 7, 10)[: len(attributes) - 1], dim=1)
     normals = unit(normals)
     if shading is None:
         return colour, normals, depth

@@ -33,7 +33,8 @@ class Latents:
             name: tuple(value.shape) if isinstance(value, torch.Tensor) else f"a {type(value).__name__}"
             for name, value in vars(self).items()
         }
-        count, modes = found["shape"] if len(found["shape"]) == 2 else (None, None)
+        first = found["shape"]
+        count, modes = first if isinstance(first, tuple) and len(first) == 2 else (None, None)
         wanted = ((count, modes), (count,), (count,), (count, 3), (count, L_COUNT))
         if tuple(found.values()) != wanted:
             raise ValueError(

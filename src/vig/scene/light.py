@@ -95,7 +95,8 @@ def _rotation_parts() -> torch.Tensor:
     )
     identity = torch.eye(L_COUNT, dtype=torch.float64).expand(5, -1, -1)
     matrices = rotate_z(identity, angles[:, None]).mT.reshape(5, -1)
-    return torch.linalg.solve(harmonics.T, matrices)
+    parts: torch.Tensor = torch.linalg.solve(harmonics.T, matrices)
+    return parts
 
 
 def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
@@ -107,11 +108,13 @@ def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
 
 def grey(light_rgb: np.ndarray) -> np.ndarray:
     """Luminance (Rec. 709) of RGB light coefficients: (9, 3) to (9,)."""
-    return np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
+    luminance: np.ndarray = np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
+    return luminance
 
 
 def exposed(light: np.ndarray) -> np.ndarray:
     """A grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
     if not light[0] > 0:
         raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
-    return light * (EXPOSURE_L00 / light[0])
+    scaled: np.ndarray = light * (EXPOSURE_L00 / light[0])
+    return scaled

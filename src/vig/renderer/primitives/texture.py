@@ -1,9 +1,11 @@
 """Texture look-up: bilinear in two levels of a mip pyramid, linear between them (trilinear)."""
 
-# mypy: disable-error-code="assignment,type-var"
+# Warp's decorators and annotations are not for type checkers.
+# mypy: disable-error-code="assignment,type-var,untyped-decorator,no-untyped-def,no-any-return"
 
 import functools
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -281,7 +283,8 @@ def sample_texture(
     mean square size in texels. Differentiable in texels, uv and footprint. Raises ValueError for other shapes
     and types and for textures that are not there.
     """
-    return _Texture.apply(
+    look_up: Callable[..., Any] = _Texture.apply
+    return look_up(
         textures.texels.contiguous(),
         textures.levels,
         textures.first,
