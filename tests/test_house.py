@@ -43,12 +43,15 @@ ROOMS["vig.cli"] = set(ROOMS)
 CORE = set(ROOMS)
 WORLD = {
     "vig_world.streams": set(),
-    "vig_world.assets": {"vig_world.streams"},
-    "vig_world.rooms": {"vig_world.assets"},
+    "vig_world.mesh": set(),
+    "vig_world.rotations": set(),
+    "vig_world.assets": {"vig_world.streams", "vig_world.mesh"},
+    "vig_world.rooms": {"vig_world.assets", "vig_world.mesh"},
     "vig_world.renderers.view": set(),
     "vig_world.renderers.picture": set(),
     "vig_world.renderers.raster": {
         "vig_world.assets",
+        "vig_world.mesh",
         "vig_world.renderers.view",
         "vig_world.renderers.picture",
     },
@@ -226,7 +229,7 @@ def test_the_check_sees_every_way_to_import_upwards(source: str) -> None:
     "source",
     [
         "import torch",
-        "from vig.scene import Mesh",
+        "from vig.scene import Camera",
         "from vig import errors, __version__",
         "from .device import launch",
         "from vig.parallel import map_on_threads",

@@ -13,8 +13,8 @@ import math
 import os
 import stat
 import types
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
@@ -24,7 +24,7 @@ from safetensors import safe_open
 from vig.errors import UserError
 
 MOST_JSON = 16 << 20
-"""Bytes of a JSON file, unless its reader knows better."""
+"""Bytes of a JSON file, unless its reader has another limit."""
 MOST_TENSORS = 1 << 30
 """Bytes of a safetensors file."""
 
@@ -68,15 +68,18 @@ def read_bytes(path: str | Path, most: int = MOST_JSON) -> bytes:
     """Read a regular file of at most `most` bytes. OSError or ValueError for anything else."""
     # Without O_NONBLOCK, opening a named pipe would wait for its writer.
     with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
-        status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode):
-            raise ValueError("it is a folder, device or pipe, not a file")
-        if status.st_size > most:
-            raise ValueError(f"it has {status.st_size:,} bytes where at most {most:,} are read")
+        _check_regular(os.fstat(file.fileno()), most)
         data = file.read(most + 1)
     if len(data) > most:
         raise ValueError(f"it has more than the {most:,} bytes that are read")
     return data
+
+
+def _check_regular(status: os.stat_result, most: int) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("it is a folder, device or pipe, not a file")
+    if status.st_size > most:
+        raise ValueError(f"it has {status.st_size:,} bytes where at most {most:,} are read")
 
 
 def parse_json(data: bytes | str) -> Any:
@@ -109,22 +112,17 @@ def read_tensors(
     most: int = MOST_TENSORS,
     finite: bool = True,
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Read a safetensors file: its tensors and its metadata.
+    """Read the tensors and the metadata of a safetensors file.
 
     Args:
-        path: A regular file.
+        path: A regular file of at most `most` bytes.
         framework: "np" gives numpy arrays, "pt" torch tensors.
-        most: Bytes that the file may have.
         finite: Refuse NaN and infinity.
 
     Raises:
-        ValueError, OSError, SafetensorError: It is missing, too large, damaged, or a number is not finite.
+        ValueError, OSError, SafetensorError: It is missing, too large or damaged.
     """
-    status = os.stat(path)
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError("it is a folder, device or pipe, not a file")
-    if status.st_size > most:
-        raise ValueError(f"it has {status.st_size:,} bytes where at most {most:,} are read")
+    _check_regular(os.stat(path), most)
     with safe_open(path, framework=framework) as file:
         metadata = dict(file.metadata() or {})
         tensors = {name: file.get_tensor(name) for name in file.keys()}
@@ -138,7 +136,7 @@ def read_tensors(
 def check_arrays(
     arrays: Mapping[str, np.ndarray], expected: Mapping[str, tuple[str, tuple[int | str, ...]]]
 ) -> dict[str, int]:
-    """Check dtypes and shapes of arrays against each other.
+    """Check dtypes and shapes of arrays against each other; ValueError where they do not fit.
 
     Args:
         arrays: By name.
@@ -147,9 +145,6 @@ def check_arrays(
 
     Returns:
         The numbers that the letters stand for.
-
-    Raises:
-        ValueError: An array is missing, or of another dtype or shape.
     """
     sizes: dict[str, int] = {}
     for name, (dtypes, shape) in expected.items():
@@ -198,104 +193,64 @@ def inside(folder: str | Path, name: str | Path) -> Path:
     return Path(folder) / named
 
 
-def decode(kind: Any, value: Any) -> Any:
-    """Build a value of type `kind` from parsed JSON, every part of the type that annotations say.
+def decode(kind: Any, value: Any, name: str = "") -> Any:
+    """Build a value of type `kind` from parsed JSON; every part is checked against the annotations.
 
     Args:
         kind: A dataclass, int, float, str, bool, None, Any, Literal, tuple, dict[str, ...] or a union.
         value: What a JSON parser gave; lists become tuples, numbers stay as they are.
+        name: What errors call the value, its type's name by default.
 
     Raises:
         ValueError: A value has another type, or a field is missing or unknown.
     """
-    return _decoder(kind)(value, getattr(kind, "__name__", "value"))
+    name = name or getattr(kind, "__name__", "value")
+    form, parts = _form(kind)
+    wanted = getattr(kind, "__name__", str(kind))
+    if form is Any:
+        return value
+    if form is _Record:
+        if isinstance(value, dict):
+            of_field, needed = parts
+            if not needed <= value.keys() <= of_field.keys():
+                odd = sorted((needed - value.keys()) | (value.keys() - of_field.keys()))
+                raise ValueError(f"{name} has fields missing or unknown: {', '.join(odd)[:100]}")
+            return kind(**{key: decode(of_field[key], item, key) for key, item in value.items()})
+        wanted = "an object"
+    elif form is Literal:
+        if any(type(value) is type(each) and value == each for each in parts):
+            return value
+        wanted = "one of " + ", ".join(map(str, parts))
+    elif form is tuple:
+        repeated = Ellipsis in parts
+        if isinstance(value, list | tuple) and (repeated or len(value) == len(parts)):
+            kinds = parts[:1] * len(value) if repeated else parts
+            return tuple([decode(each, item, name) for each, item in zip(kinds, value, strict=True)])
+        wanted = "a list" if repeated else f"a list of {len(parts)}"
+    elif form is dict:
+        if isinstance(value, dict):
+            return {key: decode(parts[1], item, key) for key, item in value.items()}
+        wanted = "an object"
+    elif form is types.UnionType:
+        for each in parts:
+            with suppress(ValueError):
+                return decode(each, value, name)
+    elif type(value) is kind or (kind is float and type(value) is int):
+        if kind not in (int, float) or -(2**63) <= value < 2**63:
+            return value
+        wanted = "a number of ordinary size"
+    raise ValueError(f"{name} must be {wanted}; it is {json.dumps(value)[:40]}")
+
+
+class _Record:
+    """The form of a dataclass."""
 
 
 @functools.cache
-def _decoder(kind: Any) -> Callable[[Any, str], Any]:
-    """A function of a value and its name that does what `decode` says."""
-
-    def refuse(value: Any, name: str, wanted: str | None = None) -> NoReturn:
-        what = wanted or getattr(kind, "__name__", str(kind))
-        raise ValueError(f"{name} must be {what}; it is {json.dumps(value)[:40]}")
-
-    if kind is Any:
-        return lambda value, _: value
-    if dataclasses.is_dataclass(kind):
-        hints = get_type_hints(kind)
-        parts = {field.name: _decoder(hints[field.name]) for field in dataclasses.fields(kind)}
-        needed = {
-            field.name
-            for field in dataclasses.fields(kind)
-            if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        }
-
-        def of_dataclass(value: Any, name: str) -> Any:
-            if not isinstance(value, dict):
-                refuse(value, name, "an object")
-            if not needed <= value.keys() <= parts.keys():
-                odd = sorted((needed - value.keys()) | (value.keys() - parts.keys()))
-                raise ValueError(f"{name} has fields missing or unknown: {', '.join(odd)[:100]}")
-            made: Any = kind
-            return made(**{key: parts[key](item, key) for key, item in value.items()})
-
-        return of_dataclass
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin is Literal:
-        allowed = {(type(each), each) for each in arguments}
-
-        def of_literal(value: Any, name: str) -> Any:
-            if not isinstance(value, str | int) or (type(value), value) not in allowed:
-                refuse(value, name, "one of " + ", ".join(map(str, arguments)))
-            return value
-
-        return of_literal
-    if origin is tuple:
-        each = [_decoder(part) for part in arguments if part is not Ellipsis]
-        length = None if Ellipsis in arguments else len(each)
-
-        def of_tuple(value: Any, name: str) -> Any:
-            if not isinstance(value, list | tuple) or length not in (None, len(value)):
-                refuse(value, name, "a list" if length is None else f"a list of {length}")
-            if length is None:
-                return tuple([each[0](item, name) for item in value])
-            return tuple([part(item, name) for part, item in zip(each, value, strict=True)])
-
-        return of_tuple
-    if origin is dict:
-        inner = _decoder(arguments[1])
-
-        def of_dict(value: Any, name: str) -> Any:
-            if not isinstance(value, dict):
-                refuse(value, name, "an object")
-            return {key: inner(item, key) for key, item in value.items()}
-
-        return of_dict
-    if origin is types.UnionType:
-        options = [_decoder(part) for part in arguments]
-
-        def of_union(value: Any, name: str) -> Any:
-            for option in options:
-                try:
-                    return option(value, name)
-                except ValueError:
-                    continue
-            refuse(value, name)
-
-        return of_union
-    accepted = {
-        int: (int,),
-        float: (int, float),
-        str: (str,),
-        bool: (bool,),
-        types.NoneType: (types.NoneType,),
-    }[kind]
-
-    def of_scalar(value: Any, name: str) -> Any:
-        if type(value) not in accepted:
-            refuse(value, name)
-        if kind in (int, float) and not -(2**63) <= value < 2**63:
-            refuse(value, name, "a number of ordinary size")
-        return value
-
-    return of_scalar
+def _form(kind: Any) -> tuple[Any, Any]:
+    """What sort of type this is, and its parts; of a dataclass, its fields' types and the names it needs."""
+    if not dataclasses.is_dataclass(kind):
+        return get_origin(kind) or kind, get_args(kind)
+    hints, fields, missing = get_type_hints(kind), dataclasses.fields(kind), dataclasses.MISSING
+    needed = {each.name for each in fields if each.default is each.default_factory is missing}
+    return _Record, ({each.name: hints[each.name] for each in fields}, needed)

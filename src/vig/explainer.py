@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields, replace
-from itertools import repeat
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,9 @@ class Explainer:
             UserError: There is no such class, a part of its pack is missing or damaged, or another device.
         """
         if device != "cpu":
-            raise UserError(f"expected device 'cpu', where fits run so far; got '{device}'")
+            raise UserError(f"expected device 'cpu', where fits run so far; got '{device}'. Leave it out.")
+        if not isinstance(settings, ExplainSettings):
+            raise UserError(f"expected ExplainSettings; got a {type(settings).__name__}. Pass them by name.")
         if not isinstance(object_class, ObjectClass):
             object_class = ObjectClass.load(object_class)
         self.object_class = object_class
@@ -102,17 +104,21 @@ class Explainer:
                 it the first such photo raises.
 
         Raises:
-            UserError: As `explain`, for workers below 1, or when a worker process was killed.
-            ValueError: There are more or fewer boxes than photos.
+            UserError: As `explain`, for workers below 1, for more or fewer boxes than photos, or when a
+                worker process was killed.
         """
-        if workers < 1:
-            raise UserError(f"expected at least 1 worker; got {workers}")
-        items = zip(photos, repeat(None), strict=False) if boxes is None else zip(photos, boxes, strict=True)
+        if not isinstance(workers, int) or workers < 1:
+            raise UserError(f"expected 1 or more workers; got {workers}. Give a whole number.")
+        if isinstance(photos, str | Path):
+            raise UserError(f"expected several photos; got one, '{photos}'. Put it in a list.")
+        items = _pairs(photos, boxes)
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
         else:
             if (folder := self.object_class.folder) is None:
-                raise UserError("expected a class from a pack, for worker processes; got one from memory")
+                raise UserError(
+                    "expected a class from a pack, for worker processes; got one from memory. Save it first."
+                )
             sent = ((_sendable(photo), box) for photo, box in items)
             answers = map_in_processes(_prepare, (folder, self.settings), sent, workers)
             found = map(self._received, answers)
@@ -144,8 +150,23 @@ def checked_box(box: Any) -> Box:
         if not all(map(math.isfinite, (x, y, w, h))):
             raise ValueError
     except (TypeError, ValueError):
-        raise UserError(f"expected a box of four numbers x, y, w, h in pixels; got {str(box)[:60]}") from None
+        raise UserError(
+            f"expected a box of four numbers x, y, w, h in pixels; got {str(box)[:60]}. Pass all four."
+        ) from None
     return x, y, w, h
+
+
+def _pairs(photos: Iterable[Photo], boxes: Iterable[Box | None] | None) -> Iterator[tuple[Photo, Box | None]]:
+    """Each photo with its box. UserError where one of the two ends before the other."""
+    if boxes is None:
+        yield from ((photo, None) for photo in photos)
+        return
+    missing = object()
+    for number, (photo, box) in enumerate(zip_longest(photos, boxes, fillvalue=missing)):
+        if photo is missing or box is missing:
+            got = f"more boxes for {number} photos" if photo is missing else f"{number} boxes for more photos"
+            raise UserError(f"expected a box (or None) for each photo; got {got}. Give as many.")
+        yield photo, box  # type: ignore[misc]
 
 
 def _sendable(photo: Photo) -> str | np.ndarray:

@@ -97,7 +97,8 @@ class Explanation:
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
         seen = self.window.back(self.fit.mask.float().numpy(), *self.photo.shape[1::-1]) > 0.5
-        return seen & self.amodal
+        visible: np.ndarray = seen & self.amodal
+        return visible
 
     @property
     def hidden_fraction(self) -> float | None:
@@ -133,6 +134,8 @@ class Explanation:
         Raises:
             UserError: An argument has another shape or is not finite or in its range.
         """
+        if camera is not None and not isinstance(camera, Camera):
+            raise UserError(f"camera must be a vig.Camera; got a {type(camera).__name__}. Pass a Camera.")
         changed: dict[str, torch.Tensor] = {}
         for name, size, given in (("light", 9, light), ("albedo", 3, albedo)):
             if given is not None:
@@ -159,6 +162,8 @@ class Explanation:
         Raises:
             UserError: The folder cannot be written.
         """
+        if not isinstance(folder, str | Path):
+            raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
         folder = Path(folder)
         described, latents = self.to_dict(), self.latents
         write_explanation(
@@ -184,12 +189,15 @@ class Explanation:
 def _numbers(name: str, size: int, given: Any, most: float) -> torch.Tensor:
     """(1, size) float32 from an argument of `Explanation.render`."""
     try:
-        array = np.asarray(given, np.float32)
+        array: np.ndarray = np.asarray(given, np.float32)
+        came = f"shape {array.shape}, {str(given)[:60]}"
     except (TypeError, ValueError):
-        raise UserError(f"{name} must be {size} numbers; got {str(given)[:60]}") from None
+        array, came = np.empty(0), str(given)[:60]
     if array.shape != (size,) or not np.isfinite(array).all():
-        raise UserError(f"{name} must be {size} finite numbers; got shape {array.shape}, {str(given)[:60]}")
+        numbers = f"{size} finite number{'s' * (size > 1)}"
+        raise UserError(f"{name} must be {numbers}; got {came}. Pass {'an array' if size > 1 else 'one'}.")
     if most < math.inf and not ((array >= 0) & (array <= most)).all():
-        remedy = " Are these 8-bit values? Divide by 255." if array.max() > most else ""
-        raise UserError(f"{name} must be linear RGB in [0, 1]; got up to {array.max():g}.{remedy}")
+        remedy = "Are these 8-bit values? Divide by 255." if array.max() > most else "Clip it."
+        came = f"{array.min():g} to {array.max():g}"
+        raise UserError(f"{name} must be linear RGB in [0, 1]; got {came}. {remedy}")
     return torch.from_numpy(array)[None]

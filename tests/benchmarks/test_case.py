@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from benchmarks.case import GUESSES, Ours, make_case, subdivided
-from vig.scene import ObjectClass, face_normals
+from vig.scene import ObjectClass
+from vig_world.mesh import face_normals
 
 
 @pytest.fixture(scope="module")

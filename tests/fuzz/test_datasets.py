@@ -15,12 +15,14 @@ import pytest
 from PIL import Image
 
 from tests.fuzz.mutations import damaged, damaged_json, outcomes
-from vig.dataset import export_coco, export_webdataset, read_dataset
+from vig.dataset import read_dataset
 from vig.dataset.format import COLUMNS
-from vig.dataset.read import describe_split
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.check import check_dataset
+from vig_world.generation.coco import export_coco
+from vig_world.generation.describe import describe_split
+from vig_world.generation.webdataset import export_webdataset
 from vig_world.generation.write import alone, make_dataset
 
 COUNT = 2

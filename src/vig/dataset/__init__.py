@@ -1,13 +1,5 @@
-"""Samples on disk in the BOP layout: made, resumed, checked, read, looked at, exported."""
+"""Samples on disk in the BOP layout: their format, and how they are read."""
 
-from vig.dataset.coco import export_coco
-from vig.dataset.read import Dataset, describe_split, read_dataset
-from vig.dataset.webdataset import export_webdataset
+from vig.dataset.read import Dataset, read_dataset
 
-__all__ = [
-    "Dataset",
-    "describe_split",
-    "export_coco",
-    "export_webdataset",
-    "read_dataset",
-]
+__all__ = ["Dataset", "read_dataset"]

@@ -8,14 +8,12 @@ A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from vig.checks import decode, read_json, reading
 from vig.dataset.spec import SPLITS
 from vig.errors import UserError
-from vig.files import atomic_write
 
 FORMAT_VERSION = 2
 DEPTH_SCALE = 0.1
@@ -46,11 +44,6 @@ def image_paths(folder: Path, index: int) -> dict[str, Path]:
         "mask": scene / "mask" / f"{index:06d}_000000.png",
         "mask_visib": scene / "mask_visib" / f"{index:06d}_000000.png",
     }
-
-
-def sidecar_path(folder: Path, index: int) -> Path:
-    """The file that says that sample `index` of a split that is being made is whole."""
-    return folder / PARTIAL / f"{index:06d}.json"
 
 
 COLUMNS = (
@@ -129,7 +122,7 @@ def complete_split(root: Path, split: str | None) -> str:
     Raises UserError when it is not there, not complete, or not clear which one is meant.
     """
     splits = read_info(root)["splits"]
-    complete = [name for name, held in splits.items() if held["complete"]]
+    complete: list[str] = [name for name, held in splits.items() if held["complete"]]
     if split is None:
         if len(complete) == 1:
             return complete[0]
@@ -140,24 +133,3 @@ def complete_split(root: Path, split: str | None) -> str:
     if split not in complete:
         raise UserError(f"the {split} split of '{root}' is not complete; run the command that made it again.")
     return split
-
-
-def refuse_used(root: Path, out: Path, there: list[Path]) -> None:
-    """Refuse to export a dataset into itself, or into a folder where any of `there` exists."""
-    used = next((path for path in there if path.exists()), None)
-    if out.resolve() == root.resolve() or used is not None:
-        reason = "is the dataset itself" if used is None else f"already holds '{used.relative_to(out)}'"
-        raise UserError(f"expected a new folder for the export; '{out}' {reason}. Choose another.")
-
-
-def write_json(path: Path, data: Any) -> bytes:
-    """Write JSON atomically; returns the bytes written."""
-    written = json.dumps(data).encode()
-    write_bytes(path, written)
-    return written
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(data)

@@ -8,19 +8,17 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from vig.checks import decode, inside, read_bytes, read_json, reading
+from vig.checks import inside, read_bytes, reading
 from vig.dataset.format import (
     COLUMNS,
     DEPTH_SCALE,
     MOST_PICTURE,
     PICTURE_MODES,
     REMEDY,
-    SCENE,
     TABLE,
     complete_split,
     image_paths,
@@ -29,8 +27,8 @@ from vig.dataset.format import (
 from vig.dataset.spec import SceneSpec
 from vig.scene import IMAGE_SIZE
 
-MOST_SPEC, MOST_LABELS = 65_536, 4096
-"""Bytes of each sample's spec, and of each of its labels."""
+MOST_SPEC = 65_536
+"""Bytes of each sample's spec."""
 
 
 @dataclass(frozen=True)
@@ -139,30 +137,6 @@ def read_specs(folder: Path, count: int) -> list[str]:
     if len(lines) != count:
         raise ValueError(f"it has {len(lines)} lines for {count} samples")
     return lines
-
-
-def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
-    """BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are damaged."""
-    tables = {}
-    for key in ("camera", "gt", "gt_info"):
-        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)
-        kind = dict[str, dict[str, Any]] if key == "camera" else dict[str, tuple[dict[str, Any], ...]]
-        decode(kind, table)
-        if len(table) != count:
-            raise ValueError(f"scene_{key}.json has {len(table)} entries for {count} samples")
-        tables[key] = table
-    return [{key: table[str(index)] for key, table in tables.items()} for index in range(count)]
-
-
-def describe_split(path: str | Path, split: str) -> dict[str, Any]:
-    """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
-    from vig.dataset.table import read_table  # needs pyarrow
-
-    settings = read_info(Path(path))["splits"][split]
-    occlusion = read_table(Path(path), split, texts=False)["occlusion"]
-    counts, _ = np.histogram(occlusion.to_numpy(), 10, (0, 1))
-    told = {name: settings[name] for name in ("rejections", "rejections_per_sample")}
-    return {"occlusion_deciles": counts.tolist(), **told}
 
 
 def decode_picture(data: bytes, kind: str) -> np.ndarray:

@@ -51,7 +51,8 @@ class Room:
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the layout in the world."""
-        return points @ self.rotation().T + np.array(self.origin)
+        moved: np.ndarray = points @ self.rotation().T + np.array(self.origin)
+        return moved
 
 
 @dataclass(frozen=True)

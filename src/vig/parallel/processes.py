@@ -30,15 +30,18 @@ def map_in_processes(
 ) -> Iterator[Result]:
     """work(item) of each item in order, work being `prepare(shared)`, which each process calls once.
 
-    Processes are new ones that import what `prepare` needs: its module's functions, no closures, and a script
-    that comes here without `if __name__ == "__main__"` fails as with any such pool. Each has one thread for
-    linear algebra, is deaf to Ctrl-C, and ends when this process dies. When the consumer stops early, what no
-    process was given yet is dropped: at most `AHEAD` items for each are finished. Items and results hold
-    arrays, not tensors, which torch would send through files of shared memory.
+    Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. When the
+    consumer stops early, at most `AHEAD` items for each are finished, the others dropped.
+
+    Args:
+        prepare: A function of a module, no closure: processes are spawned and import it.
+        shared: What it gets.
+        items: They and their results hold arrays, not tensors, which torch would send through shared memory.
+        processes: How many.
 
     Raises:
-        UserError: a process was killed.
-        Exception: what `prepare` or work raised.
+        UserError: A process was killed.
+        Exception: What `prepare` or work raised.
     """
     context = multiprocessing.get_context("spawn")
     left = iter(items)
@@ -57,7 +60,7 @@ def map_in_processes(
             yield result
     except BrokenProcessPool as error:
         raise UserError(
-            f"one of {processes} worker processes was killed, perhaps for want of memory; what is done stays."
+            f"one of {processes} worker processes was killed, possibly out of memory; what is done stays."
             " Run it again with fewer workers."
         ) from error
     finally:
@@ -72,7 +75,7 @@ def _begin(prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()
     try:
         _work = prepare(shared)
-    except Exception as error:  # raised here it would end the process, and nobody would hear why
+    except Exception as error:  # raised here it would end the process, its reason lost
         _work = functools.partial(_refuse, error)
 
 
@@ -93,7 +96,7 @@ def _do(item: Any) -> Any:
 
 @contextmanager
 def without_interrupts() -> Iterator[None]:
-    """A process started inside never hears of Ctrl-C, not even while it starts; here it comes later."""
+    """Processes started inside ignore SIGINT, even while they start; here it is handled afterwards."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

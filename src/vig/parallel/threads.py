@@ -26,7 +26,7 @@ _starting = threading.Lock()
 
 
 def thread_count() -> int:
-    """How many threads work may be shared out to here: as torch says, and one within such work."""
+    """How many threads work may use here: torch's number, and one within such work."""
     kept: int | None = getattr(_here, "count", None)
     return torch.get_num_threads() if kept is None else kept
 

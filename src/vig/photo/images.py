@@ -1,4 +1,4 @@
-"""The door for pictures: files in, linear RGB arrays out, and back.
+"""Pictures read as linear RGB arrays, and written.
 
 A photo is decoded once, here, and is linear from then on. What cannot be used is refused with one line
 (UserError) before anything is computed.
@@ -39,8 +39,9 @@ def read_photo(path: str | Path) -> np.ndarray:
     taken. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light: white or black would look
     like a bright or dark object.
 
-    Raises UserError for a missing, unreadable, damaged, tiny (a side under `MIN_SIDE`) or huge (over
-    `MAX_PIXELS`, judged by its header) file, and for HDR images, which `read_panorama` reads.
+    Raises:
+        UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
+            `MAX_PIXELS`, judged by its header) or an HDR image.
     """
     path = existing_file(path)
     if head_of(path).startswith(HDR_MAGIC):
@@ -90,7 +91,7 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
         refuse(name, "(H, W, 3) or (H, W)", f"shape {tuple(array.shape)}", remedy)
     check_size(name, array.shape[1], array.shape[0])
     if array.dtype == np.uint8:
-        return linear_from_srgb(np.arange(256) / 255).astype(np.float32)[array]
+        return _linear_of_bytes(array)
     if not np.issubdtype(array.dtype, np.floating):
         refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to one.")
     least, most = float(array.min()), float(array.max())
@@ -103,24 +104,32 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
 def write_png(path: str | Path, array: np.ndarray) -> None:
     """Write a picture as an 8-bit PNG, whole or not at all.
 
-    array: (H, W), (H, W, 3) or (H, W, 4). uint8 is written as it is; bool becomes 0 and 255; floats are
-    linear light, encoded as sRGB with values outside [0, 1] clipped (at most 3 channels).
-    Raises ValueError for other types and shapes and for floats that are not finite, UserError as
-    `vig.files.atomic_write`.
+    Args:
+        path: See `vig.files.atomic_write`.
+        array: (H, W), (H, W, 3) or (H, W, 4). uint8 is written as it is; bool becomes 0 and 255; floats are
+            linear light, encoded as sRGB with values outside [0, 1] clipped (at most 3 channels).
+
+    Raises:
+        ValueError: Another type or shape, or floats that are not finite.
+        UserError: The file cannot be written.
     """
     array = np.asarray(array)
     if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,), (4,)) or array.size == 0:
-        raise ValueError(f"a picture must be (H, W), (H, W, 3) or (H, W, 4); got {array.shape}")
+        raise ValueError(
+            f"a picture must be (H, W), (H, W, 3) or (H, W, 4); got {array.shape}. Pass one picture."
+        )
     if array.dtype == bool:
         array = array.astype(np.uint8) * np.uint8(255)
     elif np.issubdtype(array.dtype, np.floating):
         if array.shape[2:] == (4,):
-            raise ValueError("a picture in linear light has 1 or 3 channels; got 4. Is the last one alpha?")
+            raise ValueError(
+                "a picture in linear light must have 1 or 3 channels; got 4. Is the last one alpha?"
+            )
         if not np.isfinite(array).all():
-            raise ValueError("a picture in linear light must be finite; got NaN or infinity")
+            raise ValueError("a picture in linear light must be finite; got NaN or infinity. Clean it.")
         array = srgb8_from_linear(array)
     elif array.dtype != np.uint8:
-        raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}")
+        raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}. Convert it.")
     with atomic_write(path) as temporary:
         Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG")
 
@@ -131,7 +140,7 @@ def _linear(path: Path, image: Image.Image) -> np.ndarray:
     image.load()
     try:
         image = ImageOps.exif_transpose(image)
-    except Exception:  # an unreadable EXIF block says nothing about orientation
+    except Exception:  # an unreadable EXIF block has no orientation
         pass
     if sixteen:
         table = linear_from_srgb(np.arange(65536) / 65535).astype(np.float32)
@@ -139,11 +148,18 @@ def _linear(path: Path, image: Image.Image) -> np.ndarray:
     if image.mode in ("I", "F"):
         refuse(path, "8 or 16 bits a channel", "32 bits", "Save it as 8-bit sRGB.")
     coded = np.asarray(_to_srgb(image))
-    linear = linear_from_srgb(np.arange(256) / 255).astype(np.float32)[coded[..., :3]]
+    linear = _linear_of_bytes(coded[..., :3])
     if coded.shape[-1] == 3:
         return linear
     alpha = coded[..., 3:].astype(np.float32) / 255
-    return alpha * linear + (1 - alpha) * np.float32(MID_GREY)
+    laid: np.ndarray = alpha * linear + (1 - alpha) * np.float32(MID_GREY)
+    return laid
+
+
+def _linear_of_bytes(coded: np.ndarray) -> np.ndarray:
+    table: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
+    linear: np.ndarray = table[coded]
+    return linear
 
 
 def _to_srgb(image: Image.Image) -> Image.Image:
@@ -167,15 +183,16 @@ def _to_srgb(image: Image.Image) -> Image.Image:
 
 def existing_file(path: str | Path) -> Path:
     path = Path(path)
+    wanted = "an image file"
     try:
         if path.is_dir():
-            refuse(path, "an image file", "a folder", "Name the files in it.")
+            refuse(path, wanted, "a folder", "Name the files in it.")
         if not path.exists():
-            refuse(path, "an image file", "nothing of that name", "Check the path.")
+            refuse(path, wanted, "nothing of that name", "Check the path.")
         if not path.is_file():
-            refuse(path, "an image file", "a device or pipe", "Save the image to a file.")
+            refuse(path, wanted, "a device or pipe", "Save the image to a file.")
         if not head_of(path):
-            refuse(path, "an image file", "an empty file", "Save or copy it again.")
+            refuse(path, wanted, "an empty file", "Save or copy it again.")
     except OSError as error:
         refuse(path, "a readable image file", error.strerror or str(error), "Check the path and its rights.")
     return path

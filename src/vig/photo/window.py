@@ -32,23 +32,18 @@ class Window:
     def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> Window:
         """The window of a box (x, y, w, h) round the whole object, or of the whole photo.
 
-        UserError when the box is not inside the photo or too small.
+        Raises:
+            UserError: The box is not inside the photo or too small.
         """
         if box is None:
             side = float(max(width, height))
             return Window((width - side) / 2, (height - side) / 2, side)
         x, y, w, h = box
-        if (
-            not all(map(math.isfinite, box))
-            or min(w, h) < SMALLEST_BOX
-            or x < 0
-            or y < 0
-            or x + w > width
-            or y + h > height
-        ):
+        inside = x >= 0 and y >= 0 and x + w <= width and y + h <= height
+        if not all(map(math.isfinite, box)) or min(w, h) < SMALLEST_BOX or not inside:
             raise UserError(
                 f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side within the photo of"
-                f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}"
+                f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}. Cut it at the photo's edges or widen it."
             )
         side = WINDOW_OVER_BOX * max(w, h)
         return Window(x + w / 2 - side / 2, y + h / 2 - (0.5 + BOX_BELOW_CENTRE) * side, side)

@@ -2,12 +2,11 @@
 
 from vig.renderer.device import warp_array
 from vig.renderer.explained import render_latents, scene_of
-from vig.renderer.jacobian import jacobian
 from vig.renderer.primitives import pyramid
 from vig.renderer.primitives.pyramid import Pyramid
 from vig.renderer.primitives.topology import Topology
 from vig.renderer.raster import NOTHING, Fragments, raster_kernels, rasterize
-from vig.renderer.rendering import render
+from vig.renderer.rendering import jacobian, render
 from vig.renderer.scene import DirectionalLight, MeshObject, Pinhole, Rendering, Scene
 
 __all__ = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 
@@ -53,15 +54,20 @@ class Packed:
 
 def pack(scenes: Sequence[Scene]) -> Packed:
     """Place the objects of all scenes before their cameras. ValueError for what cannot be drawn."""
-    if not scenes:
-        raise ValueError("there is no scene to render")
+    odd = (
+        [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
+    )
+    if odd or not scenes:
+        among = " among them" * isinstance(scenes, Sequence)
+        came = f"a {type(odd[0]).__name__}{among}" if odd else "none"
+        raise ValueError(f"expected a scene or several; got {came}. Pass vig.renderer.Scene.")
     camera = scenes[0].camera
     height, width = camera.height, camera.width
     like = camera.translation
     if like.dtype not in (torch.float32, torch.float64):
-        raise ValueError(f"the renderer works in float32 or float64; the camera is {like.dtype}")
+        raise ValueError(f"a camera must be float32 or float64; got {like.dtype}. Convert it.")
     if height < 1 or width < 1:
-        raise ValueError(f"an image has at least one pixel; the camera's is {width} x {height}")
+        raise ValueError(f"an image must have at least one pixel; got {width} x {height}. Give its size.")
     owners, points, normals, albedo, lights, textures = [], [], [], [], [], []
     for index, scene in enumerate(scenes):
         _check_scene(index, scene, (height, width), like)
@@ -91,7 +97,7 @@ def pack(scenes: Sequence[Scene]) -> Packed:
     device = like.device
 
     def whole(
-        numbers: list, shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
+        numbers: list[Any], shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
     ) -> torch.Tensor:
         return torch.tensor(numbers, dtype=dtype, device=device).reshape(shape)
 
@@ -199,8 +205,8 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
     camera, name = scene.camera, f"of scene {index}"
     if (camera.height, camera.width) != size:
         raise ValueError(
-            f"images of one batch are of one size, here {size[1]} x {size[0]}; "
-            f"the camera {name} makes {camera.width} x {camera.height}"
+            f"images of one batch must be of one size, {size[1]} x {size[0]}; got {camera.width} x"
+            f" {camera.height} {name}. Render other sizes apart."
         )
     _check(f"focal {name}", camera.focal, [(2,)], like)
     _check(f"centre {name}", camera.centre, [(2,)], like)
@@ -241,13 +247,16 @@ def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
 def _check(name: str, tensor: torch.Tensor | None, shapes: list[tuple[int, ...]], like: torch.Tensor) -> None:
     if tensor is None:
         return
+    if not isinstance(tensor, torch.Tensor):
+        raise ValueError(f"{name} must be a tensor; got a {type(tensor).__name__}. Convert it.")
     if tuple(tensor.shape) not in shapes:
-        raise ValueError(f"{name} must be {' or '.join(map(str, shapes))}; got {tuple(tensor.shape)}")
+        wanted = " or ".join(map(str, shapes))
+        raise ValueError(f"{name} must be {wanted}; got {tuple(tensor.shape)}. Pass it in that shape.")
     if tensor.dtype != like.dtype or tensor.device != like.device:
         raise ValueError(
             f"{name} must be {like.dtype} on {like.device}, like the camera; got {tensor.dtype} on "
-            f"{tensor.device}"
+            f"{tensor.device}. Convert it."
         )
     if not bool(tensor.detach().isfinite().all()):
         bad = int((~tensor.detach().isfinite()).sum())
-        raise ValueError(f"{name} must be finite; {bad} of {tensor.numel()} numbers are not")
+        raise ValueError(f"{name} must be finite; {bad} of {tensor.numel()} numbers are not. Clean them.")

@@ -1,5 +1,8 @@
 """Rasterisation: which triangle is seen at each pixel's centre, and where on it."""
 
+# Warp's decorators and annotations are not for type checkers.
+# mypy: disable-error-code="untyped-decorator,no-untyped-def"
+
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +14,8 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.device import initialise, native_code, scalar_type, warp_array
+from vig.renderer.device import initialise, native_code, scalar_type
+from vig.renderer.kernel_calls import launch
 from vig.scene import Camera
 
 NEAR = 0.01
@@ -27,11 +31,48 @@ KEYS_MARGIN = 8
 """Keys that must follow an image's last, as pixels are drawn eight at a time."""
 
 PIXEL_BOX = Path(__file__).with_name("pixel_box.cc")
-"""C++ that both rasterisers share: the pixels in a triangle's bounding box."""
+"""Native code that both rasterisers share, this one and the generator's."""
 
 _FARTHEST = 1 << (62 - FACE_BITS)
 _DEPTH_STEPS = 1 << 27
 """Steps of a key in one over depth, per 1 / metre: 4 nanometres at 0.7 m."""
+
+
+@functools.cache
+def native_draw_faces(dtype: torch.dtype) -> Any:
+    """The rasteriser's loop, in C++ for the sake of its speed: see draw_faces.cc.
+
+    It draws faces `first` to `end` of mesh (row of screen, facing and used) into image (row of keys).
+    """
+    initialise()
+    real = scalar_type(dtype)
+    vec3 = wp.types.vector(3, real)
+    constants = {
+        "SLACK": -4.0 * torch.finfo(dtype).eps,
+        "DEPTH_STEPS": float(_DEPTH_STEPS),
+        "FARTHEST": _FARTHEST,
+        "FACE_BITS": FACE_BITS,
+    }
+
+    @wp.func_native(
+        snippet=native_code(Path(__file__).parent, PIXEL_BOX.name, "draw_faces.cc", real=real, **constants)
+    )
+    def draw_faces(
+        mesh: wp.int32,
+        image: wp.int32,
+        first: wp.int32,
+        end: wp.int32,
+        screen: wp.array2d(dtype=vec3),
+        faces: wp.array2d(dtype=wp.int32),
+        width: wp.int32,
+        height: wp.int32,
+        cull: wp.int32,
+        keys: wp.array2d(dtype=wp.int64),
+        facing: wp.array2d(dtype=wp.uint8),
+        used: wp.array2d(dtype=wp.uint8),
+    ): ...
+
+    return draw_faces
 
 
 @functools.cache
@@ -64,7 +105,7 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
                 point[0] * scale + intrinsics[image][1], point[1] * scale + intrinsics[image][2], q
             )
 
-    draw_faces = _draw_faces(real, vec3)
+    draw_faces = native_draw_faces(dtype)
 
     @wp.kernel(module=module)
     def rasterize_faces(
@@ -78,9 +119,9 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
         facing: wp.array2d(dtype=wp.uint8),
         used: wp.array2d(dtype=wp.uint8),
     ):
-        """Draw a chunk of faces; say which are turned to the eye, and which vertices these use."""
         image, part = wp.tid()
-        draw_faces(image, part * chunk, chunk, screen, faces, width, height, cull, keys, facing, used)
+        end = wp.min((part + 1) * chunk, faces.shape[0])
+        draw_faces(image, image, part * chunk, end, screen, faces, width, height, cull, keys, facing, used)
 
     @wp.kernel(module=module)
     def resolve(
@@ -115,41 +156,7 @@ def raster_kernels(dtype: torch.dtype) -> SimpleNamespace:
         barycentric[image, pixel] = weights / q
         depths[image, pixel] = real(1.0) / q
 
-    return SimpleNamespace(
-        to_screen=to_screen, rasterize_faces=rasterize_faces, resolve=resolve, vec3=vec3, real=real
-    )
-
-
-def _draw_faces(real: type, vec3: type) -> Any:
-    """The rasteriser's loop, in C++ for the sake of its speed."""
-    slack = -4.0 * float(np.finfo(np.float32 if real is wp.float32 else np.float64).eps)
-    code = native_code(
-        Path(__file__).parent,
-        PIXEL_BOX.name,
-        "rasterize.cc",
-        real=real,
-        SLACK=slack,
-        DEPTH_STEPS=float(_DEPTH_STEPS),
-        FARTHEST=_FARTHEST,
-        FACE_BITS=FACE_BITS,
-    )
-
-    @wp.func_native(snippet=code)
-    def draw_faces(
-        image: wp.int32,
-        first: wp.int32,
-        chunk: wp.int32,
-        screen: wp.array2d(dtype=vec3),
-        faces: wp.array2d(dtype=wp.int32),
-        width: wp.int32,
-        height: wp.int32,
-        cull: wp.int32,
-        keys: wp.array2d(dtype=wp.int64),
-        facing: wp.array2d(dtype=wp.uint8),
-        used: wp.array2d(dtype=wp.uint8),
-    ): ...
-
-    return draw_faces
+    return SimpleNamespace(to_screen=to_screen, rasterize_faces=rasterize_faces, resolve=resolve)
 
 
 @dataclass(frozen=True)
@@ -176,55 +183,55 @@ def rasterize(
 ) -> Fragments:
     """Rasterise one mesh on the CPU in float32.
 
-    vertices (V, 3) world, metres; faces (F, 3); rotation (3, 3) and translation (3,) are camera_from_world;
-    cull drops faces turned away (clockwise). Faces nearer than 1 cm to the eye's plane are not drawn.
-    Raises ValueError for other shapes and types, and for faces that name vertices which are not there.
+    Args:
+        vertices: (V, 3) world, metres. Faces nearer than `NEAR` to the eye's plane are not drawn.
+        faces: (F, 3) whole numbers.
+        rotation: (3, 3) camera_from_world.
+        translation: (3,) camera_from_world, metres.
+        camera: Its intrinsics.
+        cull: Leave out faces turned away (clockwise).
+
+    Raises:
+        ValueError: Other shapes and types, or faces that name vertices which are not there.
     """
-    vertices, faces = np.asarray(vertices), np.asarray(faces)
-    rotation, translation = np.asarray(rotation), np.asarray(translation)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu":
-        raise ValueError(f"vertices must be (V, 3) numbers; got {vertices.shape} {vertices.dtype}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise ValueError(f"faces must be (F, 3) whole numbers; got {faces.shape} {faces.dtype}")
+    vertices, faces = _checked("vertices", vertices, "V, 3"), _checked("faces", faces, "F, 3", "iu")
+    rotation, translation = _checked("rotation", rotation, "3, 3"), _checked("translation", translation, "3")
     if len(faces) > FACE_MASK:
-        raise ValueError(f"faces must be at most {FACE_MASK}; got {len(faces)}")
-    if rotation.shape != (3, 3) or translation.shape != (3,):
-        raise ValueError(
-            f"rotation must be (3, 3) and translation (3,); got {rotation.shape} and {translation.shape}"
-        )
-    check_indices("faces", faces, len(vertices))
+        raise ValueError(f"faces must be at most {FACE_MASK}; got {len(faces)}. Pass fewer.")
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera must be a Camera; got a {type(camera).__name__}. Pass a vig.Camera.")
+    try:
+        check_indices("faces", faces, len(vertices))
+    except ValueError as error:
+        raise ValueError(f"{error}. Pass the faces of these vertices.") from None
     kernels = raster_kernels(torch.float32)
-    points = (vertices @ rotation.T + translation).astype(np.float32)
-    points_wp = wp.from_numpy(np.ascontiguousarray(points)[None], dtype=kernels.vec3, device="cpu")
-    faces_wp = wp.from_numpy(np.ascontiguousarray(faces, np.int32), dtype=wp.int32, device="cpu")
-    intrinsics = wp.from_numpy(
-        np.array([[camera.focal, camera.cx, camera.cy]], np.float32), dtype=kernels.vec3, device="cpu"
-    )
-    count, size = len(points), camera.height * camera.width
-    screen = wp.empty((1, count), dtype=kernels.vec3, device="cpu")
-    keys_wp = warp_array(torch.full((1, size + KEYS_MARGIN), NOTHING, dtype=torch.int64), wp.int64)
-    flags = [torch.empty((1, number), dtype=torch.uint8) for number in (len(faces), count)]
-    face = torch.empty((1, size), dtype=torch.int32)
+    points = torch.from_numpy((vertices @ rotation.T + translation).astype(np.float32))[None]
+    corners = torch.from_numpy(np.ascontiguousarray(faces, np.int32))
+    intrinsics = torch.tensor([[camera.focal, camera.cx, camera.cy]], dtype=torch.float32)
+    width, size = camera.width, camera.height * camera.width
+    screen = torch.empty_like(points)
+    keys = torch.full((1, size + KEYS_MARGIN), NOTHING)
+    flags = [torch.empty((1, number), dtype=torch.uint8) for number in (len(faces), len(vertices))]
+    face, depth = torch.empty((1, size), dtype=torch.int32), torch.empty((1, size))
     barycentric = torch.empty((1, size, 3))
-    depth = torch.empty((1, size))
-    wp.launch(kernels.to_screen, (1, count), [points_wp, intrinsics], [screen], device="cpu")
-    wp.launch(
-        kernels.rasterize_faces,
-        dim=(1, 1),
-        inputs=[screen, faces_wp, len(faces), camera.width, camera.height, int(cull), keys_wp],
-        outputs=[warp_array(flag, wp.uint8) for flag in flags],
-        device="cpu",
-    )
-    wp.launch(
-        kernels.resolve,
-        dim=(1, size),
-        inputs=[screen, faces_wp, keys_wp, camera.width],
-        outputs=[
-            warp_array(face, wp.int32),
-            warp_array(barycentric, kernels.vec3),
-            warp_array(depth, kernels.real),
-        ],
-        device="cpu",
-    )
+    launch(kernels.to_screen, (1, len(vertices)), points, intrinsics, screen)
+    drawn = screen, corners, len(faces), width, camera.height, int(cull), keys, *flags
+    launch(kernels.rasterize_faces, (1, 1), *drawn)
+    launch(kernels.resolve, (1, size), screen, corners, keys, width, face, barycentric, depth)
     shape = camera.height, camera.width
     return Fragments(face.view(shape).numpy(), barycentric.view(*shape, 3).numpy(), depth.view(shape).numpy())
+
+
+def _checked(name: str, given: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
+    """An array of a shape such as "V, 3", in which a letter stands for any number. ValueError otherwise."""
+    array = np.asarray(given)
+    sizes = shape.split(", ")
+    fits = array.ndim == len(sizes) and all(
+        size.isalpha() or int(size) == held for size, held in zip(sizes, array.shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in kinds:
+        numbers = "numbers" if "f" in kinds else "whole numbers"
+        raise ValueError(
+            f"{name} must be ({shape}) {numbers}; got {array.shape} {array.dtype}. Pass an array."
+        )
+    return array

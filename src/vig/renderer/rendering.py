@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import torch
@@ -21,7 +21,7 @@ from vig.renderer.raster import NEAR
 from vig.renderer.scene import Rendering, Scene
 from vig.renderer.shading import shade, unit
 
-RIM = 1
+MARGIN = 1
 """Pixels drawn around the image and cut off again, so that its own border is blended like its middle."""
 
 
@@ -42,14 +42,15 @@ def render(
     numbers that cannot be drawn.
     """
     if shading not in ("vertex", "pixel"):
-        raise ValueError(f"shading must be 'vertex' or 'pixel'; got {shading!r}")
-    if samples < 1:
-        raise ValueError(f"samples must be at least 1; got {samples}")
+        raise ValueError(f"shading must be 'vertex' or 'pixel'; got {shading!r}. Choose one.")
+    if not isinstance(samples, int) or samples < 1:
+        raise ValueError(f"samples must be a whole number of 1 or more; got {samples}. Take 1 for fits.")
     packed = pack([scenes] if isinstance(scenes, Scene) else scenes)
     points, size = _gridded(packed, samples)
     layer = packed.image[packed.face_object].int()
     visible = visible_faces(points, packed.faces, layer, size)
-    weights = barycentrics(points, packed.faces[visible.face], visible.centres)
+    textured = packed.textures is not None
+    weights = barycentrics(points, packed.faces[visible.face], visible.centres, textured)
     rgb, normals, depth = _surface(packed, points, visible, weights, shading)
     owner = packed.place[packed.face_object[visible.face]]
     masks = (owner[:, None] == torch.arange(packed.most_objects, device=owner.device)).to(rgb.dtype)
@@ -59,13 +60,13 @@ def render(
     crossings = find_crossings(points, packed.faces, packed.edges, layer, size)
     picture = visible.image(torch.cat([rgb, masks], dim=1), behind)
     picture = _reduced(antialias(picture, screen, crossings), samples)
-    colours, masks = picture.split([3, packed.most_objects], dim=3)
+    colours, masks = picture[..., :3], picture[..., 3:]
     visible_masks = masks.permute(0, 3, 1, 2)
 
     if samples > 1:
         points, size = _gridded(packed, 1)
         visible = visible_faces(points, packed.faces, layer, size)
-        weights = barycentrics(points, packed.faces[visible.face], visible.centres)
+        weights = barycentrics(points, packed.faces[visible.face], visible.centres, False)
         _, normals, depth = _surface(packed, points, visible, weights, None)
         owner = packed.place[packed.face_object[visible.face]]
     triangle = visible.face - packed.first_face[packed.face_object[visible.face]]
@@ -82,12 +83,28 @@ def render(
     )
 
 
+def jacobian(
+    function: Callable[[torch.Tensor], torch.Tensor], latents: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Value (...) of a function of P numbers, and its Jacobian (..., P), by forward differentiation.
+
+    function: renders, say, from a vector of latents (P,) and returns one tensor. One pass per number: for few
+    numbers and many pixels, as in Gauss-Newton. torch.func.jvp gives a single direction.
+    """
+    if latents.ndim != 1:
+        raise ValueError(f"latents must be one vector (P,); got {tuple(latents.shape)}")
+    value, columns = function(latents), []
+    for direction in torch.eye(len(latents), dtype=latents.dtype, device=latents.device):
+        columns.append(torch.func.jvp(function, (latents,), (direction,))[1])
+    return value, torch.stack(columns, dim=-1) if columns else value.new_zeros(*value.shape, 0)
+
+
 def _gridded(packed: Packed, samples: int) -> tuple[torch.Tensor, tuple[int, int, int]]:
-    """Homogeneous points on the grid of samples, with its rim, and the size of that grid."""
+    """Homogeneous points on the grid of samples, with its margin, and the size of that grid."""
     images, height, width = packed.size
     place, depth = packed.points[:, :2], packed.points[:, 2:]
-    points = torch.cat([place * samples + RIM * depth, depth], dim=1)
-    return points, (images, height * samples + 2 * RIM, width * samples + 2 * RIM)
+    points = torch.cat([place * samples + MARGIN * depth, depth], dim=1)
+    return points, (images, height * samples + 2 * MARGIN, width * samples + 2 * MARGIN)
 
 
 def _screen(points: torch.Tensor) -> torch.Tensor:
@@ -108,9 +125,9 @@ def _surface(
     if shading == "vertex":
         attributes.append(_reflected(packed, packed.normals, packed.vertex_object))
     corners = packed.faces[visible.face]
-    at_centre, to_right, downwards = weights.unbind(1)
+    at_centre, *along = weights.unbind(1)
     rows = interpolate(torch.cat(attributes, dim=1), corners, at_centre)
-    normals, depth, colour, *reflected = rows.split([part.shape[1] for part in attributes], dim=1)
+    normals, depth, colour, *reflected = torch.tensor_split(rows, (3, 4, 7, 10)[: len(attributes) - 1], dim=1)
     normals = unit(normals)
     if shading is None:
         return colour, normals, depth
@@ -119,7 +136,7 @@ def _surface(
     if packed.textures is not None:
         corners = packed.texture_faces[visible.face]
         uv = interpolate(packed.coordinates, corners, at_centre)
-        changes = [interpolate(packed.coordinates, corners, way) for way in (to_right, downwards)]
+        changes = [interpolate(packed.coordinates, corners, way) for way in along]
         footprint = torch.stack(changes, dim=1)
         colour = colour * sample_texture(packed.textures, packed.texture[owner], uv, footprint)
     return colour, normals, depth
@@ -132,12 +149,12 @@ def _reflected(packed: Packed, normals: torch.Tensor, owner: torch.Tensor) -> to
 
 
 def _background(packed: Packed, samples: int, masks: int) -> torch.Tensor:
-    """What is seen where nothing is, on the grid of samples with its rim: colours, then empty masks."""
+    """What is seen where nothing is, on the grid of samples with its margin: colours, then empty masks."""
     background = packed.background
     if background.shape[1:3] != (1, 1):
         background = background.repeat_interleave(samples, 1).repeat_interleave(samples, 2)
         rows, columns = (
-            torch.arange(-RIM, n + RIM, device=background.device).clamp(0, n - 1)
+            torch.arange(-MARGIN, n + MARGIN, device=background.device).clamp(0, n - 1)
             for n in background.shape[1:3]
         )
         background = background[:, rows][:, :, columns]
@@ -161,12 +178,12 @@ def _full_masks(packed: Packed, visible_masks: torch.Tensor, samples: int) -> to
 
 
 def _cropped(image: torch.Tensor) -> torch.Tensor:
-    """The image without its rim."""
-    return image[:, RIM:-RIM, RIM:-RIM]
+    """The image without its margin."""
+    return image[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
 
 
 def _reduced(image: torch.Tensor, samples: int) -> torch.Tensor:
-    """The image without its rim, every samples x samples points averaged."""
+    """The image without its margin, every samples x samples points averaged."""
     image = _cropped(image)
     if samples == 1:
         return image

@@ -36,7 +36,7 @@ def shade(
 def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """Unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V, 3).
 
-    A vertex without area gets the zero vector. Differentiable in vertices; see `vig.scene.vertex_normals`.
+    A vertex without area gets the zero vector. Differentiable in vertices.
     """
     index = faces.long().reshape(-1)
     a, b, c = vertices.index_select(0, index).view(-1, 3, 3).unbind(1)

@@ -18,13 +18,11 @@ from vig.scene.light import (
     exposed,
     grey,
     irradiance,
-    project_panorama,
     rotate_z,
     rotations_z,
     sh_basis,
     turn_rate_z,
 )
-from vig.scene.mesh import Mesh, face_normals, vertex_normals
 from vig.scene.object_class import ObjectClass
 from vig.scene.shape_model import ShapeModel
 
@@ -36,20 +34,17 @@ __all__ = [
     "Camera",
     "LatentLayout",
     "Latents",
-    "Mesh",
     "ObjectClass",
     "ShapeModel",
     "angle_difference",
     "camera_rotation",
     "exposed",
-    "face_normals",
     "grey",
     "irradiance",
     "latent_layout",
     "layout_of_width",
     "linear_from_srgb",
     "point_layout",
-    "project_panorama",
     "regressed_layout",
     "rotate_z",
     "rotations_z",
@@ -57,5 +52,4 @@ __all__ = [
     "srgb8_from_linear",
     "srgb_from_linear",
     "turn_rate_z",
-    "vertex_normals",
 ]

@@ -13,4 +13,5 @@ Angle = TypeVar("Angle", torch.Tensor, np.ndarray, float)
 
 def angle_difference(a: Angle, b: Angle) -> Angle:
     """Return a - b round the circle, in [-pi, pi) radians; arrays or tensors that broadcast."""
-    return (a - b + math.pi) % (2 * math.pi) - math.pi
+    turn: Angle = (a - b + math.pi) % (2 * math.pi) - math.pi
+    return turn

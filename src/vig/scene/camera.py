@@ -33,20 +33,20 @@ class Camera:
 
     def __post_init__(self) -> None:
         for side in (self.width, self.height):
-            if side != int(side) or not 1 <= side <= MOST_PIXELS:
+            if not _real(side) or side != int(side) or not 1 <= side <= MOST_PIXELS:
                 raise ValueError(
                     f"a camera's image must have 1 to {MOST_PIXELS} whole pixels a side;"
-                    f" got {self.width} x {self.height}"
+                    f" got {self.width} x {self.height}. Give the photo's size."
                 )
-        if not (0 < self.focal < math.inf and 0 < self.distance < math.inf):
+        if not all(_real(number) and number > 0 for number in (self.focal, self.distance)):
             raise ValueError(
                 f"focal (pixels) and distance (metres) must be positive and finite;"
-                f" got {self.focal} and {self.distance}"
+                f" got {self.focal} and {self.distance}. Give both in these units."
             )
-        if not all(map(math.isfinite, (self.cx, self.cy, self.target_height))):
+        if not all(map(_real, (self.cx, self.cy, self.target_height))):
             raise ValueError(
-                f"cx, cy (pixels) and target_height (metres) must be finite;"
-                f" got {self.cx}, {self.cy} and {self.target_height}"
+                f"cx, cy (pixels) and target_height (metres) must be finite numbers;"
+                f" got {self.cx}, {self.cy} and {self.target_height}. Give all in these units."
             )
 
     @staticmethod
@@ -103,6 +103,10 @@ class Camera:
         """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; z must be positive."""
         x, y, z = points.unbind(-1)
         return torch.stack([self.focal * x / z + self.cx, self.focal * y / z + self.cy], dim=-1)
+
+
+def _real(number: object) -> bool:
+    return isinstance(number, int | float | np.number) and math.isfinite(number)
 
 
 def camera_rotation(azimuth: torch.Tensor, elevation: torch.Tensor) -> torch.Tensor:

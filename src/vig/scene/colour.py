@@ -25,7 +25,8 @@ def srgb_from_linear(linear: ArrayT) -> ArrayT:
             clipped <= 0.0031308, clipped * 12.92, 1.055 * clipped.clamp_min(1e-12) ** (1 / 2.4) - 0.055
         )
     clipped = np.clip(linear, 0.0, 1.0)
-    return np.where(clipped <= 0.0031308, clipped * 12.92, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    coded: np.ndarray = np.where(clipped <= 0.0031308, clipped * 12.92, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    return coded
 
 
 def srgb8_from_linear(linear: np.ndarray) -> np.ndarray:

@@ -29,14 +29,18 @@ class Latents:
     light: torch.Tensor
 
     def __post_init__(self) -> None:
-        count = self.azimuth.shape[:1]
-        shapes = {name: tuple(value.shape) for name, value in vars(self).items()}
-        fits = self.shape.ndim == 2 and self.azimuth.ndim == 1 and shapes["shape"][:1] == count
-        fits = fits and self.elevation.shape == count and shapes["albedo"] == (*count, 3)
-        if not fits or shapes["light"] != (*count, L_COUNT):
+        found = {
+            name: tuple(value.shape) if isinstance(value, torch.Tensor) else f"a {type(value).__name__}"
+            for name, value in vars(self).items()
+        }
+        first = found["shape"]
+        count, modes = first if isinstance(first, tuple) and len(first) == 2 else (None, None)
+        wanted = ((count, modes), (count,), (count,), (count, 3), (count, L_COUNT))
+        if tuple(found.values()) != wanted:
             raise ValueError(
-                "latents must be shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
-                f" light (B, {L_COUNT}); got " + ", ".join(f"{k} {v}" for k, v in shapes.items())
+                "latents must be tensors shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
+                f" light (B, {L_COUNT}); got {', '.join(f'{name} {came}' for name, came in found.items())}."
+                " Give each one row an image."
             )
 
     def __len__(self) -> int:
@@ -55,7 +59,8 @@ class Latents:
     def from_vector(vector: torch.Tensor) -> Latents:
         """The inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
         if vector.ndim != 2 or vector.shape[1] < latent_layout(0).size:
-            raise ValueError(f"latents must be (B, K + {latent_layout(0).size}); got {tuple(vector.shape)}")
+            wanted, came = f"(B, K + {latent_layout(0).size})", tuple(vector.shape)
+            raise ValueError(f"latents must be {wanted}; got {came}. Give a row an image.")
         parts = layout_of_width(vector.shape[1]).split(vector)
         parts |= {name: parts[name][:, 0] for name in ("azimuth", "elevation")}
         return Latents(**parts)

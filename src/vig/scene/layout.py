@@ -40,11 +40,15 @@ class Block:
 
     def __post_init__(self) -> None:
         if self.size < 0:
-            raise ValueError(f"a block has 0 numbers or more; got {self.size} for '{self.name}'")
+            raise ValueError(
+                f"block '{self.name}' must have 0 or more numbers; got {self.size}. Give its size."
+            )
         for what in ("lower", "upper", "labels", "deviation"):
             value = getattr(self, what)
             if isinstance(value, tuple) and value and len(value) != self.size:
-                raise ValueError(f"{what} of block '{self.name}' must be {self.size}; got {len(value)}")
+                raise ValueError(
+                    f"{what} of block '{self.name}' must be {self.size}; got {len(value)}. Give one for each."
+                )
 
     def held(self, value: float = 0.0) -> Block:
         """The same block with every number kept at `value`."""
@@ -63,7 +67,7 @@ class LatentLayout:
     def __post_init__(self) -> None:
         names = [block.name for block in self.blocks]
         if len(set(names)) != len(names):
-            raise ValueError(f"blocks must have different names; got {', '.join(names)}")
+            raise ValueError(f"blocks must have different names; got {', '.join(names)}. Rename one.")
 
     @cached_property
     def _slices(self) -> dict[str, slice]:
@@ -94,7 +98,8 @@ class LatentLayout:
     def __getitem__(self, name: str) -> slice:
         """Where a block stands. KeyError with the blocks that there are when it is absent."""
         if name not in self._slices:
-            raise KeyError(f"no block '{name}' in this layout; it has {', '.join(self._slices)}")
+            held = ", ".join(self._slices)
+            raise KeyError(f"expected one of the blocks {held}; got '{name}'. Add it with `with_blocks`.")
         return self._slices[name]
 
     def at(self, name: str) -> int:
@@ -130,7 +135,10 @@ class LatentLayout:
         """The blocks of vectors (..., P) by name, each (..., size). ValueError on another width."""
         if vector.ndim < 1 or vector.shape[-1] != self.size:
             blocks = " + ".join(f"{block.size} {block.name}" for block in self.blocks)
-            raise ValueError(f"latents must be (..., {self.size}) for {blocks}; got {tuple(vector.shape)}")
+            came = tuple(vector.shape)
+            raise ValueError(
+                f"latents must be (..., {self.size}) for {blocks}; got {came}. Take their layout."
+            )
         return {name: vector[..., place] for name, place in self._slices.items()}
 
     def join(self, parts: Mapping[str, torch.Tensor]) -> torch.Tensor:
@@ -138,7 +146,7 @@ class LatentLayout:
         found = {name: part.shape[-1] for name, part in parts.items()}
         wanted = {block.name: block.size for block in self.blocks}
         if found != wanted:
-            raise ValueError(f"expected blocks of sizes {wanted}; got {found}")
+            raise ValueError(f"expected blocks of sizes {wanted}; got {found}. Name each block once.")
         return torch.cat([parts[block.name] for block in self.blocks], dim=-1)
 
     def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:

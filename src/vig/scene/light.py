@@ -18,9 +18,6 @@ L_COUNT = 9
 EXPOSURE_L00 = 0.75 * math.pi
 """L00 of every light after exposure: the paper's 0.75 in its units, which lack the 1 / pi."""
 
-PAPER_LIGHT_UNIT = math.pi
-"""Divide our coefficients by this to compare with the paper's."""
-
 COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))
 """A_l repeated over m: nine numbers."""
 
@@ -98,7 +95,8 @@ def _rotation_parts() -> torch.Tensor:
     )
     identity = torch.eye(L_COUNT, dtype=torch.float64).expand(5, -1, -1)
     matrices = rotate_z(identity, angles[:, None]).mT.reshape(5, -1)
-    return torch.linalg.solve(harmonics.T, matrices)
+    parts: torch.Tensor = torch.linalg.solve(harmonics.T, matrices)
+    return parts
 
 
 def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
@@ -108,36 +106,15 @@ def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
     return torch.stack([zero, x, zero, -y, 2 * x2y2, xz, zero, -yz, -2 * xy], dim=-1)
 
 
-def project_panorama(radiance: np.ndarray) -> np.ndarray:
-    """SH coefficients of an equirectangular panorama, per channel.
-
-    radiance: (H, W, 3) linear, row 0 straight up (+Z), column u at azimuth 2 pi (u + 0.5) / W
-    counter-clockwise from +X. Result (9, 3) float64. Exact solid angle per row.
-    """
-    if radiance.ndim != 3 or radiance.shape[2] != 3:
-        raise ValueError(f"a panorama must be (H, W, 3) linear radiance; got {radiance.shape}")
-    height, width = radiance.shape[:2]
-    edges = np.cos(np.linspace(0.0, math.pi, height + 1))
-    solid_angle = (edges[:-1] - edges[1:]) * (2 * math.pi / width)
-    theta = (np.arange(height) + 0.5) * math.pi / height
-    phi = (np.arange(width) + 0.5) * 2 * math.pi / width
-    directions = np.stack(
-        np.broadcast_arrays(
-            np.sin(theta)[:, None] * np.cos(phi), np.sin(theta)[:, None] * np.sin(phi), np.cos(theta)[:, None]
-        ),
-        axis=-1,
-    )
-    basis = sh_basis(torch.from_numpy(np.ascontiguousarray(directions))).numpy()
-    return np.einsum("hwl,hwc,h->lc", basis, radiance.astype(np.float64), solid_angle, optimize=True)
-
-
 def grey(light_rgb: np.ndarray) -> np.ndarray:
     """Luminance (Rec. 709) of RGB light coefficients: (9, 3) to (9,)."""
-    return np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
+    luminance: np.ndarray = np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
+    return luminance
 
 
 def exposed(light: np.ndarray) -> np.ndarray:
     """A grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
     if not light[0] > 0:
         raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
-    return light * (EXPOSURE_L00 / light[0])
+    scaled: np.ndarray = light * (EXPOSURE_L00 / light[0])
+    return scaled

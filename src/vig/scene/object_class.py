@@ -143,6 +143,11 @@ class ObjectClass:
     @staticmethod
     def load(name_or_folder: str | Path) -> ObjectClass:
         """Read a packaged class by name, or a class pack from a folder. UserError when it is not one."""
+        if not isinstance(name_or_folder, str | Path):
+            came = type(name_or_folder).__name__
+            raise UserError(
+                f"expected a class's name or folder; got a {came}. Pass its name, such as 'teapot'."
+            )
         folder = Path(name_or_folder)
         if not (folder / "class.json").is_file() and folder.name == str(name_or_folder):
             folder = PACKAGED / folder
@@ -150,13 +155,12 @@ class ObjectClass:
             known = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))
             raise UserError(
                 f"expected a class, one of {', '.join(known) or 'none packaged'},"
-                " or a folder with class.json;"
-                f" got '{name_or_folder}'"
+                f" or a folder with class.json; got '{name_or_folder}'. Check the name."
             )
         with reading(folder / "class.json", "the description of a class", _DAMAGED):
-            told: _Description = decode(_Description, read_json(folder / "class.json"))
-            if told.format != FORMAT:
-                raise ValueError(f"it is of format {told.format}, where this vig reads {FORMAT}")
+            described: _Description = decode(_Description, read_json(folder / "class.json"))
+            if described.format != FORMAT:
+                raise ValueError(f"it is of format {described.format}, where this vig reads {FORMAT}")
         with reading(folder / "shape.safetensors", "a class's shapes", _DAMAGED):
             arrays, _ = read_tensors(folder / "shape.safetensors")
             check_arrays(arrays, _SHAPE)
@@ -165,7 +169,7 @@ class ObjectClass:
                 arrays["basis"],
                 arrays["faces"],
                 arrays["parts"],
-                told.part_names,
+                described.part_names,
                 arrays["explained_variance_ratio"],
             )
         transfer = None
@@ -176,16 +180,18 @@ class ObjectClass:
                 check_arrays(held, {"transfer": ("float16 float32", shape)})
                 transfer = held["transfer"].astype(np.float32)
         designs = None
-        if told.held_out_designs:
+        if described.held_out_designs:
             with reading(folder / DESIGNS_FILE, "a class's held-out designs", _DAMAGED):
                 held, _ = read_tensors(folder / DESIGNS_FILE)
-                count = len(told.held_out_designs)
+                count = len(described.held_out_designs)
                 check_arrays(held, {"vertices": ("float32", (count, len(model.mean), 3))})
-                names, splits = zip(*((each.name, each.split) for each in told.held_out_designs), strict=True)
+                names, splits = zip(
+                    *((each.name, each.split) for each in described.held_out_designs), strict=True
+                )
                 designs = HeldOutDesigns(names, splits, held["vertices"])
         with reading(folder, "a class pack", _DAMAGED):
-            prior = told.light_prior
+            prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
-            height = float(told.target_height_m)
-            made = ObjectClass(told.name, model, height, mean, covariance, folder, transfer, designs)
+            height = float(described.target_height_m)
+            made = ObjectClass(described.name, model, height, mean, covariance, folder, transfer, designs)
         return made

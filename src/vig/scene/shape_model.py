@@ -106,4 +106,5 @@ class ShapeModel:
         """Least-squares coefficients (N, K) of shapes (N, V, 3) in the model's correspondence."""
         flat = (vertices.astype(np.float64) - self.mean).reshape(len(vertices), -1)
         basis = self.basis.reshape(self.modes, -1).astype(np.float64)
-        return np.linalg.lstsq(basis.T, flat.T, rcond=None)[0].T
+        found: np.ndarray = np.linalg.lstsq(basis.T, flat.T, rcond=None)[0].T
+        return found

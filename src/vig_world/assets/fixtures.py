@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props import Prop
 from vig_world.assets.props.material import material
 from vig_world.assets.props.shapes import box, moved, scaled, smooth, tube
 from vig_world.assets.textures import near
+from vig_world.mesh import Mesh
 
 _SKINS = np.array(
     [[0.70, 0.45, 0.33], [0.52, 0.30, 0.20], [0.30, 0.15, 0.09], [0.12, 0.06, 0.04]], np.float32

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 def make(settings: Make) -> int:
     """`vig dataset make`."""
-    from vig.dataset import describe_split
     from vig.scene import ObjectClass
+    from vig_world.generation.describe import describe_split
     from vig_world.generation.write import make_dataset
 
     if settings.finish != "diffuse" and settings.tier != "cycles":
@@ -93,7 +93,8 @@ SHOWN = 20
 
 def show(settings: Show) -> int:
     """`vig dataset show`."""
-    from vig.dataset import describe_split, read_dataset
+    from vig.dataset import read_dataset
+    from vig_world.generation.describe import describe_split
     from vig_world.generation.show import contact_sheet, histograms
 
     dataset = read_dataset(settings.dataset, settings.split)
@@ -114,7 +115,8 @@ def show(settings: Show) -> int:
 
 def export(settings: Export) -> int:
     """`vig dataset export`."""
-    from vig.dataset import export_coco, export_webdataset
+    from vig_world.generation.coco import export_coco
+    from vig_world.generation.webdataset import export_webdataset
 
     if settings.to == "coco":
         export_coco(settings.dataset, settings.out, settings.split)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vig.dataset.format import DEPTH_SCALE
+from vig.dataset.format import DEPTH_SCALE, read_info
 from vig.dataset.spec import SceneSpec
 from vig.scene import IMAGE_SIZE, ObjectClass, latent_layout
 from vig.scene.designs import NO_DESIGN
@@ -84,3 +85,14 @@ def assets_used(spec: SceneSpec) -> list[str]:
     if spec.design != NO_DESIGN:
         names |= {f"design/{spec.design}"}
     return sorted(f"{spec.split}/{name}" for name in names | {f"layout/{spec.room.layout}"})
+
+
+def describe_split(path: str | Path, split: str) -> dict[str, Any]:
+    """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
+    from vig.dataset.table import read_table  # pyarrow, which worker processes do without
+
+    settings = read_info(Path(path))["splits"][split]
+    occlusion = read_table(Path(path), split, texts=False)["occlusion"]
+    counts, _ = np.histogram(occlusion.to_numpy(), 10, (0, 1))
+    counted = {name: settings[name] for name in ("rejections", "rejections_per_sample")}
+    return {"occlusion_deciles": counts.tolist(), **counted}

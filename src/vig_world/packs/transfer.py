@@ -25,9 +25,10 @@ from safetensors.numpy import save_file
 
 from vig.files import atomic_write
 from vig.renderer.device import initialise
-from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel, vertex_normals
+from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
+from vig_world.mesh import vertex_normals
 
 ALBEDO = 0.5
 """Albedo of the object for its interreflections: the middle of the sampled range."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from vig.scene import Mesh
 from vig_world.assets.furniture import FAMILIES, Furniture, finishes
 from vig_world.assets.furniture.joinery import joined
 from vig_world.assets.props.material import Material
 from vig_world.assets.props.shapes import moved
+from vig_world.mesh import Mesh
 from vig_world.rooms import fittings, openings
 from vig_world.rooms.kinds import KINDS
 from vig_world.rooms.layout import Layout

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.joinery import Joinery, slab, stick, turned_post
 from vig_world.assets.props.material import label, material
+from vig_world.mesh import Mesh
 from vig_world.rooms.shell import Part
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.furniture.furniture import Support
 from vig_world.assets.props.material import Material
+from vig_world.mesh import Mesh
 
 LEVEL = 0.006
 """Metres by which the surface may lie above or below the support's height."""

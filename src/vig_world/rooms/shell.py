@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.furniture.pierced import cells
 from vig_world.assets.props.material import Material
 from vig_world.assets.props.shapes import moved
 from vig_world.assets.textures import texture
+from vig_world.mesh import Mesh
 
 Array = np.ndarray
 Part = tuple[Mesh, Material]

@@ -22,7 +22,8 @@ from vig.renderer.primitives import (
     visible_faces,
 )
 from vig.renderer.raster import rasterize
-from vig.scene import Camera, Latents, Mesh, ObjectClass
+from vig.scene import Camera, ObjectClass
+from vig_world.mesh import Mesh
 
 TRIANGLE = np.array([[-0.1, -0.1, 0.4], [0.1, -0.1, 0.4], [0.0, 0.1, 0.4]], np.float32)
 FACE = np.array([[0, 1, 2]], np.int32)
@@ -48,10 +49,8 @@ BELOW = torch.tensor([[0, -1, 2]], dtype=torch.int32)
         ({"faces": BELOW.numpy()}, "faces must be from 0 to 2; they are from -1"),
         ({"faces": FACE.astype(float)}, r"faces must be \(F, 3\) whole numbers; got \(1, 3\) float64"),
         ({"faces": FACE[0]}, r"faces must be \(F, 3\) whole numbers; got \(3,\)"),
-        ({"vertices": TRIANGLE[:, :2]}, r"vertices must be \(V, 3\) numbers; got \(3, 2\)"),
+        ({"vertices": TRIANGLE[:, :2]}, r"vertices must be .*; got"),
         ({"vertices": TRIANGLE.astype(str)}, "vertices must be"),
-        ({"rotation": np.eye(4)}, r"rotation must be \(3, 3\)"),
-        ({"translation": np.zeros((3, 1))}, r"translation \(3,\)"),
     ],
 )
 def test_rasterize(change: dict[str, Any], why: str) -> None:
@@ -152,24 +151,6 @@ def test_topologies() -> None:
         replace(TOPOLOGY, faces=LONG)
 
 
-@pytest.mark.parametrize(
-    ("change", "why"),
-    [
-        ({"width": 0}, "1 to 16384 whole pixels"),
-        ({"height": 10**9}, "1 to 16384 whole pixels"),
-        ({"width": 10.5}, "1 to 16384 whole pixels"),
-        ({"focal": float("nan")}, "focal .* must be positive and finite"),
-        ({"focal": -1.0}, "focal .* must be positive and finite"),
-        ({"distance": float("inf")}, "distance .* must be positive and finite"),
-        ({"cx": float("nan")}, "must be finite"),
-        ({"target_height": float("inf")}, "must be finite"),
-    ],
-)
-def test_cameras(change: dict[str, Any], why: str) -> None:
-    with pytest.raises(ValueError, match=why):
-        replace(CAMERA, **change)
-
-
 def test_meshes() -> None:
     Mesh(TRIANGLE, FACE)
     for vertices, faces, why in (
@@ -179,14 +160,6 @@ def test_meshes() -> None:
     ):
         with pytest.raises(ValueError, match=why):
             Mesh(vertices, faces)
-
-
-@pytest.mark.parametrize("name", ["shape", "azimuth", "elevation", "albedo", "light"])
-def test_latents(name: str) -> None:
-    good = Latents(torch.zeros(2, 4), torch.zeros(2), torch.zeros(2), torch.zeros(2, 3), torch.zeros(2, 9))
-    for wrong in (torch.zeros(3, *getattr(good, name).shape[1:]), getattr(good, name)[..., None]):
-        with pytest.raises(ValueError, match=r"latents must be .* got .*" + name):
-            replace(good, **{name: wrong})
 
 
 @pytest.mark.parametrize(

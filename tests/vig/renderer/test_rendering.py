@@ -272,7 +272,7 @@ def test_what_cannot_be_drawn_is_refused(world: Callable[..., World]) -> None:
     scene = made.scene
     with pytest.raises(ValueError, match="of one size"):
         render([scene, replace(scene, camera=replace(scene.camera, width=31))])
-    with pytest.raises(ValueError, match="no scene"):
+    with pytest.raises(ValueError, match="got none"):
         render([])
     with pytest.raises(ValueError, match="shading"):
         render(scene, shading="phong")  # type: ignore[arg-type]

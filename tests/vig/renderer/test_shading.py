@@ -6,7 +6,8 @@ import torch
 import trimesh
 
 from vig.renderer.shading import shade, smooth_normals, unit
-from vig.scene import irradiance, vertex_normals
+from vig.scene import irradiance
+from vig_world.mesh import vertex_normals
 
 
 def test_smooth_normals_are_the_scenes() -> None:

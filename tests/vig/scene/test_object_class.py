@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, face_normals
+from vig.scene import EXPOSURE_L00, ObjectClass
+from vig_world.mesh import face_normals
 
 FINGERPRINT = "de30279b73603cfd"
 """Of the packaged teapot, as datasets of version 0.1 hold it."""

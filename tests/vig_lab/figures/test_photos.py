@@ -12,8 +12,9 @@ import pytest
 import torch
 
 from vig.dataset import Dataset
-from vig.scene import EXPOSURE_L00, Latents, ObjectClass, grey, project_panorama, rotate_z
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass, grey, rotate_z
 from vig_lab.figures import choose, figure4, figure5, photos
+from vig_world.assets.panoramas.light import project_panorama
 from vig_world.library import Library
 
 

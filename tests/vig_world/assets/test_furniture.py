@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from vig.scene import Mesh, face_normals
 from vig_world.assets.furniture import FAMILIES, Furniture, Support
 from vig_world.assets.furniture.joinery import board, boards, cushion, slab, stick
 from vig_world.assets.furniture.pierced import cells, pierced
+from vig_world.mesh import Mesh, face_normals
 
 SEEDS = range(6)
 ZONES = {

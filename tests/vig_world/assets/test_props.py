@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from vig.scene import Mesh, face_normals
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, families
 from vig_world.assets.props.shapes import (
@@ -22,6 +21,7 @@ from vig_world.assets.props.shapes import (
     tube,
     vessel,
 )
+from vig_world.mesh import Mesh, face_normals
 
 SEEDS = range(5)
 TALL = ("bottle", "carton", "vase_plant", "lamp", "pen_pot")

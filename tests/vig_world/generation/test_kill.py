@@ -21,10 +21,10 @@ from pathlib import Path
 
 import pytest
 
-from vig.dataset.format import sidecar_path
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation import pool
+from vig_world.generation.files import sidecar_path
 from vig_world.generation.job import Job
 from vig_world.generation.progress import Meter
 from vig_world.generation.write import make_dataset

@@ -15,7 +15,8 @@ import torch
 
 from vig.dataset.spec import SceneSpec
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, project_panorama, rotate_z
+from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z
+from vig_world.assets.panoramas.light import project_panorama
 from vig_world.composition.sampling import sample
 from vig_world.library import Library
 from vig_world.renderers.cycles import FINISHES, CyclesRenderer, renderer

@@ -8,10 +8,10 @@ import pytest
 from scipy import ndimage
 
 from tests.vig_world.assets.test_furniture import ZONES, bytes_of, check_support, gap, joined, spread
-from vig.scene import Mesh, face_normals
 from vig_world.assets.furniture import FAMILIES, Furniture
 from vig_world.assets.props.material import Material
 from vig_world.assets.props.shapes import box
+from vig_world.mesh import Mesh, face_normals
 from vig_world.rooms import Layout, draw_layout
 from vig_world.rooms.shell import inside, walls_of
 

@@ -1,9 +1,8 @@
 """The primitives of the differentiable renderer: pure functions on tensors, out of which `render` is made."""
 
 from vig.renderer.primitives.antialias import antialias
-from vig.renderer.primitives.barycentrics import barycentrics
 from vig.renderer.primitives.crossings import Crossings, find_crossings
-from vig.renderer.primitives.interpolate import interpolate
+from vig.renderer.primitives.interpolate import barycentrics, interpolate
 from vig.renderer.primitives.pyramid import Pyramid, pyramid, stack_pyramids
 from vig.renderer.primitives.texture import sample_texture
 from vig.renderer.primitives.topology import Topology

@@ -1,10 +1,14 @@
 """Where visible occlusion edges pass between the centres of neighbouring pixels.
 
-An edge of a mesh is a *rim* where its two faces lie on the same side of it on the screen, or where there is
-one face only. Where a rim crosses the line between two neighbouring pixel centres, the faces around are
-searched for one that hides the crossing; those that none hides are kept. This is exact for the polygons:
-no tolerance in metres, no normals, no winding. Surfaces that pierce each other have no rim where they do.
+An edge of a mesh is a *silhouette edge* where its two faces lie on the same side of it on the screen, or
+where there is one face only. Where it crosses the line between two neighbouring pixel centres, the faces
+around are searched for one that hides the crossing; those that none hides are kept. This is exact for the
+polygons: no tolerance in metres, no normals, no winding. Surfaces that pierce each other have none where they
+do.
 """
+
+# Warp's decorators and annotations are not for type checkers.
+# mypy: disable-error-code="untyped-decorator,no-untyped-def"
 
 import functools
 from dataclasses import dataclass
@@ -14,21 +18,67 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.primitives.arguments import check_floats, check_size, check_table
-from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
-from vig.renderer.primitives.visibility import screen_functions
+from vig.renderer.device import initialise, scalar_type
+from vig.renderer.kernel_calls import check_floats, check_size, check_table, kernel_module, launch, opaque
+from vig.renderer.primitives.visibility import beyond_near
 from vig.renderer.raster import NEAR
 
 
 @functools.cache
 def _kernels(dtype: torch.dtype) -> SimpleNamespace:
-    f = screen_functions(dtype)
-    real, vec2, vec3 = f.real, f.vec2, f.vec3
-    weights_at, depth_inside, box_of = f.weights_at, f.depth_inside, f.box_of
-    first_line, last_line = f.first_line, f.last_line
+    """Kernels and their functions on homogeneous screen points."""
+    initialise()
+    real = scalar_type(dtype)
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
     module = kernel_module("crossings", dtype)
     near, half = real(NEAR), real(0.5)
     nearer = real(1.0 - (1e-5 if dtype == torch.float32 else 1e-9))
+
+    @wp.func
+    def from_pixel(point: vec3, x: real, y: real):
+        """The point's place relative to a pixel, still times its depth."""
+        return vec2(point[0] - x * point[2], point[1] - y * point[2])
+
+    @wp.func
+    def cross(a: vec2, b: vec2):
+        return a[0] * b[1] - a[1] * b[0]
+
+    @wp.func
+    def weights_at(a: vec3, b: vec3, c: vec3, x: real, y: real):
+        """Barycentric weights, up to one common factor, of the ray through (x, y)."""
+        oa = from_pixel(a, x, y)
+        ob = from_pixel(b, x, y)
+        oc = from_pixel(c, x, y)
+        return vec3(cross(ob, oc), -cross(oa, oc), cross(oa, ob))
+
+    @wp.func
+    def depth_inside(weights: vec3, a: vec3, b: vec3, c: vec3):
+        """Depth where the ray of these weights meets the triangle; -1 where it passes beside it."""
+        inside = (weights[0] >= real(0.0) and weights[1] >= real(0.0) and weights[2] >= real(0.0)) or (
+            weights[0] <= real(0.0) and weights[1] <= real(0.0) and weights[2] <= real(0.0)
+        )
+        total = weights[0] + weights[1] + weights[2]
+        if not inside or total == real(0.0):
+            return real(-1.0)
+        return (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) / total
+
+    @wp.func
+    def box_of(a: vec3, b: vec3, c: vec3):
+        """Bounding box in pixels of a triangle beyond the near plane."""
+        pa = vec2(a[0], a[1]) / a[2]
+        pb = vec2(b[0], b[1]) / b[2]
+        pc = vec2(c[0], c[1]) / c[2]
+        return wp.min(pa, wp.min(pb, pc)), wp.max(pa, wp.max(pb, pc))
+
+    @wp.func
+    def first_line(low: real):
+        """The first row or column from `low` on, clamped before it becomes a whole number."""
+        return int(wp.ceil(wp.max(low, real(0.0))))
+
+    @wp.func
+    def last_line(high: real, count: int):
+        """The last row or column up to `high`, clamped before it becomes a whole number."""
+        return int(wp.floor(wp.min(high, real(count - 1))))
 
     @wp.func
     def side(a: vec3, b: vec3, c: vec3):
@@ -42,31 +92,31 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         return bx * cy - by * cx
 
     @wp.kernel(module=module)
-    def find_rims(
+    def find_silhouette(
         points: wp.array(dtype=vec3),
         edges: wp.array2d(dtype=wp.int32),
-        rims: wp.array(dtype=wp.uint8),
+        chosen: wp.array(dtype=wp.uint8),
     ):
         edge = wp.tid()
-        rims[edge] = wp.uint8(0)
+        chosen[edge] = wp.uint8(0)
         a = points[edges[edge, 0]]
         b = points[edges[edge, 1]]
         if a[2] < near or b[2] < near:
             return
         if edges[edge, 3] < 0:
-            rims[edge] = wp.uint8(1)
+            chosen[edge] = wp.uint8(1)
             return
         here = side(a, b, points[edges[edge, 2]])
         there = side(a, b, points[edges[edge, 3]])
         if (here > real(0.0) and there > real(0.0)) or (here < real(0.0) and there < real(0.0)):
-            rims[edge] = wp.uint8(1)
+            chosen[edge] = wp.uint8(1)
 
     @wp.kernel(module=module)
     def cross_lines(
         points: wp.array(dtype=vec3),
         edges: wp.array2d(dtype=wp.int32),
         layer: wp.array(dtype=wp.int32),
-        rims: wp.array(dtype=wp.int64),
+        chosen: wp.array(dtype=wp.int64),
         fill: wp.int32,
         counts: wp.array(dtype=wp.int32),
         ends: wp.array(dtype=wp.int32),
@@ -75,9 +125,9 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         cells: wp.array2d(dtype=wp.int32),
         spots: wp.array(dtype=vec3),
     ):
-        """First time: count each rim's crossings. Second time: write them, and link those of one cell."""
+        """First time: count each edge's crossings. Second time: write them, and link those of one cell."""
         index = wp.tid()
-        edge = int(rims[index])
+        edge = int(chosen[index])
         a = points[edges[edge, 0]]
         b = points[edges[edge, 1]]
         image = layer[edges[edge, 4]]
@@ -127,23 +177,31 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     @wp.kernel(module=module)
     def hide(
         points: wp.array(dtype=vec3),
+        parts: wp.array2d(dtype=wp.int32),
+        origin: wp.array(dtype=wp.int64),
         faces: wp.array2d(dtype=wp.int32),
         layer: wp.array(dtype=wp.int32),
         edges: wp.array2d(dtype=wp.int32),
-        rims: wp.array(dtype=wp.int64),
+        chosen: wp.array(dtype=wp.int64),
         heads: wp.array4d(dtype=wp.int32),
         links: wp.array(dtype=wp.int32),
         cells: wp.array2d(dtype=wp.int32),
         spots: wp.array(dtype=vec3),
         hidden: wp.array(dtype=wp.uint8),
     ):
-        """Mark the crossings that a face lies before. A cell holds the crossings after its pixel's centre."""
-        face = wp.tid()
+        """Mark the crossings that a face hides, looked for in the box of its part beyond the near plane.
+
+        A cell holds the crossings after its pixel's centre.
+        """
+        part = wp.tid()
+        face = int(origin[part])
         a = points[faces[face, 0]]
         b = points[faces[face, 1]]
         c = points[faces[face, 2]]
         image = layer[face]
-        low, high = box_of(a, b, c)
+        low, high = box_of(points[parts[part, 0]], points[parts[part, 1]], points[parts[part, 2]])
+        if not (low[0] <= high[0] and low[1] <= high[1]):
+            return
         for axis in range(2):
             before = vec2(half, half)
             before[axis] = half + real(1.0)
@@ -155,7 +213,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                 for x in range(x0, x1 + 1):
                     at = heads[image, axis, y, x]
                     while at >= 0:
-                        edge = int(rims[cells[at, 0]])
+                        edge = int(chosen[cells[at, 0]])
                         if hidden[at] == wp.uint8(0) and edges[edge, 4] != face and edges[edge, 5] != face:
                             spot = spots[at]
                             weights = weights_at(a, b, c, spot[0], spot[1])
@@ -164,21 +222,26 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
                                 hidden[at] = wp.uint8(1)
                         at = links[at]
 
-    return SimpleNamespace(find_rims=find_rims, cross_lines=cross_lines, hide=hide, vec3=vec3)
+    return SimpleNamespace(find_silhouette=find_silhouette, cross_lines=cross_lines, hide=hide)
 
 
 @dataclass(frozen=True)
 class Crossings:
-    """Rims of B images of H x W, and their M visible crossings with the lines between pixel centres.
+    """Silhouette edges of B images of H x W, and where M of them visibly cross the lines of pixel centres.
 
-    rims (R, 2) int64: the vertices a and b of each rim, visible or not. rim (M,) int64: which rim crosses.
-    axis (M,) int64: 0 between neighbours in a row, 1 in a column. line (M,): which row (axis 0) or column.
-    low (M,): the neighbour's column (row) that comes first. here, there (M,) int64: the two pixels, first
-    and second, as (b H + y) W + x. sharers (M,): how many visible crossings lie between the same two pixels.
+    Attributes:
+        edges: (S, 2) int64, the vertices a and b of each silhouette edge, visible or not.
+        edge: (M,) int64, which of these crosses.
+        axis: (M,) int64, 0 between neighbours in a row, 1 in a column.
+        line: (M,) which row (axis 0) or column.
+        low: (M,) the neighbour's column (row) that comes first.
+        here: (M,) int64, the first of the two pixels, as (b H + y) W + x.
+        there: (M,) int64, the second.
+        sharers: (M,) how many visible crossings lie between the same two pixels.
     """
 
-    rims: torch.Tensor
-    rim: torch.Tensor
+    edges: torch.Tensor
+    edge: torch.Tensor
     axis: torch.Tensor
     line: torch.Tensor
     low: torch.Tensor
@@ -194,24 +257,24 @@ def find_crossings(
     layer: torch.Tensor,
     size: tuple[int, int, int],
 ) -> Crossings:
-    """Find the visible occlusion edges of B images.
+    """Find the visible occlusion edges of B images; see `visible_faces` for the arguments.
 
-    points (V, 3): homogeneous screen points. faces (F, 3), edges (E, 6) int32: see `Topology`, the vertices
-    and faces of all meshes numbered through. layer (F,) int32: the image of each face. size: (B, H, W).
     Edges with an end nearer than NEAR to the eye's plane are left out. Nothing of the result has a
-    derivative: see `antialias`. Raises ValueError for other shapes and types and for indices of vertices,
-    faces or images that are not there.
+    derivative: see `antialias`. `edges` is (E, 6) int32: see `Topology`, the vertices and faces of all meshes
+    numbered through. Raises ValueError as `visible_faces`.
     """
     check_size(size)
-    rims, cells, hidden = opaque(functools.partial(_search, size=size), points.detach(), faces, edges, layer)
+    chosen, cells, hidden = opaque(
+        functools.partial(_search, size=size), points.detach(), faces, edges, layer
+    )
     cells = cells[(hidden == 0).nonzero().squeeze(1)].long()
-    rim, axis, image, y, x = cells.unbind(1)
+    edge, axis, image, y, x = cells.unbind(1)
     _, height, width = size
     here = (image * height + y) * width + x
     _, inverse, counts = torch.unique(here * 2 + axis, return_inverse=True, return_counts=True)
     return Crossings(
-        rims=edges[rims, :2].long(),
-        rim=rim,
+        edges=edges[chosen, :2].long(),
+        edge=edge,
         axis=axis,
         line=torch.where(axis == 0, y, x),
         low=torch.where(axis == 0, x, y),
@@ -228,7 +291,7 @@ def _search(
     layer: torch.Tensor,
     size: tuple[int, int, int],
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Indices of the rims, all their crossings (M, 5), and which of these are hidden (M,)."""
+    """Indices of the silhouette edges, all their crossings (M, 5), and which of these are hidden (M,)."""
     check_floats(points=(points, (None, 3)))
     check_table("faces", faces, (None, 3), len(points))
     check_table("edges", edges, (None, 6))
@@ -237,59 +300,27 @@ def _search(
     check_indices("opposite vertices of edges", edges[:, 3], len(points), -1)
     check_indices("first faces of edges", edges[:, 4], len(faces))
     check_indices("second faces of edges", edges[:, 5], len(faces), -1)
-    kernels, device = _kernels(points.dtype), device_of(points)
+    kernels = _kernels(points.dtype)
     images, height, width = size
-    seen = [array_of(points, kernels.vec3), array_of(edges, wp.int32)]
     flags = torch.empty(len(edges), dtype=torch.uint8, device=points.device)
-    wp.launch(kernels.find_rims, dim=len(edges), inputs=[*seen, array_of(flags, wp.uint8)], device=device)
-    rims = flags.nonzero().squeeze(1)
-    rims_wp, layer_wp = array_of(rims, wp.int64), array_of(layer, wp.int32)
-    counts = torch.zeros(len(rims), dtype=torch.int32, device=points.device)
+    launch(kernels.find_silhouette, len(edges), points, edges, flags)
+    chosen = flags.nonzero().squeeze(1)
+    counts = torch.zeros(len(chosen), dtype=torch.int32, device=points.device)
     heads = torch.full((images, 2, height, width), -1, dtype=torch.int32, device=points.device)
-    heads_wp = array_of(heads, wp.int32)
 
-    def cross(
-        fill: int, ends: torch.Tensor, cells: torch.Tensor, links: torch.Tensor, spots: torch.Tensor
-    ) -> None:
-        wp.launch(
-            kernels.cross_lines,
-            dim=len(rims),
-            inputs=[*seen, layer_wp, rims_wp, fill, array_of(counts, wp.int32), array_of(ends, wp.int32)],
-            outputs=[
-                heads_wp,
-                array_of(links, wp.int32),
-                array_of(cells, wp.int32),
-                array_of(spots, kernels.vec3),
-            ],
-            device=device,
-        )
-
-    def room(total: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def cross(fill: int, ends: torch.Tensor, total: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         cells = torch.empty((total, 5), dtype=torch.int32, device=points.device)
-        return cells, torch.empty(total, dtype=torch.int32, device=points.device), points.new_empty(total, 3)
+        links, spots = cells.new_empty(total), points.new_empty(total, 3)
+        given = points, edges, layer, chosen, fill, counts, ends, heads, links, cells, spots
+        launch(kernels.cross_lines, len(chosen), *given)
+        return cells, links, spots
 
-    cross(0, counts, *room(0))
+    cross(0, counts, 0)
     ends = counts.cumsum(0).int()
-    cells, links, spots = room(int(ends[-1]) if len(ends) else 0)
+    cells, links, spots = cross(1, ends, int(ends[-1]) if len(ends) else 0)
     hidden = torch.zeros(len(cells), dtype=torch.uint8, device=points.device)
-    if len(cells) == 0:
-        return rims, cells, hidden
-    cross(1, ends, cells, links, spots)
-    wp.launch(
-        kernels.hide,
-        dim=len(faces),
-        inputs=[
-            seen[0],
-            array_of(faces, wp.int32),
-            layer_wp,
-            seen[1],
-            rims_wp,
-            heads_wp,
-            array_of(links, wp.int32),
-            array_of(cells, wp.int32),
-            array_of(spots, kernels.vec3),
-        ],
-        outputs=[array_of(hidden, wp.uint8)],
-        device=device,
-    )
-    return rims, cells, hidden
+    if len(cells):
+        points, parts, origin = beyond_near(points, faces.long())
+        given = points, parts.int(), origin, faces, layer, edges, chosen, heads, links, cells, spots, hidden
+        launch(kernels.hide, len(parts), *given)
+    return chosen, cells, hidden

@@ -1,132 +1,68 @@
-"""Interpolation of vertex attributes at the seen points."""
+"""Perspective-correct barycentric weights of the seen faces, and attributes interpolated with them."""
 
-import functools
-from types import SimpleNamespace
-from typing import Any
+from __future__ import annotations
 
 import torch
-import warp as wp
 
-from vig.renderer.device import initialise, scalar_type
-from vig.renderer.primitives.arguments import check_floats, check_table
-from vig.renderer.primitives.opaque import array_of, device_of, kernel_module, opaque
+from vig.renderer.kernel_calls import check_floats, check_table
 
 
-@functools.cache
-def _kernels(dtype: torch.dtype) -> SimpleNamespace:
-    initialise()
-    real = scalar_type(dtype)
-    module = kernel_module("interpolate", dtype)
+def barycentrics(
+    points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor, derivatives: bool = True
+) -> torch.Tensor:
+    """Weights of the corners of N seen faces at the centres of N pixels; differentiable in points.
 
-    @wp.kernel(module=module)
-    def forward(
-        attributes: wp.array2d(dtype=real),
-        corners: wp.array2d(dtype=wp.int32),
-        weights: wp.array2d(dtype=real),
-        result: wp.array2d(dtype=real),
-    ):
-        row = wp.tid()
-        a = corners[row, 0]
-        b = corners[row, 1]
-        c = corners[row, 2]
-        u = weights[row, 0]
-        v = weights[row, 1]
-        w = weights[row, 2]
-        for channel in range(attributes.shape[1]):
-            result[row, channel] = (
-                u * attributes[a, channel] + v * attributes[b, channel] + w * attributes[c, channel]
-            )
+    Args:
+        points: (V, 3) homogeneous screen points (x z, y z, z).
+        corners: (N, 3) int32, the faces' vertices.
+        pixels: (N, 2) int32, column and row.
+        derivatives: Also give the weights' derivatives along the screen.
 
-    @wp.kernel(module=module)
-    def backward(
-        attributes: wp.array2d(dtype=real),
-        corners: wp.array2d(dtype=wp.int32),
-        weights: wp.array2d(dtype=real),
-        cotangents: wp.array2d(dtype=real),
-        on_attributes: wp.array2d(dtype=real),
-        on_weights: wp.array2d(dtype=real),
-    ):
-        row = wp.tid()
-        for corner in range(3):
-            vertex = corners[row, corner]
-            weight = weights[row, corner]
-            total = real(0.0)
-            for channel in range(attributes.shape[1]):
-                cotangent = cotangents[row, channel]
-                total = total + cotangent * attributes[vertex, channel]
-                wp.atomic_add(on_attributes, vertex, channel, weight * cotangent)
-            on_weights[row, corner] = total
+    Returns:
+        (N, 3, 3): the weights, then their derivatives per pixel to the right, and per pixel downwards;
+        without `derivatives` (N, 1, 3).
 
-    return SimpleNamespace(forward=forward, backward=backward, real=real)
+    Raises:
+        ValueError: Other shapes and types, or corners that are not there.
+    """
+    check_floats(points=(points, (None, 3)))
+    check_table("corners", corners, (None, 3), len(points))
+    check_table("pixels", pixels, (len(corners), 2))
+    # Corners relative to the pixel, times their depths: (3, N) each, as rows are fastest.
+    picked = points.T.index_select(1, corners.T.reshape(-1).long()).view(3, 3, -1)
+    centre = (pixels.T + 0.5).to(points.dtype)
+    z = picked[2]
+    x, y = picked[0] - centre[0] * z, picked[1] - centre[1] * z
 
+    def areas(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+        # Opposite each corner, the cross product of the two others.
+        return a.roll(-1, 0) * b.roll(-2, 0) - a.roll(-2, 0) * b.roll(-1, 0)
 
-def _inputs(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> list[Any]:
-    real = scalar_type(attributes.dtype)
-    return [array_of(attributes, real), array_of(corners, wp.int32), array_of(weights, real)]
-
-
-def _forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
-    kernels = _kernels(attributes.dtype)
-    result = attributes.new_empty(len(corners), attributes.shape[1])
-    wp.launch(
-        kernels.forward,
-        dim=len(corners),
-        inputs=_inputs(attributes, corners, weights),
-        outputs=[array_of(result, kernels.real)],
-        device=device_of(attributes),
-    )
-    return result
-
-
-def _backward(
-    attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor, cotangents: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor]:
-    kernels = _kernels(attributes.dtype)
-    on_attributes, on_weights = torch.zeros_like(attributes), torch.empty_like(weights)
-    wp.launch(
-        kernels.backward,
-        dim=len(corners),
-        inputs=[*_inputs(attributes, corners, weights), array_of(cotangents, kernels.real)],
-        outputs=[array_of(on_attributes, kernels.real), array_of(on_weights, kernels.real)],
-        device=device_of(attributes),
-    )
-    return on_attributes, on_weights
-
-
-class _Interpolate(torch.autograd.Function):
-    @staticmethod
-    def forward(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
-        check_floats(attributes=(attributes, (None, None)), weights=(weights, (len(corners), 3)))
-        check_table("corners", corners, (None, 3), len(attributes))
-        return _forward(attributes, corners, weights)
-
-    @staticmethod
-    def setup_context(ctx: Any, inputs: tuple[torch.Tensor, ...], output: torch.Tensor) -> None:
-        ctx.save_for_backward(*inputs)
-        ctx.save_for_forward(*inputs)
-
-    @staticmethod
-    def backward(ctx: Any, cotangents: torch.Tensor) -> Any:
-        on_attributes, on_weights = opaque(_backward, *ctx.saved_tensors, cotangents)
-        return on_attributes, None, on_weights
-
-    @staticmethod
-    def jvp(ctx: Any, attributes_moved: Any, _: Any, weights_moved: Any) -> torch.Tensor:
-        attributes, corners, weights = ctx.saved_tensors
-        # Bilinear: the product rule.
-        result = attributes.new_zeros(len(corners), attributes.shape[1])
-        if attributes_moved is not None:
-            result = result + opaque(_forward, attributes_moved, corners, weights)
-        if weights_moved is not None:
-            result = result + opaque(_forward, attributes, corners, weights_moved)
-        return result
+    edges = areas(x, y)
+    inverse = 1 / edges.sum(0)
+    weights = edges * inverse
+    rows = [weights]
+    # A step of one pixel moves a corner by its depth; the quotient rule.
+    for change in (-areas(z, y), -areas(x, z)) if derivatives else ():
+        rows.append((change - weights * change.sum(0)) * inverse)
+    return torch.stack(rows).permute(2, 0, 1)
 
 
 def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
     """Interpolate vertex attributes at N seen points: sum_i weights[n, i] attributes[corners[n, i]].
 
-    attributes (V, C) float32 or float64. corners (N, 3) int32. weights (N, 3): barycentric weights, or their
-    derivatives along the screen, for the attributes' own. Result (N, C). Differentiable in attributes and
-    weights. Raises ValueError for other shapes and types and for corners that are not there.
+    Args:
+        attributes: (V, C) float32 or float64.
+        corners: (N, 3) int32.
+        weights: (N, 3) barycentric weights, or their derivatives along the screen for the attributes' own.
+
+    Returns:
+        (N, C), differentiable in attributes and weights.
+
+    Raises:
+        ValueError: Other shapes and types, or corners that are not there.
     """
-    return _Interpolate.apply(attributes.contiguous(), corners.contiguous(), weights.contiguous())
+    check_table("corners", corners, (None, 3), len(attributes))
+    check_floats(attributes=(attributes, (None, None)), weights=(weights, (len(corners), 3)))
+    rows = attributes.index_select(0, corners.reshape(-1).long()).view(len(corners), 3, attributes.shape[1])
+    return (weights[:, None] @ rows)[:, 0]

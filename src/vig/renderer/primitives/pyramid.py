@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 import torch.nn.functional as F
 
-from vig.renderer.primitives.arguments import check_floats, check_table
+from vig.renderer.kernel_calls import check_floats, check_table
 
 
 @dataclass(frozen=True)

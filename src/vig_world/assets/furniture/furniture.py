@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.material import Material
+from vig_world.mesh import Mesh
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig.scene import Mesh
 from vig_world.assets.furniture.furniture import Furniture, Support
 from vig_world.assets.props.material import Material
 from vig_world.assets.props.shapes import box, moved, revolve, tube
+from vig_world.mesh import Mesh
 
 Array = np.ndarray
 Profile = Sequence[tuple[float, float]]

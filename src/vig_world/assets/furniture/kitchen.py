@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import FRONTS, HANDLES, THICK, fronts, handle
 from vig_world.assets.furniture.furniture import Furniture, family
@@ -12,6 +11,7 @@ from vig_world.assets.furniture.joinery import Joinery, rod, slab, stick, turned
 from vig_world.assets.furniture.pierced import Hole, pierced
 from vig_world.assets.furniture.tables import edge
 from vig_world.assets.props.material import Material
+from vig_world.mesh import Mesh
 
 STEEL = (0.5, 0.5, 0.51)
 WORKTOP, THICKNESS, WORKTOP_DEPTH = 0.91, 0.038, 0.62

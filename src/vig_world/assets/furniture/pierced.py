@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
+from vig_world.mesh import Mesh
 
 Hole = tuple[float, float, float, float]
 """x0, y0, x1, y1 of an opening."""

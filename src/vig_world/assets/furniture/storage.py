@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import FRONTS, HANDLES, fronts, leg, legs
 from vig_world.assets.furniture.furniture import Furniture, family
@@ -12,6 +11,7 @@ from vig_world.assets.furniture.joinery import Joinery, boards, rounding, slab
 from vig_world.assets.furniture.tables import edge
 from vig_world.assets.props.material import Material
 from vig_world.assets.textures import colour
+from vig_world.mesh import Mesh
 
 Corner = tuple[float, float, float]
 

@@ -22,7 +22,7 @@ _FIND = (
 
 @dataclass(frozen=True)
 class OwnPanorama:
-    """An equirectangular panorama from a file, as `vig.scene.project_panorama` reads it.
+    """An equirectangular panorama from a file, as `project_panorama` reads it.
 
     Attributes:
         name: Name of the file, relative to its folder.

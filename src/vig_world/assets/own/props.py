@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from vig.errors import UserError
-from vig.scene import Mesh
 from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, Piece, load
 from vig_world.assets.own.settings import FileSettings, settings_of
 from vig_world.assets.own.simplify import outward
 from vig_world.assets.own.standing import Kind, stand
 from vig_world.assets.props.material import Material, Prop, prop
+from vig_world.mesh import Mesh
 
 MOST_FACES = 20_000
 _GENERIC = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")

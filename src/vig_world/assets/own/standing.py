@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from vig.scene import face_normals
 from vig_world.assets.own.load import Piece
 from vig_world.assets.own.settings import FileSettings
+from vig_world.mesh import face_normals
 
 _UPRIGHT = {  # rows: the file's axes that become x, y, z
     "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.scene import face_normals
+from vig_world.mesh import face_normals
 
 LEAST_SIDE = 0.15
 LEAST_CLEARANCE = 0.2

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
-from vig.scene.light import Y00, Y1, exposed, grey, project_panorama
+from vig.scene.light import Y00, Y1, exposed, grey, sh_basis
 
 Array = np.ndarray
 
@@ -51,3 +54,26 @@ def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
     """
     upper, white = radiance if radiance.shape == (2, 9) else light_parts(radiance)
     return exposed(upper + ground_albedo * white)
+
+
+def project_panorama(radiance: np.ndarray) -> np.ndarray:
+    """SH coefficients of an equirectangular panorama, per channel.
+
+    radiance: (H, W, 3) linear, row 0 straight up (+Z), column u at azimuth 2 pi (u + 0.5) / W
+    counter-clockwise from +X. Result (9, 3) float64. Exact solid angle per row.
+    """
+    if radiance.ndim != 3 or radiance.shape[2] != 3:
+        raise ValueError(f"a panorama must be (H, W, 3) linear radiance; got {radiance.shape}")
+    height, width = radiance.shape[:2]
+    edges = np.cos(np.linspace(0.0, math.pi, height + 1))
+    solid_angle = (edges[:-1] - edges[1:]) * (2 * math.pi / width)
+    theta = (np.arange(height) + 0.5) * math.pi / height
+    phi = (np.arange(width) + 0.5) * 2 * math.pi / width
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(theta)[:, None] * np.cos(phi), np.sin(theta)[:, None] * np.sin(phi), np.cos(theta)[:, None]
+        ),
+        axis=-1,
+    )
+    basis = sh_basis(torch.from_numpy(np.ascontiguousarray(directions))).numpy()
+    return np.einsum("hwl,hwc,h->lc", basis, radiance.astype(np.float64), solid_angle, optimize=True)

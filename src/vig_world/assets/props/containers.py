@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
@@ -21,6 +20,7 @@ from vig_world.assets.props.material import (
 )
 from vig_world.assets.props.shapes import box, moved, revolve, smooth, superellipse, tube, vessel
 from vig_world.assets.textures import colour, near
+from vig_world.mesh import Mesh
 
 
 def band_of(radius: float, low: float, high: float, outline: ArrayLike = 1.0, segments: int = 28) -> Mesh:

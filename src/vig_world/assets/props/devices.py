@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, dark, material, metal, plain, plastic, prop, steel
 from vig_world.assets.props.shapes import blob, box, extrude, moved, relief, revolve, rounded, smooth, tube
 from vig_world.assets.textures import neutral, shade, texture
+from vig_world.mesh import Mesh
 
 
 def _screen(rng: np.random.Generator, lit: float) -> Material:

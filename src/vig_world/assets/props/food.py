@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, ceramic, material, plain, prop, steel, timber
 from vig_world.assets.props.shapes import blob, box, extrude, moved, revolve, smooth, tube, vessel
 from vig_world.assets.textures import near, noise, shade, texture
 from vig_world.assets.textures.fields import mix
+from vig_world.mesh import Mesh
 
 
 def _baked(rng: np.random.Generator) -> Material:

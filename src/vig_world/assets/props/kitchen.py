@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
@@ -33,6 +32,7 @@ from vig_world.assets.props.shapes import (
     vessel,
 )
 from vig_world.assets.textures import accent, near, shade
+from vig_world.mesh import Mesh
 
 
 @family("cooking")

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig.scene import Mesh
 from vig_world.assets.textures import (
     Array,
     accent,
@@ -19,6 +18,7 @@ from vig_world.assets.textures import (
     shade,
     texture,
 )
+from vig_world.mesh import Mesh
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, ceramic, material, prop
 from vig_world.assets.props.shapes import moved, revolve, scaled, smooth, tube, vessel
 from vig_world.assets.textures import Array, near, noise, shade
+from vig_world.mesh import Mesh
 
 
 def _skin(rng: np.random.Generator, low: Array, high: Array, blush: float = 1.0) -> Material:

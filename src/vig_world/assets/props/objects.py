@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Prop, ceramic, material, metal, prop
 from vig_world.assets.props.shapes import box, moved, revolve, smooth, tube, vessel
+from vig_world.mesh import Mesh
 
 
 @family("floor")

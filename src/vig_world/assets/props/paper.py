@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
@@ -20,6 +19,7 @@ from vig_world.assets.props.material import (
 )
 from vig_world.assets.props.shapes import box, extrude, moved, relief, revolve, rounded, tube
 from vig_world.assets.textures import near, noise, shade, texture
+from vig_world.mesh import Mesh
 
 _PAPER = np.array([0.80, 0.79, 0.76], np.float32)
 

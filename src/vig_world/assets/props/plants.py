@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, ceramic, material, plain, prop
 from vig_world.assets.props.shapes import (
@@ -19,6 +18,7 @@ from vig_world.assets.props.shapes import (
     vessel,
 )
 from vig_world.assets.textures import near, shade
+from vig_world.mesh import Mesh
 
 
 def _flower(daisies: bool) -> tuple[Mesh, Mesh]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, label, material, prop
 from vig_world.assets.props.shapes import box, moved, relief
 from vig_world.assets.textures import colour, noise, shade
+from vig_world.mesh import Mesh
 
 _MOUNT = (0.78, 0.76, 0.70)
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vig.scene import Mesh
+from vig_world.mesh import Mesh
 
 Array = np.ndarray
 Points = Array | Sequence[Any]  # coordinates by rows: an array, or rows of numbers

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Prop, bare, ceramic, material, metal, prop
 from vig_world.assets.props.shapes import moved, revolve, smooth, superellipse, tube, vessel
 from vig_world.assets.textures import colour, shade
+from vig_world.mesh import Mesh
 
 
 @family("cooking", "dining", "display", "storage")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig.scene import Mesh
 from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, dark, material, plain, prop, timber
 from vig_world.assets.props.shapes import (
@@ -25,6 +24,7 @@ from vig_world.assets.props.shapes import (
     tube,
 )
 from vig_world.assets.textures import accent, neutral, noise, shade
+from vig_world.mesh import Mesh
 
 _WOVEN = ("cloth", "cloth", "stripes", "floral", "paint", "weave")
 

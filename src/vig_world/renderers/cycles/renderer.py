@@ -16,7 +16,8 @@ import torch
 
 from vig.dataset.spec import SceneSpec
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, grey, project_panorama, rotate_z, srgb8_from_linear
+from vig.scene import EXPOSURE_L00, ObjectClass, grey, rotate_z, srgb8_from_linear
+from vig_world.assets.panoramas.light import project_panorama
 from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
 from vig_world.renderers.cycles.appearance import FINISHES, Finish

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from vig.scene import Mesh, vertex_normals
 from vig_world.assets.props.material import Material
+from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.raster.pyramid import Pyramid
 from vig_world.renderers.raster.records import HEADER, PART, address
 from vig_world.renderers.raster.shadows import ambient_occlusion, surface_points

@@ -6,7 +6,7 @@ import torch
 import trimesh
 
 from vig.likelihood.kernels.geometry import edges_of, rings_of
-from vig.scene import vertex_normals
+from vig_world.mesh import vertex_normals
 
 
 def torn(mesh: trimesh.Trimesh, rng: np.random.Generator) -> np.ndarray:

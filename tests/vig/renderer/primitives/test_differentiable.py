@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from tests.vig.renderer.primitives import reference
 from vig.renderer.primitives import (
     barycentrics,
     interpolate,
     pyramid,
-    reference,
     sample_texture,
     stack_pyramids,
 )
@@ -137,14 +137,13 @@ def test_a_pyramid_halves_to_one_texel_and_keeps_the_mean() -> None:
         pyramid(torch.rand(8, 4))
 
 
-def test_a_second_derivative_is_refused(seen: tuple) -> None:
-    points, corners, pixels = seen
-    points = points.clone().requires_grad_()
-    (once,) = torch.autograd.grad(
-        barycentrics(points, corners, pixels).square().sum(), points, create_graph=True
-    )
+def test_a_second_derivative_through_a_kernel_is_refused() -> None:
+    textures, which, (_, uv, footprint) = textured(np.random.default_rng(3))
+    uv.requires_grad_()
+    rows = sample_texture(textures, which, uv, footprint)
+    (once,) = torch.autograd.grad(rows.square().sum(), uv, create_graph=True)
     with pytest.raises(NotImplementedError, match="first derivatives only"):
-        torch.autograd.grad(once.sum(), points)
+        torch.autograd.grad(once.sum(), uv)
 
 
 def test_no_pixels_are_no_rows() -> None:

@@ -7,8 +7,9 @@ import pytest
 import torch
 import trimesh
 
+from tests.vig.renderer.primitives import reference
 from vig.renderer import Topology
-from vig.renderer.primitives import Crossings, antialias, find_crossings, reference, visible_faces
+from vig.renderer.primitives import Crossings, antialias, find_crossings, visible_faces
 
 SIZE = (1, 24, 32)
 
@@ -21,7 +22,7 @@ def on_screen(vertices: np.ndarray, dtype: torch.dtype = torch.float64) -> torch
 
 
 def rows_of(found: Crossings) -> set[tuple[int, int, int, int, int]]:
-    a, b = found.rims[found.rim].unbind(1)
+    a, b = found.edges[found.edge].unbind(1)
     columns = (a, b, found.axis, found.here, found.there)
     return set(zip(*(column.tolist() for column in columns), strict=True))
 
@@ -76,7 +77,7 @@ def test_rims_behind_something_and_edges_within_a_surface_are_not_seen() -> None
     )
     layer = torch.zeros(len(topology.faces)).int()
     found = find_crossings(points, topology.faces, topology.edges, layer, SIZE)
-    assert (found.rims[found.rim] >= 4).all()  # none of the first four vertices
+    assert (found.edges[found.edge] >= 4).all()  # none of the first four vertices
     pairs = {(a, b) for a, b, *_ in rows_of(found)}
     assert pairs == {(4, 5), (5, 6), (6, 7), (4, 7)}  # the diagonal (4, 6) is no rim
 

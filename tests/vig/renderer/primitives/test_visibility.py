@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from vig.renderer.primitives import Visible, reference, visible_faces
+from tests.vig.renderer.primitives import reference
+from vig.renderer.primitives import Visible, visible_faces
 from vig.renderer.raster import NEAR
 
 SIZE = (2, 24, 32)

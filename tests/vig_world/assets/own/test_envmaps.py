@@ -9,9 +9,9 @@ import OpenImageIO as oiio
 import pytest
 
 from vig.errors import UserError
-from vig.scene import project_panorama
 from vig_world.assets.own import bpy_panoramas, read_envmaps
 from vig_world.assets.own.envmaps import resized
+from vig_world.assets.panoramas.light import project_panorama
 
 
 def save(path: Path, radiance: np.ndarray) -> Path:

@@ -10,10 +10,11 @@ import trimesh
 from PIL import Image
 
 from vig.errors import UserError
-from vig.scene import face_normals, linear_from_srgb
+from vig.scene import linear_from_srgb
 from vig_world.assets.own import read_props
 from vig_world.assets.own.counting import MOST_FACES as MOST_READ
 from vig_world.assets.own.props import MOST_FACES
+from vig_world.mesh import face_normals
 
 RED, BLUE = (200, 20, 20), (20, 20, 200)
 

@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vig.scene import Mesh, srgb8_from_linear
+from vig.scene import srgb8_from_linear
 from vig_world.assets.props.material import Material
+from vig_world.mesh import Mesh
 from vig_world.renderers.raster import Packed, Pyramid
 from vig_world.renderers.raster.draw import srgb_tables
 from vig_world.renderers.raster.records import BINS

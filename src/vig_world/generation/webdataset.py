@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from vig.checks import inside, read_bytes, reading
-from vig.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info, refuse_used
-from vig.dataset.read import read_dataset, read_scene
+from vig.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info
+from vig.dataset.read import read_dataset
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig_world.generation.files import read_scene, refuse_used
 
 SHARD = 1000
 """Samples in a shard."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from vig.scene import Mesh, face_normals, vertex_normals
+from vig_world.mesh import Mesh, face_normals, vertex_normals
 
 TRIANGLE = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32)
 

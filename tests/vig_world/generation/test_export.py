@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.dataset import Dataset, export_coco, export_webdataset
-from vig.dataset.coco import bounding_box, run_lengths
+from vig.dataset import Dataset
 from vig.errors import UserError
+from vig_world.generation.coco import bounding_box, export_coco, run_lengths
+from vig_world.generation.webdataset import export_webdataset
 
 
 def decoded(rle: dict) -> np.ndarray:

@@ -1,0 +1,54 @@
+"""Files of a dataset that only its maker, its checks and its exports touch."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from vig.checks import decode, inside, read_json
+from vig.dataset.format import PARTIAL, SCENE
+from vig.errors import UserError
+from vig.files import atomic_write
+
+MOST_LABELS = 4096
+"""Bytes of each of a sample's labels."""
+
+
+def sidecar_path(folder: Path, index: int) -> Path:
+    """The file that says that sample `index` of a split that is being made is whole."""
+    return folder / PARTIAL / f"{index:06d}.json"
+
+
+def refuse_used(root: Path, out: Path, there: list[Path]) -> None:
+    """Refuse to export a dataset into itself, or into a folder where any of `there` exists."""
+    used = next((path for path in there if path.exists()), None)
+    if out.resolve() == root.resolve() or used is not None:
+        reason = "is the dataset itself" if used is None else f"already holds '{used.relative_to(out)}'"
+        raise UserError(f"expected a new folder for the export; '{out}' {reason}. Choose another.")
+
+
+def write_json(path: Path, data: Any) -> bytes:
+    """Write JSON atomically; returns the bytes written."""
+    written = json.dumps(data).encode()
+    write_bytes(path, written)
+    return written
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
+    """BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are damaged."""
+    tables = {}
+    for key in ("camera", "gt", "gt_info"):
+        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)
+        kind = dict[str, dict[str, Any]] if key == "camera" else dict[str, tuple[dict[str, Any], ...]]
+        decode(kind, table)
+        if len(table) != count:
+            raise ValueError(f"scene_{key}.json has {len(table)} entries for {count} samples")
+        tables[key] = table
+    return [{key: table[str(index)] for key, table in tables.items()} for index in range(count)]

@@ -1,0 +1,163 @@
+"""The library as its users meet it: `import vig`, a photo of any size in, a folder out."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import binary_dilation
+
+import vig
+from vig.cli.main import main
+from vig.scene import srgb8_from_linear
+
+PUBLIC = {
+    "Camera",
+    "Explainer",
+    "Explanation",
+    "Latents",
+    "ObjectClass",
+    "UserError",
+    "Verdict",
+    "__version__",
+    "render",
+}
+BOX = (27.0, 37.0, 124.0, 79.0)
+"""Round the teapot of `photo`, by its packaged amodal mask."""
+
+
+@pytest.fixture(scope="module")
+def photo() -> np.ndarray:
+    """A packaged example in a frame of an odd size: (140, 200, 3) uint8."""
+    example = np.asarray(Image.open(str(files("vig") / "examples" / "01_open.png")).convert("RGB"))
+    return np.pad(example[5:145], ((0, 0), (20, 30), (0, 0)), mode="edge")
+
+
+@pytest.fixture(scope="module")
+def explainer() -> vig.Explainer:
+    return vig.Explainer("teapot")
+
+
+@pytest.fixture(scope="module")
+def explanation(explainer: vig.Explainer, photo: np.ndarray) -> vig.Explanation:
+    return explainer.explain(photo, BOX)
+
+
+def iou(a: np.ndarray, b: np.ndarray) -> float:
+    return float((a & b).sum() / (a | b).sum())
+
+
+def test_the_inventory_of_public_names() -> None:
+    assert set(vig.__all__) == PUBLIC and len(vig.__all__) == len(PUBLIC)
+    assert set(dir(vig)) >= PUBLIC
+    for name in PUBLIC - {"__version__"}:
+        assert (getattr(vig, name).__doc__ or "").strip(), f"{name} has no docstring"
+    with pytest.raises(AttributeError, match="no attribute 'explode'"):
+        vig.explode  # noqa: B018
+
+
+def test_the_package_is_typed() -> None:
+    assert (files("vig") / "py.typed").is_file()
+
+
+def test_importing_vig_loads_no_heavy_library() -> None:
+    code = "import sys, vig; dir(vig); print(sorted({'torch', 'warp', 'numpy', 'PIL'} & sys.modules.keys()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_photo_of_any_size_in_and_a_folder_out_as_vig_fit_writes_it(
+    explanation: vig.Explanation, photo: np.ndarray, tmp_path: Path
+) -> None:
+    folder = explanation.save(tmp_path / "result")
+    assert json.loads((folder / "explanation.json").read_text()) == explanation.to_dict()
+    Image.fromarray(photo).save(tmp_path / "photo.png")
+    box = ",".join(f"{number:g}" for number in BOX)
+    with pytest.raises(SystemExit, match="^0$"):
+        main(["fit", str(tmp_path / "photo.png"), "--box", box, "--out", str(tmp_path / "cli")])
+    of_cli = tmp_path / "cli" / "photo"
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == sorted(path.name for path in of_cli.iterdir())
+    assert {name: (folder / name).read_bytes() for name in names} == {
+        name: (of_cli / name).read_bytes() for name in names
+    }
+
+
+def test_an_explanation_shows_itself_in_a_line_and_in_a_notebook(explanation: vig.Explanation) -> None:
+    assert repr(explanation).startswith("Explanation(teapot in 200 x 140: ") and len(repr(explanation)) < 120
+    shown = Image.open(io.BytesIO(explanation._repr_png_()))
+    assert (shown.format, shown.size) == ("PNG", (200, 140))
+    assert np.array_equal(np.asarray(shown), explanation.overlay())
+    photo = srgb8_from_linear(explanation.photo)
+    outside = ~binary_dilation(explanation.amodal, iterations=3)
+    assert np.array_equal(explanation.overlay()[outside], photo[outside])  # drawn on the photo itself
+    assert (explanation.overlay() != photo).any()
+
+
+def glb_positions(path: Path) -> np.ndarray:
+    """Vertices (V, 3) of a GLB's only mesh; the format is a chunk of JSON, then one of data."""
+    data = path.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    tree, start = json.loads(data[20 : 20 + length]), 28 + length
+    accessor = tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    view = tree["bufferViews"][accessor["bufferView"]]
+    start += view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    return np.frombuffer(data, "<f4", 3 * accessor["count"], start).reshape(-1, 3)
+
+
+def test_numpy_alone_puts_the_mesh_on_the_photo(explanation: vig.Explanation, tmp_path: Path) -> None:
+    folder = explanation.save(tmp_path)
+    camera = json.loads((folder / "explanation.json").read_text())["camera"]
+    x, y, z = glb_positions(folder / "object.glb").T
+    in_object = np.stack([x, -z, y, np.ones_like(x)])  # glTF's Y is up, the object's Z
+    seen = (np.array(camera["camera_from_object"]) @ in_object)[:3]
+    column, row, depth = np.array(camera["K"]) @ seen
+    column, row = column / depth, row / depth
+    rows, columns = np.nonzero(np.asarray(Image.open(folder / "mask.png")))  # seen or hidden: amodal
+    assert (camera["width"], camera["height"]) == (200, 140) and (depth > 0).all()
+    # A pixel is of the object where half of it is covered; the pixel's far edge is its number plus one.
+    found = column.min(), column.max(), row.min(), row.max()
+    box = columns.min(), columns.max() + 1, rows.min(), rows.max() + 1
+    np.testing.assert_allclose(found, box, atol=1.0)
+
+
+def test_an_explanation_is_drawn_where_it_was_fitted_and_turned_and_relit(
+    explanation: vig.Explanation,
+) -> None:
+    drawn = explanation.render()
+    assert drawn.shape == (140, 200, 4) and drawn.dtype == np.float32
+    assert iou(drawn[..., 3] > 0.5, explanation.amodal) > 0.98
+    turned = explanation.render(azimuth_deg=explanation.azimuth_deg + 90)
+    assert iou(turned[..., 3] > 0.5, explanation.amodal) < 0.9
+    light, inside = explanation.latents.light[0].numpy(), drawn[..., 3] > 0.5
+    np.testing.assert_allclose(explanation.render(light=2 * light)[..., :3], 2 * drawn[..., :3], rtol=1e-4)
+    black = explanation.render(albedo=np.zeros(3))
+    assert not black[inside, :3].any() and np.array_equal(black[..., 3], drawn[..., 3])
+    small = explanation.render(camera=explanation.camera.scaled(0.5))
+    assert small.shape == (70, 100, 4)
+
+
+def test_the_verdict_and_the_pose_are_those_of_the_photo(explanation: vig.Explanation) -> None:
+    truth = json.loads((files("vig") / "examples" / "truth.json").read_text())["photos"][0]
+    assert explanation.verdict is vig.Verdict.TRUSTED
+    assert explanation.elevation_deg == pytest.approx(truth["elevation_deg"], abs=10)
+    assert abs((explanation.azimuth_deg - truth["azimuth_deg"] + 180) % 360 - 180) < 10
+
+
+@pytest.mark.slow
+def test_processes_give_the_same_explanations(explainer: vig.Explainer, photo: np.ndarray) -> None:
+    photos, boxes = [photo, photo[:, ::-1]], [BOX, None]
+    alone = list(explainer.explain_many(photos, boxes))
+    shared = list(explainer.explain_many(photos, boxes, workers=2))
+    assert len(alone) == 2 and alone[0].azimuth_deg != alone[1].azimuth_deg
+    assert [e.to_dict() for e in shared] == [e.to_dict() for e in alone]
+    for one, two in zip(alone, shared, strict=True):
+        assert np.array_equal(one.mask, two.mask) and np.array_equal(one.photo, two.photo)
