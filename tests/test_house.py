@@ -44,7 +44,7 @@ CORE = set(ROOMS)
 WORLD = {
     "vig_world.streams": set(),
     "vig_world.mesh": set(),
-    "vig_world.rotations": set(),
+    "vig.scene.rotations": set(),
     "vig_world.assets": {"vig_world.streams", "vig_world.mesh"},
     "vig_world.rooms": {"vig_world.assets", "vig_world.mesh"},
     "vig_world.renderers.view": set(),

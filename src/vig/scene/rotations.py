@@ -27,3 +27,50 @@ def matrix_of(vector: tuple[float, float, float]) -> np.ndarray:
         [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
         [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
     ])  # fmt: skip
+
+
+def turned_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Clouds of points (N, P, 3), each turned by its angle (N,) radians about +Z."""
+    c, s = np.cos(angles), np.sin(angles)
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    transposed = np.stack([c, s, zero, -s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
+    return points @ transposed
+
+
+def about_x(angle: float) -> np.ndarray:
+    """By `angle` radians about +X."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def vector_of(matrix: np.ndarray) -> tuple[float, float, float]:
+    """The inverse of `matrix_of`, at most pi long, by way of the quaternion (Shepperd's method)."""
+    m = matrix.tolist()
+    trace = m[0][0] + m[1][1] + m[2][2]
+    squares = [trace, m[0][0], m[1][1], m[2][2]]
+    largest = max(range(4), key=squares.__getitem__)
+    if largest == 0:
+        q = [1.0 + trace, m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q = [0.0, 0.0, 0.0, 0.0]
+        q[0] = m[k][j] - m[j][k]
+        q[i + 1] = 1.0 + m[i][i] - m[j][j] - m[k][k]
+        q[j + 1] = m[j][i] + m[i][j]
+        q[k + 1] = m[k][i] + m[i][k]
+    length = math.sqrt(sum(x * x for x in q))
+    w, x, y, z = (-value / length if q[0] < 0 else value / length for value in q)
+    sine = math.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
+    return x * scale, y * scale, z * scale
+
+
+def along(direction: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """A rotation that takes +X to a unit vector (3,) and +Y across it and `forward` (3,)."""
+    a, b, c = direction.tolist()
+    d, e, f = forward.tolist()
+    y = (e * c - f * b, f * a - d * c, d * b - e * a)
+    length = math.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
+    p, q, r = y[0] / length, y[1] / length, y[2] / length
+    return np.array([[a, p, b * r - c * q], [b, q, c * p - a * r], [c, r, a * q - b * p]])

@@ -11,7 +11,7 @@ from vig.dataset.spec import Placed, Role
 from vig.scene.rotations import about_z
 from vig_world.composition.stage import MARGIN, NEAREST, Stage
 from vig_world.library import ALL_ZONES
-from vig_world.rotations import about_x, along, turned_about_z, vector_of
+from vig.scene.rotations import about_x, along, turned_about_z, vector_of
 
 
 @dataclass(frozen=True)
