@@ -1,10 +1,9 @@
 """How fast synthetic scenes are made, and whether memory stays flat: `python -m benchmarks.dataset`.
 
-Makes a dataset in a temporary folder with `vig.dataset.make_dataset`, as `vig dataset make` does, everything
-included: choosing rooms, occluders and views, drawing, encoding and writing files. Two rates are printed: the
-whole call's, worker processes' start and first assets included, and the steady one, of the last three
-quarters of the samples. For memory, the resident sizes of this process and its children are added up four
-times a second.
+Makes a dataset in a temporary folder, as `vig dataset make` does, everything included: choosing rooms,
+occluders and views, drawing, encoding and writing files. Two rates are printed: the whole call's, worker
+processes' start and first assets included, and the steady one, of the last three quarters of the samples.
+For memory, the resident sizes of this process and its children are added up four times a second.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measuring import metric, report, write
-from vig.dataset.format import image_paths
+from vig_world.dataset.format import image_paths
 from vig_world.generation.write import make_dataset
 
 RASTER_COUNT, CYCLES_COUNT = 6000, 40

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vig.dataset import read_dataset
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
+from vig_world.dataset import read_dataset
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render
 

@@ -15,13 +15,13 @@ import numpy as np
 import torch
 
 from benchmarks.measuring import metric, report, write
-from vig.dataset import read_dataset
 from vig.inference import Verdict, explain
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, layout_of_width, linear_from_srgb
 from vig_lab.calibration import low, rolled
 from vig_lab.evaluation.metrics import angle_error_deg
 from vig_lab.evaluation.statistics import NEAR_DEG
+from vig_world.dataset import read_dataset
 
 ANGLES = (0, 5, 10, 20, 30, 45, 90, 135, 180)
 

@@ -22,12 +22,12 @@ from pathlib import Path
 
 import torch
 
-from vig.dataset.spec import SceneSpec
 from vig.examples import FOLDER
 from vig.files import atomic_write
 from vig.photo.images import write_png
 from vig.scene import ObjectClass
 from vig_world.composition.sampling import sample, target_occlusion
+from vig_world.dataset.spec import SceneSpec
 from vig_world.generation.job import photographed
 from vig_world.library import Library
 from vig_world.renderers.cycles import CyclesRenderer

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import torch
 
-from vig.dataset import Dataset, read_dataset
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.kernels.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
+from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
 
 torch.set_num_threads(1)

@@ -24,8 +24,7 @@ BELOW = {
     "vig.renderer": {"vig.scene"},
     "vig.likelihood": {"vig.scene", "vig.renderer"},
     "vig.optimizers": set(),
-    "vig.dataset": {"vig.scene", "vig.photo"},
-    "vig.recognition": {"vig.scene", "vig.photo", "vig.dataset"},
+    "vig.recognition": {"vig.scene", "vig.photo"},
     "vig.inference": {
         "vig.scene",
         "vig.renderer",
@@ -42,20 +41,27 @@ ROOMS["vig.explainer"] = set(ROOMS)
 ROOMS["vig.cli"] = set(ROOMS)
 CORE = set(ROOMS)
 WORLD = {
-    "vig_world.streams": set(),
+    "vig_world.names": set(),
     "vig_world.mesh": set(),
-    "vig.scene.rotations": set(),
-    "vig_world.assets": {"vig_world.streams", "vig_world.mesh"},
+    "vig_world.rotations": set(),
+    "vig_world.dataset": {"vig_world.names", "vig_world.rotations"},
+    "vig_world.streams": {"vig_world.names", "vig_world.dataset"},
+    "vig_world.assets": {"vig_world.streams", "vig_world.mesh", "vig_world.rotations", "vig_world.dataset"},
     "vig_world.rooms": {"vig_world.assets", "vig_world.mesh"},
-    "vig_world.renderers.view": set(),
+    "vig_world.renderers.view": {"vig_world.dataset"},
     "vig_world.renderers.picture": set(),
     "vig_world.renderers.raster": {
         "vig_world.assets",
+        "vig_world.dataset",
         "vig_world.mesh",
+        "vig_world.rotations",
         "vig_world.renderers.view",
         "vig_world.renderers.picture",
     },
     "vig_world.library": {
+        "vig_world.dataset",
+        "vig_world.mesh",
+        "vig_world.rotations",
         "vig_world.streams",
         "vig_world.assets",
         "vig_world.rooms",
@@ -66,10 +72,11 @@ for name in ("composition", "packs", "renderers", "generation", "cli"):
     WORLD[f"vig_world.{name}"] = set(WORLD)
 LAB = {
     "vig_lab.names": set(),
-    "vig_lab.plots": set(),
-    "vig_lab.paper_network": set(),
+    "vig_lab.training": set(),
+    "vig_lab.plots": {"vig_lab.training"},
+    "vig_lab.paper_network": {"vig_lab.training"},
     "vig_lab.evaluation": {"vig_lab.names", "vig_lab.paper_network"},
-    "vig_lab.calibration": {"vig_lab.evaluation", "vig_lab.paper_network"},
+    "vig_lab.calibration": {"vig_lab.evaluation", "vig_lab.paper_network", "vig_lab.training"},
     "vig_lab.ablation": {"vig_lab.evaluation", "vig_lab.paper_network"},
     "vig_lab.figures": {"vig_lab.evaluation", "vig_lab.calibration", "vig_lab.paper_network"},
 }

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from vig.errors import UserError as UserError
     from vig.explainer import Explainer as Explainer
     from vig.explanation import Explanation as Explanation
-    from vig.inference import Verdict as Verdict
-    from vig.renderer import render as render
-    from vig.scene import Camera as Camera
-    from vig.scene import Latents as Latents
-    from vig.scene import ObjectClass as ObjectClass
+    from vig.inference.fit import Verdict as Verdict
+    from vig.renderer.rendering import render as render
+    from vig.scene.camera import Camera as Camera
+    from vig.scene.latents import Latents as Latents
+    from vig.scene.object_class import ObjectClass as ObjectClass
 
 __version__ = "0.2.0"
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, Stage, explain_one
 from vig.likelihood import LIKELIHOODS, ROBUST
@@ -27,6 +26,7 @@ from vig_lab.evaluation.protocol import evaluate
 from vig_lab.evaluation.results import MethodResult
 from vig_lab.evaluation.statistics import FAR_DEG, failure, paired, resampled, summary
 from vig_lab.evaluation.table import METRICS
+from vig_world.dataset import Dataset
 
 DEFAULT = "default"
 TIMED = 20

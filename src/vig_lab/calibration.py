@@ -15,13 +15,13 @@ from scipy.ndimage import rotate
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from vig.dataset import Dataset
 from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
 from vig.inference.calibration import faded, residual
 from vig.recognition import Recognizer
-from vig.recognition.calibration import WITHIN_90
 from vig.scene import ObjectClass, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
+from vig_lab.training.calibration import WITHIN_90
+from vig_world.dataset import Dataset
 
 RIGHT = math.radians(15.0)
 """A view is right within this."""

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import torch
 
-from vig.dataset import Dataset
 from vig.errors import optional_import
 from vig.files import atomic_write
-from vig.recognition import CalibrationResult, Epoch, TrainingSettings, calibrate_network, train
-from vig.recognition.calibration import WITHIN_90, azimuth_bins
 from vig.recognition.targets import layout_of_numbers
+from vig_lab.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
+from vig_lab.training.training import Epoch, TrainingSettings, train
+from vig_world.dataset import Dataset
 
 
 def train_and_plot(

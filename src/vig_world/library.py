@@ -14,7 +14,6 @@ from functools import lru_cache
 import numpy as np
 import torch
 
-from vig.dataset.spec import Room, Split, Surface
 from vig.scene import EXPOSURE_L00, grey, rotate_z
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
@@ -26,6 +25,7 @@ from vig_world.assets.panoramas.light import project_panorama
 from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
+from vig_world.dataset.spec import Room, Split, Surface
 from vig_world.renderers.raster import Packed, Pyramid
 from vig_world.rooms import Layout, draw_layout, material_under
 from vig_world.streams import asset_rng

@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 
-from vig.dataset.spec import SPLITS, Split
+from vig_world.dataset.spec import SPLITS, Split
 
 
 def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:

@@ -15,10 +15,10 @@ import pytest
 from PIL import Image
 
 from tests.fuzz.mutations import damaged, damaged_json, outcomes
-from vig.dataset import read_dataset
-from vig.dataset.format import COLUMNS
 from vig.errors import UserError
 from vig.scene import ObjectClass
+from vig_world.dataset import read_dataset
+from vig_world.dataset.format import COLUMNS
 from vig_world.generation.check import check_dataset
 from vig_world.generation.coco import export_coco
 from vig_world.generation.describe import describe_split

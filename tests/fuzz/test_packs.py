@@ -20,13 +20,13 @@ from vig.errors import UserError
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
-from vig.recognition.checkpoint import FORMAT, save_weights
-from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.network import FORMAT, NetworkSettings, RecognitionNetwork
 from vig.renderer.raster import rasterize
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_lab.paper_network.network import PaperNetworks, PaperSettings
 from vig_lab.paper_network.recognizer import PaperRecognizer
+from vig_lab.training.checkpoint import save_weights
 
 CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)], np.float32)
 CUBE_FACES = np.array(

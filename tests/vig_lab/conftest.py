@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from vig.dataset import Dataset, read_dataset
 from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.checkpoint import save_weights
 from vig.scene import EXPOSURE_L00, ObjectClass
 from vig_lab.evaluation import MethodResult, evaluate
+from vig_lab.training.checkpoint import save_weights
+from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
 
 Results = dict[str, MethodResult]

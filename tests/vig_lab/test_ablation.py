@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, Stage
 from vig.likelihood import ROBUST, SPATIAL
@@ -18,6 +17,7 @@ from vig.scene import ObjectClass
 from vig_lab import ablation
 from vig_lab.ablation import ABLATIONS, DEFAULT, ablation_markdown, run_ablations, variants
 from vig_lab.evaluation import evaluate
+from vig_world.dataset import Dataset
 
 FITTED = ("silhouettes", "spatial", "hypotheses", "gd", "lbfgs")
 WITH_SHADOW = ExplainSettings(self_shadow=True)

@@ -13,7 +13,6 @@ import pytest
 import torch
 
 from vig.cli.main import main
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, FitCalibration, explain_one
 from vig.inference.calibration import CONFIDENCE_FEATURES
@@ -36,6 +35,7 @@ from vig_lab.calibration import (
     widening,
 )
 from vig_lab.evaluation.fits import Fits
+from vig_world.dataset import Dataset
 from vig_world.generation.write import make_dataset
 
 ALIKE = np.full(4000, 1 / 4000)

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import pytest
 import torch
-
 from tests.vig.recognition.test_training import tiny_dataset
-from vig.recognition import CalibrationResult, Epoch, NetworkCalibration, NetworkSettings, TrainingSettings
+
+from vig.recognition import NetworkCalibration, NetworkSettings
 from vig.recognition.targets import azimuth_labels
 from vig_lab.plots import TrainingLog, describe_calibration, plot_reliability, train_and_plot, view_levels
+from vig_lab.training.calibration import CalibrationResult
+from vig_lab.training.training import Epoch, TrainingSettings
 
 
 def test_levels_of_views_are_uniform_when_what_is_said_is_true() -> None:

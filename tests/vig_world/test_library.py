@@ -5,7 +5,6 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from vig.dataset.spec import SPLITS, Split
 from vig.scene import ObjectClass
 from vig.scene.designs import NO_DESIGN, shape_vertices
 from vig_world.assets.designs import (
@@ -18,6 +17,7 @@ from vig_world.assets.designs import (
 from vig_world.assets.panoramas import local_light
 from vig_world.assets.props import FAMILIES
 from vig_world.assets.target import draw_shape
+from vig_world.dataset.spec import SPLITS, Split
 from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
 from vig_world.packs.teapot import held_out_designs
 from vig_world.rooms import material_under

@@ -15,6 +15,9 @@ from vig.parallel.internals import has_bfloat16
 from vig.scene import regressed_layout
 from vig.scene.shape_model import MOST_MODES
 
+FORMAT = "2"
+"""Of weights files; 1 had the regressed numbers in another order."""
+
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
 

@@ -12,8 +12,8 @@ import torch
 from vig.checks import decode, parse_json, read_tensors, reading
 from vig.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
-from vig.recognition.checkpoint import FORMAT
 from vig.recognition.network import (
+    FORMAT,
     NetworkCalibration,
     NetworkSettings,
     RecognitionNetwork,

@@ -6,7 +6,6 @@ import json
 import shutil
 
 from vig.cli.common import check_workers, check_writable, progress_bar
-from vig.dataset import read_dataset
 from vig.errors import UserError
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
@@ -14,6 +13,7 @@ from vig_lab.calibration import calibrate_fits, describe, fits_of
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.plots import calibrate_and_plot as calibrate_network
+from vig_world.dataset import read_dataset
 
 
 def calibrate(settings: Calibrate) -> int:

@@ -9,8 +9,6 @@ from pathlib import Path
 from rich.console import Console
 
 from vig.cli.common import check_workers, check_writable, progress_bar
-from vig.dataset import read_dataset
-from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, FitCalibration
@@ -23,6 +21,8 @@ from vig_lab.evaluation.protocol import fitted
 from vig_lab.evaluation.table import check_limits
 from vig_lab.figures import draw_figures
 from vig_lab.paper_network.recognizer import recognizer_of
+from vig_world.dataset import read_dataset
+from vig_world.dataset.format import read_info
 
 
 def evaluate(settings: Evaluate) -> int:

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from vig.names import Split
 from vig_lab.names import METHODS, STEP_KINDS, Method, Network, Scale, StepKind
+from vig_world.names import Split
 
 
 @dataclass(frozen=True)

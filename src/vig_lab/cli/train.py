@@ -6,11 +6,11 @@ import json
 from typing import Any
 
 from vig.cli.common import check_writable
-from vig.dataset import read_dataset
-from vig.recognition import TrainingSettings
 from vig_lab.cli.settings import Train
 from vig_lab.paper_network import PaperTrainingSettings, train_paper
 from vig_lab.plots import train_and_plot as train_network
+from vig_lab.training.training import TrainingSettings
+from vig_world.dataset import read_dataset
 
 
 def train(settings: Train) -> int:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
@@ -33,6 +32,7 @@ from vig_lab.evaluation.metrics import (
 from vig_lab.evaluation.results import MethodResult, predicted_deviation
 from vig_lab.evaluation.table import BASELINE
 from vig_lab.names import METHODS
+from vig_world.dataset import Dataset
 
 FITTED_AS = {"robust": "spatial"}
 """Methods whose fits are those of another: they differ in the mask alone, which only "spatial" smooths."""

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vig.dataset import Dataset
 from vig.files import atomic_write
 from vig.recognition import Prediction
 from vig.scene import Latents, angle_difference, latent_layout, rotations_z
+from vig_world.dataset import Dataset
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig_lab.evaluation.metrics import shape_ratio
@@ -28,6 +27,7 @@ from vig_lab.evaluation.statistics import (
     verdicts,
     within,
 )
+from vig_world.dataset import Dataset
 
 METRICS = {
     "azimuth_deg": "azimuth (degrees)",

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from scipy.stats import rankdata
 
-from vig.dataset import Dataset
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.recognition import Recognizer
@@ -22,6 +21,7 @@ from vig_lab.figures.animation import fit_animation
 from vig_lab.figures.curves import figure3, reliability_figure
 from vig_lab.figures.photos import figure4, figure5
 from vig_lab.figures.style import last_fit
+from vig_world.dataset import Dataset
 
 WORST = 8
 """Images of figure4_worst.png."""

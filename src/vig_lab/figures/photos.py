@@ -9,20 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from vig.dataset import Dataset
-from vig.dataset.format import read_info
-from vig.dataset.spec import SceneSpec
 from vig.inference import ExplainSettings
-from vig.scene import (
-    Latents,
-    ObjectClass,
-    camera_rotation,
-    irradiance,
-    sh_basis,
-    srgb_from_linear,
-)
+from vig.scene import Latents, ObjectClass, camera_rotation, irradiance, sh_basis, srgb_from_linear
 from vig_lab.evaluation.results import MethodResult
 from vig_lab.figures.style import EXPLAINED, NAMES, draw, head, last_fit, new_figure, save, show
+from vig_world.dataset import Dataset
+from vig_world.dataset.format import read_info
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 
 if TYPE_CHECKING:

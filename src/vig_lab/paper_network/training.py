@@ -17,14 +17,13 @@ from torch import nn
 from torch.nn import functional
 
 from vig.checks import read_tensors, reading
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.recognition.checkpoint import FORMAT
-from vig.recognition.network import bfloat16
+from vig.recognition.network import FORMAT, bfloat16
 from vig.recognition.targets import numbers_of
 from vig.scene import Latents, angle_difference
 from vig_lab.paper_network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
+from vig_world.dataset import Dataset
 
 _NORMAL_MAD = 1.4826
 """Standard deviation of a Gaussian over the median of its absolute values."""

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig_lab.ablation import ablation_blocks
 from vig_lab.evaluation import METRICS
@@ -18,6 +17,7 @@ from vig_lab.reproduction.record import read_record
 from vig_lab.reproduction.run import duration
 from vig_lab.reproduction.settings import DATASETS, RENDERERS, RunFolder, read_json
 from vig_lab.reproduction.work import LIMITS
+from vig_world.dataset.format import read_info
 
 TITLE = "Overcoming Occlusion with Inverse Graphics, reproduced"
 TITLES = {"raster": "Rasterised photos", "cycles": "Path-traced photos"}

@@ -10,14 +10,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from vig.dataset import Dataset, read_dataset
-from vig.dataset.format import complete_split, read_info
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
-from vig.recognition import Recognizer, TrainingSettings
-from vig.recognition.calibration import LEAST_IMAGES as LEAST
+from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_lab.ablation import ablation_markdown, run_ablations, variants
 from vig_lab.calibration import calibrate_fits, describe, fits_of
@@ -32,6 +29,10 @@ from vig_lab.paper_network.training import PaperTrainingSettings, train_paper
 from vig_lab.plots import calibrate_and_plot as calibrate_network
 from vig_lab.plots import train_and_plot as train_network
 from vig_lab.reproduction.settings import DATASETS, RENDERERS, RunFolder, Settings
+from vig_lab.training.calibration import LEAST_IMAGES as LEAST
+from vig_lab.training.training import TrainingSettings
+from vig_world.dataset import Dataset, read_dataset
+from vig_world.dataset.format import complete_split, read_info
 from vig_world.generation.progress import Meter
 from vig_world.generation.show import contact_sheet
 from vig_world.generation.write import make_dataset

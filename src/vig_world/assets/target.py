@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.dataset.spec import SceneSpec, Split
 from vig.scene import SHAPE_LIMIT, ObjectClass
 from vig.scene.designs import NO_DESIGN, nearest_shape, shape_vertices
+from vig_world.dataset.spec import SceneSpec, Split
 
 DESIGN_SPREAD = 0.5
 """Standard deviation of the model's modes by which an object's shape differs from its design."""

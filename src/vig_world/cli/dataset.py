@@ -62,8 +62,8 @@ def _own(settings: Make | Check) -> OwnAssets:
 
 def check(settings: Check) -> int:
     """`vig dataset check`."""
-    from vig.dataset.format import complete_split, read_info
     from vig.scene import ObjectClass
+    from vig_world.dataset.format import complete_split, read_info
     from vig_world.generation.check import check_dataset
 
     object_class = None if settings.object_class is None else ObjectClass.load(settings.object_class)
@@ -93,7 +93,7 @@ SHOWN = 20
 
 def show(settings: Show) -> int:
     """`vig dataset show`."""
-    from vig.dataset import read_dataset
+    from vig_world.dataset import read_dataset
     from vig_world.generation.describe import describe_split
     from vig_world.generation.show import contact_sheet, histograms
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from vig.names import Split
+from vig_world.names import Split
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.dataset.spec import Placed
-from vig.scene.rotations import about_z
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.furniture import Support
 from vig_world.composition.occluders import draw_prop, placed
 from vig_world.composition.stage import MARGIN, NEAREST, Stage
-from vig.scene.rotations import turned_about_z
+from vig_world.dataset.spec import Placed
+from vig_world.rotations import about_z, turned_about_z
 
 MOST_COVER = 0.3
 """Largest share of the frame that the bounding window of one piece of clutter may cover."""

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.dataset.spec import Placed, Role
-from vig.scene.rotations import about_z
 from vig_world.composition.stage import MARGIN, NEAREST, Stage
+from vig_world.dataset.spec import Placed, Role
 from vig_world.library import ALL_ZONES
-from vig.scene.rotations import about_x, along, turned_about_z, vector_of
+from vig_world.rotations import about_x, about_z, along, turned_about_z, vector_of
 
 
 @dataclass(frozen=True)

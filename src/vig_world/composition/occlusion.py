@@ -6,10 +6,10 @@ from collections import Counter
 
 import numpy as np
 
-from vig.dataset.spec import Placed
 from vig_world.assets.footprint import Footprint
 from vig_world.composition.occluders import Candidate, Kind, draw_kind
 from vig_world.composition.stage import MARGIN, NEAREST, Stage
+from vig_world.dataset.spec import Placed
 
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8

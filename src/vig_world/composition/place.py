@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from vig.dataset.spec import Room, Surface
 from vig_world.assets.furniture import Support
 from vig_world.composition.stage import NEAREST, Actor, Stage
+from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
 from vig_world.rooms import Layout
 

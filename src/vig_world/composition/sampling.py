@@ -7,7 +7,6 @@ from collections import Counter
 
 import numpy as np
 
-from vig.dataset.spec import Placed, Room, SceneSpec, Split
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.scene.designs import shape_vertices
@@ -16,6 +15,7 @@ from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.place import find_place
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
+from vig_world.dataset.spec import Placed, Room, SceneSpec, Split
 from vig_world.library import SLOTS, Library
 from vig_world.renderers.raster import Item, depth
 from vig_world.streams import stream

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vig.dataset.spec import Placed, Room
 from vig.scene import ObjectClass
-from vig.scene.rotations import about_z
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.furniture import Support
+from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
 from vig_world.renderers.raster import Item, Target, depth
 from vig_world.renderers.view import View
+from vig_world.rotations import about_z
 
 LAYOUT_SIZE = 75
 """Pixels on a side of the masks by which placements are evaluated."""

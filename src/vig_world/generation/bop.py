@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
-from vig.dataset.format import DEPTH_SCALE, OBJECT_ID
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+from vig_world.dataset.format import DEPTH_SCALE, OBJECT_ID
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.picture import CANVAS
 from vig_world.renderers.view import View

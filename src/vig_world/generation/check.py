@@ -12,12 +12,20 @@ from typing import Any
 import numpy as np
 
 from vig.checks import inside, parse_json, read_bytes, read_json, reading
-from vig.dataset.format import INFO, MANIFEST, MOST_SAMPLES, REMEDY, complete_split, image_paths, read_info
-from vig.dataset.read import decode_picture, read_specs
-from vig.dataset.spec import WORLD_VERSION, SceneSpec
-from vig.dataset.table import read_table
 from vig.errors import UserError
 from vig.scene import ObjectClass
+from vig_world.dataset.format import (
+    INFO,
+    MANIFEST,
+    MOST_SAMPLES,
+    REMEDY,
+    complete_split,
+    image_paths,
+    read_info,
+)
+from vig_world.dataset.read import decode_picture, read_specs
+from vig_world.dataset.spec import WORLD_VERSION, SceneSpec
+from vig_world.dataset.table import read_table
 from vig_world.generation.bop import TARGETS, localisation_targets
 from vig_world.generation.files import read_scene
 from vig_world.generation.job import Job, Maker, one_thread

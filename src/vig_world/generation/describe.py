@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from vig.dataset.format import DEPTH_SCALE, read_info
-from vig.dataset.spec import SceneSpec
 from vig.scene import IMAGE_SIZE, ObjectClass, latent_layout
 from vig.scene.designs import NO_DESIGN
+from vig_world.dataset.format import DEPTH_SCALE, read_info
+from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.renderers.photo import PhotoSettings
 from vig_world.renderers.picture import Picture
@@ -89,7 +89,7 @@ def assets_used(spec: SceneSpec) -> list[str]:
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:
     """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
-    from vig.dataset.table import read_table  # pyarrow, which worker processes do without
+    from vig_world.dataset.table import read_table
 
     settings = read_info(Path(path))["splits"][split]
     occlusion = read_table(Path(path), split, texts=False)["occlusion"]

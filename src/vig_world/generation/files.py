@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from vig.checks import decode, inside, read_json
-from vig.dataset.format import PARTIAL, SCENE
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig_world.dataset.format import PARTIAL, SCENE
 
 MOST_LABELS = 4096
 """Bytes of each of a sample's labels."""

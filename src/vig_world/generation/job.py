@@ -15,10 +15,10 @@ from typing import Any, Protocol
 import torch
 from PIL import Image
 
-from vig.dataset.format import image_paths
-from vig.dataset.spec import SceneSpec, Split
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
+from vig_world.dataset.format import image_paths
+from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe
 from vig_world.generation.files import sidecar_path, write_bytes
 from vig_world.library import Library, OwnAssets

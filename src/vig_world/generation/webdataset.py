@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from vig.checks import inside, read_bytes, reading
-from vig.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info
-from vig.dataset.read import read_dataset
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig_world.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info
+from vig_world.dataset.read import read_dataset
 from vig_world.generation.files import read_scene, refuse_used
 
 SHARD = 1000
@@ -48,7 +48,7 @@ def export_webdataset(
 
 
 def _labels(root: Path, split: str) -> list[dict[str, Any]]:
-    from vig.dataset.table import read_table  # needs pyarrow
+    from vig_world.dataset.table import read_table
 
     rows = read_table(root, split).to_pylist()
     settings = read_info(root)["splits"][split]

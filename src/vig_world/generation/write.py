@@ -19,11 +19,11 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 
 
 from vig.checks import inside, read_json, reading
-from vig.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, read_info
-from vig.dataset.spec import SPLITS, WORLD_VERSION
 from vig.errors import UserError, optional_import
 from vig.files import atomic_write
 from vig.scene import ObjectClass
+from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, read_info
+from vig_world.dataset.spec import SPLITS, WORLD_VERSION
 from vig_world.generation import bop
 from vig_world.generation.cluster import make_on_ray, require_ray
 from vig_world.generation.files import sidecar_path, write_bytes, write_json

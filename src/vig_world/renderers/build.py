@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.dataset.spec import SceneSpec
 from vig.scene import ObjectClass
 from vig_world.assets.props.material import Material
 from vig_world.assets.target import target_vertices
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.mesh import Mesh, vertex_normals
 

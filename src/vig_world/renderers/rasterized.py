@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.dataset.spec import SceneSpec
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.raster import Item, Target, draw

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from vig.cli.main import main
-from vig.recognition import TrainingSettings
 from vig_lab.cli import train as verb
 from vig_lab.paper_network.training import PaperTrainingSettings
+from vig_lab.training.training import TrainingSettings
 
 
 @pytest.mark.parametrize(

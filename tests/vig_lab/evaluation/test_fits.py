@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import torch
 
-from vig.dataset import Dataset
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_lab.evaluation import evaluate, fits
+from vig_world.dataset import Dataset
 
 Run = Callable[..., int]
 

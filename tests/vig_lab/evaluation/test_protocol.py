@@ -14,7 +14,6 @@ import pytest
 import torch
 
 from vig.cli.main import main
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, explain_one
 from vig.likelihood import GAUSSIAN, SPATIAL
@@ -25,6 +24,7 @@ from vig_lab.evaluation.protocol import MASK_HEAD, silhouettes
 from vig_lab.figures.style import draw
 from vig_lab.names import METHODS
 from vig_world.assets.target import target_vertices
+from vig_world.dataset import Dataset
 
 COUNT = 4
 PAPER = {"azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm"}

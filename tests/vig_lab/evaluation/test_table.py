@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig_lab.evaluation import METRICS, blocks, build_table, markdown_table, save_table, summarise
 from vig_lab.evaluation.protocol import MASK_HEAD
 from vig_lab.evaluation.statistics import BINS, LEVELS
+from vig_world.dataset import Dataset
 
 
 def rng() -> np.random.Generator:

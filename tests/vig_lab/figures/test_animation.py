@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from PIL import Image
 
-from vig.dataset import Dataset
 from vig.inference import ExplainSettings, Stage, Valuation, explain_one
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
@@ -18,6 +17,7 @@ from vig.optimizers.quasi_newton import BFGS
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.figures import animation, fit_animation
+from vig_world.dataset import Dataset
 
 
 class Bowl:

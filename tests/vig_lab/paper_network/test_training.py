@@ -12,14 +12,14 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.recognition import TrainingSettings
-from vig.recognition.checkpoint import load_checkpoint
 from vig.scene import linear_from_srgb, srgb_from_linear
 from vig_lab.paper_network.network import FACTORS, PaperNetworks, PaperSettings
 from vig_lab.paper_network.recognizer import PaperRecognizer
 from vig_lab.paper_network.training import PaperTrainingSettings, train_paper
+from vig_lab.training.checkpoint import load_checkpoint
+from vig_lab.training.training import TrainingSettings
+from vig_world.dataset import Dataset
 
 NETWORKS = PaperSettings(filters=(4, 4, 4), dense=(16, 16), dropout=0.1)
 SETTINGS = PaperTrainingSettings(

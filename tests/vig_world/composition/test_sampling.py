@@ -5,11 +5,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from vig.dataset.spec import Placed, SceneSpec
 from vig.scene import EXPOSURE_L00, ObjectClass, linear_from_srgb
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.target import target_vertices
 from vig_world.composition.sampling import TOLERANCE, sample, target_occlusion
+from vig_world.dataset.spec import Placed, SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.build import build
 from vig_world.renderers.raster import Item, depth

@@ -12,8 +12,8 @@ import trimesh
 from PIL import Image
 from scipy.spatial.distance import pdist
 
-from vig.dataset import Dataset
 from vig.scene import ObjectClass
+from vig_world.dataset import Dataset
 from vig_world.generation.bop import box, localisation_targets, visibility
 
 COUNT = 10  # of the fixture `made`

@@ -15,11 +15,11 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from vig.dataset.spec import Split
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
 from vig_world.composition.sampling import sample
+from vig_world.dataset.spec import Split
 from vig_world.generation.check import check_dataset
 from vig_world.generation.labels import silhouette
 from vig_world.library import Library

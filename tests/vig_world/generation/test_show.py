@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.dataset import Dataset
 from vig.errors import UserError
+from vig_world.dataset import Dataset
 from vig_world.generation.show import CAPTION, MARGIN, SCALE, chosen, contact_sheet, histograms
 
 SIDE = round(SCALE * 150)

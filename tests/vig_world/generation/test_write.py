@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig.scene import ObjectClass
+from vig_world.dataset.format import read_info
 from vig_world.generation.files import sidecar_path
 from vig_world.generation.job import Maker
 from vig_world.generation.write import alone, make_dataset

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import torch
 
-from vig.dataset.spec import SceneSpec
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z
 from vig_world.assets.panoramas.light import project_panorama
 from vig_world.composition.sampling import sample
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.cycles import FINISHES, CyclesRenderer, renderer
 from vig_world.renderers.cycles.appearance import cylindrical_uv

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from vig.dataset.spec import SceneSpec
 from vig.scene import ObjectClass
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.build import Instance, build
 from vig_world.renderers.cycles.appearance import (

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from vig.dataset.spec import SceneSpec
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, grey, rotate_z, srgb8_from_linear
 from vig_world.assets.panoramas.light import project_panorama
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
 from vig_world.renderers.cycles.appearance import FINISHES, Finish

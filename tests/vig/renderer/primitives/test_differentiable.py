@@ -9,13 +9,7 @@ import pytest
 import torch
 
 from tests.vig.renderer.primitives import reference
-from vig.renderer.primitives import (
-    barycentrics,
-    interpolate,
-    pyramid,
-    sample_texture,
-    stack_pyramids,
-)
+from vig.renderer.primitives import barycentrics, interpolate, pyramid, sample_texture, stack_pyramids
 from vig.renderer.primitives.pyramid import Pyramid
 
 Function = Callable[..., torch.Tensor]

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from vig.checks import decode, parse_json
-from vig.names import SPLITS as SPLITS
-from vig.names import Split as Split
-from vig.scene.rotations import about_z, matrix_of
+from vig_world.names import SPLITS as SPLITS
+from vig_world.names import Split as Split
+from vig_world.rotations import about_z, matrix_of
 
 WORLD_VERSION = 2
 """Goes up whenever the same seed and index would give another scene."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from vig.checks import decode, read_json, reading
-from vig.dataset.spec import SPLITS
 from vig.errors import UserError
+from vig_world.dataset.spec import SPLITS
 
 FORMAT_VERSION = 2
 DEPTH_SCALE = 0.1

@@ -14,14 +14,14 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.recognition.augmentation import Augmentation
-from vig.recognition.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
-from vig.recognition.examples import Examples, hold_out
 from vig.recognition.network import Heads, NetworkSettings, RecognitionNetwork, bfloat16
 from vig.recognition.targets import azimuth_labels, layout_of_numbers
 from vig.scene import angle_difference
+from vig_lab.training.augmentation import Augmentation
+from vig_lab.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
+from vig_lab.training.examples import Examples, hold_out
+from vig_world.dataset import Dataset
 
 AVERAGING = 0.998
 """Share of the averaged weights that a step keeps."""

@@ -12,12 +12,12 @@ from safetensors.torch import save_file
 from torch.nn import functional
 
 from vig.checks import read_tensors
-from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.recognition.examples import Examples
 from vig.recognition.network import Heads, NetworkCalibration, bfloat16
 from vig.recognition.prediction import Recognizer
+from vig_lab.training.examples import Examples
+from vig_world.dataset import Dataset
 
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from vig.checks import inside, read_bytes, reading
-from vig.dataset.format import COLUMNS, REMEDY, TABLE, read_info
 from vig.errors import optional_import
 from vig.scene import layout_of_width
+from vig_world.dataset.format import COLUMNS, REMEDY, TABLE, read_info
 
 with optional_import("world"):
     import pyarrow as pa

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from vig.recognition.augmentation import NO_MASK, Augmentation, blobs
-from vig.recognition.examples import Examples
 from vig.recognition.targets import mirrored
+from vig_lab.training.augmentation import NO_MASK, Augmentation, blobs
+from vig_lab.training.examples import Examples
 
 NOTHING = Augmentation(0, 0, 0, 0, 0, 0, 0, 0.9, 0)
 

@@ -14,12 +14,12 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
-from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.recognition import Epoch, NetworkSettings, RecognitionNetwork, Recognizer, TrainingSettings, train
-from vig.recognition.augmentation import Augmentation
-from vig.recognition.checkpoint import save_weights
-from vig.recognition.training import LOSS_WEIGHTS
+from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
+from vig_lab.training.augmentation import Augmentation
+from vig_lab.training.checkpoint import save_weights
+from vig_lab.training.training import LOSS_WEIGHTS, Epoch, TrainingSettings, train
+from vig_world.dataset import Dataset
 
 SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)
 COUNT = 40

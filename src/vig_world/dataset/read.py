@@ -13,7 +13,8 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from vig.checks import inside, read_bytes, reading
-from vig.dataset.format import (
+from vig.scene import IMAGE_SIZE
+from vig_world.dataset.format import (
     COLUMNS,
     DEPTH_SCALE,
     MOST_PICTURE,
@@ -24,8 +25,7 @@ from vig.dataset.format import (
     image_paths,
     read_info,
 )
-from vig.dataset.spec import SceneSpec
-from vig.scene import IMAGE_SIZE
+from vig_world.dataset.spec import SceneSpec
 
 MOST_SPEC = 65_536
 """Bytes of each sample's spec."""
@@ -106,7 +106,7 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
     Raises UserError when there is no such dataset or split, it is not complete, or it is damaged.
     """
     root = Path(path)
-    from vig.dataset.table import read_table  # needs pyarrow
+    from vig_world.dataset.table import read_table
 
     split = complete_split(root, split)
     table = read_table(root, split, texts=False)

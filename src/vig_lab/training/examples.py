@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from vig.dataset import Dataset
 from vig.recognition.targets import mask_labels, numbers_of
 from vig.scene import Latents
+from vig_world.dataset import Dataset
 
 HELD_SHARE = 1 / 16
 """Of the images, at least, whose rooms are held out."""

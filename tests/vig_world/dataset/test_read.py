@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vig.dataset import Dataset, read_dataset
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, latent_layout
+from vig_world.dataset import Dataset, read_dataset
 
 COUNT = 10  # of the fixture `made`
 

@@ -1,5 +1,5 @@
 """Samples on disk in the BOP layout: their format, and how they are read."""
 
-from vig.dataset.read import Dataset, read_dataset
+from vig_world.dataset.read import Dataset, read_dataset
 
 __all__ = ["Dataset", "read_dataset"]

@@ -8,20 +8,14 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
-
 from tests.vig.recognition.test_training import tiny_dataset
+
 from vig.errors import UserError
-from vig.recognition import (
-    NetworkCalibration,
-    NetworkSettings,
-    RecognitionNetwork,
-    Recognizer,
-    calibrate_network,
-)
-from vig.recognition.calibration import temperature, widening
-from vig.recognition.checkpoint import save_weights
+from vig.recognition import NetworkCalibration, NetworkSettings, RecognitionNetwork, Recognizer
 from vig.recognition.targets import numbers_of
 from vig.scene import Latents, linear_from_srgb
+from vig_lab.training.calibration import calibrate_network, temperature, widening
+from vig_lab.training.checkpoint import save_weights
 
 
 def test_temperature_undoes_a_factor_of_the_logits() -> None:

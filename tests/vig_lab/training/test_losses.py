@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from vig.recognition.network import Heads
-from vig.recognition.training import Schedule, losses, total
+from vig_lab.training.training import Schedule, losses, total
 
 
 def heads(mask: torch.Tensor) -> Heads:

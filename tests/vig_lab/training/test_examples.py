@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from tests.vig.recognition.test_training import InMemory, tiny_dataset
-from vig.recognition.examples import HELD_SHARE, hold_out
+
+from vig_lab.training.examples import HELD_SHARE, hold_out
 
 
 def test_no_room_is_both_trained_on_and_validated_on(tmp_path: Path) -> None:

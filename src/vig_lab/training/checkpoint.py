@@ -13,10 +13,7 @@ from safetensors.torch import save_file
 from vig.checks import read_tensors, reading
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.recognition.network import RecognitionNetwork
-
-FORMAT = "2"
-"""Of weights files; 1 had the regressed numbers in another order."""
+from vig.recognition.network import FORMAT, RecognitionNetwork
 
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 """What AdamW keeps of each weight."""
