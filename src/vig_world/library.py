@@ -1,4 +1,4 @@
-"""A split's finite catalogues of rooms, props, finishes and lights, and users' own beside or instead of them.
+"""A split's finite catalogues of rooms, props, finishes and lights, with users' custom assets.
 
 An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
 one split ever occurs in another, and a worker can keep what it has made.
@@ -23,9 +23,9 @@ from vig_world.assets.furniture import Furniture
 from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
 from vig_world.assets.panoramas import light_parts, local_light, panorama
 from vig_world.assets.panoramas.light import project_panorama
-from vig_world.assets.props import FAMILIES, ZONES, Prop
+from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
-from vig_world.assets.textures import FINISHES, METRES, texture
+from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.renderers.raster import Packed, Pyramid
 from vig_world.rooms import Layout, draw_layout, material_under
 from vig_world.streams import asset_rng
@@ -34,20 +34,20 @@ PROPS_PER_FAMILY = {"train": 16, "test": 8, "validation": 8}
 SURFACES_PER_KIND = {"train": 40, "test": 16, "validation": 16}
 PANORAMAS = {"train": 200, "test": 70, "validation": 70}
 SIZES = 0.95, 1.05
-"""Each prop is made smaller or larger by a factor of its own, so that no two are of one mould."""
+"""Range of the factor by which each prop is scaled, so that no two are identical."""
 LAYOUTS = {"train": 96, "test": 32, "validation": 32}
 TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
-"""Finishes of rooms are darkened by this, so that lit ones are seldom overexposed."""
+"""Factor on the finishes of rooms, so that lit ones are seldom overexposed."""
 SLOTS = tuple(FINISHES)
-ALL_ZONES = tuple(sorted({zone for zones in ZONES.values() for zone in zones}))
+ALL_ZONES = tuple(sorted(ZONE_NAMES))
 BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
 """The environment variable that names an interpreter which can import bpy."""
 
 
 @dataclass(frozen=True)
 class OwnFolders:
-    """Where a user's own assets lie; None: ours are taken. panoramas may be `bpy`, see `read_envmaps`."""
+    """Folders of custom assets; None: the built-in ones. panoramas may be `bpy`, see `read_envmaps`."""
 
     panoramas: str | None = None
     props: str | None = None
@@ -56,7 +56,7 @@ class OwnFolders:
 
 @dataclass(frozen=True)
 class OwnAssets:
-    """What a user brings: each kind that is there takes the place of ours, furniture family by family."""
+    """A user's custom assets: each kind present replaces the built-in one, furniture family by family."""
 
     props: tuple[OwnProp, ...] = ()
     furniture: tuple[OwnFurniture, ...] = ()
@@ -64,7 +64,7 @@ class OwnAssets:
 
     @staticmethod
     def read(folders: OwnFolders) -> tuple[OwnAssets, list[str]]:
-        """Read folders; also one sentence for each file that was left out or guessed at. Raises UserError."""
+        """Read folders; also one sentence for each skipped file and each guess. Raises UserError."""
         notes: list[str] = []
 
         def read(reader: Callable[[str], tuple[list, list[str]]], folder: str | None) -> tuple:
@@ -80,20 +80,20 @@ class OwnAssets:
         return OwnAssets(props, furniture, panoramas), notes
 
     def fingerprints(self) -> dict[str, str]:
-        """What tells the assets apart: kind and name to hash."""
+        """Hashes of the assets by kind and name."""
         found = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
         found |= {f"prop/{own.name}": own.fingerprint for own in self.props}
         return found | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
 
 
 class Library:
-    """Everything that scenes of a split are made of; what was made is kept, up to a bound."""
+    """The assets of a split's scenes, made on demand and cached up to a bound."""
 
     def __init__(self, split: Split, own: OwnAssets | None = None) -> None:
         self.split = split
         self.own = own or OwnAssets()
         self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
-        self.prop = lru_cache(maxsize=2048)(self._prop)  # 0.1 MB each, looked at long before they are packed
+        self.prop = lru_cache(maxsize=2048)(self._prop)  # 0.1 MB each, used long before they are packed
         self.packed = lru_cache(maxsize=4096)(self._packed)
         self.extremes = lru_cache(maxsize=4096)(self._extremes)
         self.sizes = lru_cache(maxsize=4096)(self._sizes)
@@ -163,7 +163,7 @@ class Library:
         return own if finish is None else self.albedo(finish.kind, finish.asset)
 
     def _ground(self, layout: int, support: int) -> tuple[str, float]:
-        """Slot and own mean albedo of a support's material; a table top's where nothing lies below it."""
+        """Slot and own mean albedo of a support's material; of a table top where nothing lies below it."""
         furnished = self.layout(layout)
         material = material_under(furnished, furnished.supports[support])
         return ("top", 0.0) if material is None else (material.slot, float(material.texture.mean()))
@@ -173,10 +173,12 @@ class Library:
     def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
         """A random finish that suits a slot."""
         kind = str(rng.choice(FINISHES[slot]))
-        return Surface(kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*METRES[kind]))
+        return Surface(
+            kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*KINDS[kind].metres)
+        )
 
     def _finish(self, kind: str, number: int) -> np.ndarray:
-        """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish; less gaudy than props are."""
+        """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, with reduced saturation."""
         rng = asset_rng(self.split, f"surface/{kind}", number)
         image = texture(kind, rng, TEXTURE_SIZE)
         luminance = image.mean(axis=2, keepdims=True)
@@ -197,12 +199,12 @@ class Library:
         return len(self.own.panoramas) or PANORAMAS[self.split]
 
     def _radiance(self, number: int) -> np.ndarray:
-        """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; users' at their own size."""
+        """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; custom ones: their size."""
         own = self.own.panoramas
         return _exposed(own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number)))
 
     def surroundings(self, number: int) -> np.ndarray:
-        """Panorama `number` for a path tracer: as `radiance`, users' at their full size."""
+        """Panorama `number` for a path tracer: as `radiance`, custom ones at full size."""
         own = self.own.panoramas
         return _exposed(own[number].sharp()) if own else self.radiance(number)
 
@@ -212,8 +214,8 @@ class Library:
     def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
         """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
 
-        At the paper's exposure. What the object gets from below is the support's grey albedo times what
-        the support gets from above.
+        At the paper's exposure. Light from below is the support's grey albedo times the light that the
+        support gets from above.
         """
         local = local_light(self.light_parts(number), ground_albedo)
         return rotate_z(torch.from_numpy(local), angle).numpy()
@@ -244,7 +246,7 @@ STANDS_FOR = {
     "bench": ("bench", "window_seat"),
     "bed": ("bed",),
 }
-"""Which families of ours a user's piece of furniture takes the place of."""
+"""The built-in families that a custom piece of furniture replaces."""
 
 
 def _stands_for(own: str, family: str) -> bool:

@@ -12,7 +12,7 @@ import trimesh
 from tests.fuzz.mutations import STRANGE, damaged, outcomes
 from vig.errors import UserError
 from vig_world.assets.own.load import load
-from vig_world.assets.own.told import told
+from vig_world.assets.own.settings import settings_of
 
 
 def mutants(data: bytes, path: Path, count: int, seed: int) -> Iterator[Path]:
@@ -110,7 +110,7 @@ def test_strange_settings(tmp_path: Path) -> None:
 
     def read(text: str) -> None:
         (tmp_path / "vig.toml").write_text(text)
-        said = told(tmp_path, path, {})
+        said = settings_of(tmp_path, path, {})
         assert said.scale is None or 0 < said.scale < 1e9
 
     counts = outcomes(texts, read)

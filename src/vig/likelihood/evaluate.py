@@ -16,7 +16,7 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import run_on_threads, thread_count
 from vig.renderer import warp_array
-from vig.scene import Camera, Latents, point_layout
+from vig.scene import Camera, Latents
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
@@ -27,9 +27,11 @@ FREE_POINTS = 64
 
 @dataclass(frozen=True)
 class Photos:
-    """N photos of one size and what is believed of their pixels before any fit.
+    """N photos of one size and the prior of their pixels.
 
-    linear (N, H, W, 3): linear RGB in [0, 1]. log_prior (N, H, W, 3): see `pixel.PixelModel.log_prior`.
+    Attributes:
+        linear: (N, H, W, 3) linear RGB in [0, 1].
+        log_prior: (N, H, W, 3), see `pixel.PixelModel.log_prior`.
     """
 
     linear: torch.Tensor
@@ -66,12 +68,15 @@ class Photos:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Eq. 4 at B guesses. P' = P + 3: the latents in their order, then the framing.
+    """Eq. 4 at B points of P' numbers each: latents, then framing. What was not asked for is None.
 
-    value (B,): log-likelihood in nats, float64. gradient (B, P'), normal (B, P', P'): its derivative and its
-    negative Gauss-Newton Hessian; None when not asked for. posterior (B, H, W): of a covered pixel being
-    visible. coverage (B, H, W): of the silhouette, in [0, 1]. irradiance (B, H, W): rendered colour is
-    albedo times this. The three images are None when not asked for.
+    Attributes:
+        value: (B,) log-likelihood in nats, float64.
+        gradient: (B, P') its derivative.
+        normal: (B, P', P') its negative Gauss-Newton Hessian.
+        posterior: (B, H, W) of a covered pixel being visible.
+        coverage: (B, H, W) of the silhouette, in [0, 1].
+        irradiance: (B, H, W); the rendered colour is albedo times this.
     """
 
     value: torch.Tensor
@@ -85,10 +90,17 @@ class Evaluation:
 class Likelihood:
     """Eq. 4 for a set of photos, a class's geometry and a camera, on one device and in one precision.
 
-    silhouette: "exact" moves the objective with the silhouette, "paper" keeps the mask constant within an
-    evaluation as the authors' gradient does. stride: every stride-th pixel of every stride-th line stands
-    for its square in the normal matrix, by default as many as make about 75 x 75 of any image; value and
-    gradient always take every pixel.
+    Args:
+        geometry: The class's mesh and shape components.
+        camera: Of the photos; their size.
+        photos: What is explained.
+        silhouette: "exact" moves the objective with the silhouette, "paper" keeps the mask constant within an
+            evaluation as the authors' gradient does.
+        stride: Every stride-th pixel of every stride-th line stands for its square in the normal matrix, by
+            default as many as make about 75 x 75 of any image; value and gradient always take every pixel.
+
+    Attributes:
+        layout: The blocks of a point, latents then framing.
     """
 
     def __init__(
@@ -108,16 +120,16 @@ class Likelihood:
         size = tuple(photos.linear.shape[1:3])
         if size != (camera.height, camera.width):
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
-        self.layout = point_layout(geometry.model.modes)
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
+        self.layout = geometry.layout
         count = len(photos.linear)
         self.observed = photos.linear.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         self.log_prior = (
             photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         )
         self.background = self.log_prior[..., 2].double().sum(1)
-        load_kernels(geometry.dtype, geometry.layout.modes, geometry.device)
-        k = likelihood_kernels(geometry.dtype, geometry.layout.modes)
+        load_kernels(geometry.dtype, geometry.rows.modes, geometry.device)
+        k = likelihood_kernels(geometry.dtype, geometry.rows.modes)
         self.photo_arrays = {
             "observed": warp_array(self.observed, k.vec3),
             "log_prior": warp_array(self.log_prior, k.vec3),
@@ -134,7 +146,7 @@ class Likelihood:
         images: bool = True,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int says which photo each explains, sigma (B,) its noise."""
+        """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise."""
         return self.at(
             torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images, curvature
         )
@@ -160,7 +172,7 @@ class Likelihood:
         count = len(points)
         group = 1 if self.geometry.device == "cpu" else max(count, 1)
         threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
-        size = self.geometry.layout.size
+        size = self.layout.size
         place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
         value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
         gradient = torch.empty(count, size, **place) if derivatives else None
@@ -191,7 +203,7 @@ class Likelihood:
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
         """ValueError for what kernels cannot see: they would read beyond an array, or answer NaN."""
-        size, count = self.geometry.layout.size, len(points)
+        size, count = self.layout.size, len(points)
         if points.ndim != 2 or points.shape[1] != size:
             raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")
         if not torch.isfinite(points).all():
@@ -221,9 +233,9 @@ class Likelihood:
 
     @contextmanager
     def _pass(self, count: int) -> Iterator[Pass]:
-        """A pass over `count` points that nobody else has: one of ours, one of other photos, or a new one.
+        """An idle pass over `count` points: one of these photos, one of others, or a new one.
 
-        To record launches takes longer than to run them all once, so passes outlive a likelihood.
+        Recording launches takes longer than running them all once, so passes outlive a likelihood.
         """
         free = self.geometry.kept.setdefault("passes", [])
         kind = count, self.camera, self.silhouette, self.stride

@@ -12,7 +12,8 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.assembly import PARTS, likelihood_kernels
-from vig.likelihood.kernels.surface import LANES
+from vig.likelihood.kernels.types import LANES
+from vig.parallel.internals import group_fields, type_parts
 from vig.renderer import NOTHING, warp_array
 from vig.renderer.device import Prepared
 from vig.renderer.raster import KEYS_MARGIN
@@ -46,8 +47,8 @@ class Pass:
         geometry, camera = likelihood.geometry, likelihood.camera
         self.geometry, self.count, self.silhouette = geometry, count, likelihood.silhouette
         self.kind = count, camera, likelihood.silhouette, likelihood.stride
-        self.layout, dtype = geometry.layout, geometry.dtype
-        self._kernels = k = likelihood_kernels(dtype, self.layout.modes)
+        self.layout, modes = geometry.layout, geometry.rows.modes
+        self._kernels = k = likelihood_kernels(geometry.dtype, modes)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
         width, height, stride = camera.width, camera.height, likelihood.stride
         self._parts = {"vertices": vertices, "faces": faces, "edges": edges, "lines": height}
@@ -75,11 +76,14 @@ class Pass:
             for name, a in likelihood.photo_arrays.items()
         }
         self._arguments |= nothing
-        self._launches: list[tuple[Prepared, list[str]]] = []
+        self._launches: list[tuple[Prepared, dict[str, Any]]] = []
         self.look_at(likelihood)
         made = self._buffer
-        self.points = made("points", k.real, 1 + self.layout.size)
-        self.points[:, 0] = 1.0
+        points = made("points", k.real, 1 + self.layout.size)
+        points[:, 0] = 1.0
+        self.points, self._blocks = points[:, 1:], self.layout.split(points[:, 1:])
+        # The 1 before the shape coefficients takes the mean of what these are coefficients of.
+        self._with_one = points[:, : 1 + self.layout["shape"].stop]
         self.albedo, self.photo = made("albedo", k.vec3), made("photo", wp.int32)
         self.sigma = made("sigma", k.real)
         made("rotation", k.mat33), made("intrinsics", k.vec3), made("light", k.rest_row)
@@ -90,7 +94,7 @@ class Pass:
         self.shape_rows = made("shape_rows", k.shape_row, vertices)
         self.rest_rows = made("rest_rows", k.rest_row, vertices)
         self.keys = made("keys", wp.int64, height * width + KEYS_MARGIN)
-        made("rims", wp.int32, edges)
+        made("occluding_edges", wp.int32, edges)
         self.row_count, self.used = made("row_count", wp.int32), made("used", wp.uint8, vertices)
         self.on_world = made("on_world", k.vec3, vertices)
         self._cleared = [self.row_count, self.used, self.on_world, made("counts", wp.int32)]
@@ -100,17 +104,17 @@ class Pass:
         for source in ("line", "edge"):
             made(f"{source}_values", k.real, PARTS), made(f"{source}_albedo", k.vec3, PARTS)
         made("sums", k.rest_row, PARTS)
-        self.shape_gradient = made("shape_gradient", k.real, self.layout.modes)
-        self.products = made("products", k.real, self.layout.width, self.layout.width)
+        self.shape_gradient = made("shape_gradient", k.real, modes)
+        self.products = made("products", k.real, geometry.rows.width, geometry.rows.width)
         self.value = made("value", wp.float64)
         self.gradient = made("gradient", k.real, self.layout.size)
         self.normal = made("normal", k.real, self.layout.size, self.layout.size)
         self.images = [made(name, k.real, height * width) for name in ("posterior", "coverage", "irradiance")]
-        self._columns = torch.tensor(self.layout.columns(), dtype=torch.int32, device=geometry.device)
+        self._columns = torch.tensor(geometry.rows.columns(), dtype=torch.int32, device=geometry.device)
         self._arguments["columns"] = warp_array(self._columns, wp.int32)
         shadowed = vertices if geometry.transfer is not None else 1
         self.lobe_changes = made("lobe_changes", k.lobe_vector, shadowed)
-        self.shadow_rates = made("shadow_rates", k.real, self.layout.modes + 1, shadowed)
+        self.shadow_rates = made("shadow_rates", k.real, 1 + modes, shadowed)
         self.on_light = made("on_light", k.real, shadowed)
         self._cleared.append(self.on_light)
         self._look = self._record("look", count)
@@ -120,7 +124,7 @@ class Pass:
     def look_at(self, likelihood: Likelihood) -> None:
         """Take the photos of a likelihood, which differs from the one before in nothing else.
 
-        They are the likelihood's to keep: a pass that outlives it holds none of them.
+        The likelihood keeps them: a pass that outlives it refers to none of them.
         """
         self._likelihood = weakref.ref(likelihood)
         for launch, names in self._launches:
@@ -130,10 +134,13 @@ class Pass:
         """Whether it is this one whose photos were taken last."""
         return self._likelihood() is likelihood
 
-    def _exchange(self, launch: Prepared, names: list[str], likelihood: Likelihood) -> None:
-        for index, name in enumerate(names):
-            if name in likelihood.photo_arrays:
-                launch.exchange(index, likelihood.photo_arrays[name])
+    def _exchange(self, launch: Prepared, arguments: dict[str, Any], likelihood: Likelihood) -> None:
+        arrays, groups = likelihood.photo_arrays, self._kernels.groups
+        for index, (name, argument) in enumerate(arguments.items()):
+            if name in arrays:
+                launch.exchange(index, arrays[name])
+            elif name in groups and not arrays.keys().isdisjoint(fields := group_fields(argument)):
+                launch.exchange(index, self._group(name, {f: getattr(argument, f) for f in fields} | arrays))
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: int, images: bool
@@ -142,9 +149,9 @@ class Pass:
 
         derivatives: 0 for the value alone, 1 for the gradient, too, 2 for the normal matrix as well.
         """
-        modes, transfer = self.layout.modes, self.geometry.transfer
-        self.points[:, 1:] = points
-        self.albedo.copy_(self.points[:, modes + 3 : modes + 6])
+        transfer = self.geometry.transfer
+        self.points.copy_(points)
+        self.albedo.copy_(self._blocks["albedo"])
         self.photo.copy_(photo)
         self.sigma.copy_(sigma)
         if images:
@@ -154,11 +161,10 @@ class Pass:
         for cleared in self._cleared:
             cleared.zero_()
         self._look()
-        with_one = self.points[:, : modes + 1]
-        torch.mm(with_one, self.geometry.positions, out=self.world.view(self.count, -1))
+        torch.mm(self._with_one, self.geometry.positions, out=self.world.view(self.count, -1))
         if transfer is not None:
-            light = self.points[:, modes + 6 : modes + 6 + L_COUNT]
-            torch.mm(with_one, transfer, out=self.lobe_changes.view(self.count, -1))
+            light = self._blocks["light"]
+            torch.mm(self._with_one, transfer, out=self.lobe_changes.view(self.count, -1))
             torch.mm(light, transfer.view(-1, L_COUNT).T, out=self.shadow_rates.view(self.count, -1))
         for launch in self._program(derivatives, images):
             launch()
@@ -189,7 +195,7 @@ class Pass:
         if derivatives > 1:
             steps.append(self._record("interior_rows", (self.count, self._down)))
         if self.silhouette == "exact":
-            steps.append(self._record("collect_rims", parts, "edges"))
+            steps.append(self._record("collect_edges", parts, "edges"))
             steps.append(self._record("boundary", parts, None, flags, edge))
         if derivatives:
             steps.append(self._record("unshade", parts, "vertices"))
@@ -209,43 +215,43 @@ class Pass:
         shared_out: of what each thread takes a `chunk`. values: further arguments. renamed: which buffer
         stands for an argument of another name.
         """
-        kernel, known = getattr(self._kernels, name), dict(self._arguments)
+        k, known = self._kernels, dict(self._arguments)
+        kernel = getattr(k, name)
         known |= {argument: self._arguments[buffer] for argument, buffer in (renamed or {}).items()}
         known |= values or {}
         if shared_out is not None:
             known["chunk"] = -(-self._parts[shared_out] // PARTS)
         names = list(inspect.signature(kernel.func).parameters)
-        arguments = [known[name] for name in names]
-        launch = Prepared(wp.launch(kernel, dim, arguments, device=self.geometry.device, record_cmd=True))
-        self._launches.append((launch, names))
+        arguments = {name: self._group(name, known) if name in k.groups else known[name] for name in names}
+        inputs = list(arguments.values())
+        launch = Prepared(wp.launch(kernel, dim, inputs, device=self.geometry.device, record_cmd=True))
+        self._launches.append((launch, arguments))
         looked_at = self._likelihood()
         assert looked_at is not None
-        self._exchange(launch, names, looked_at)
+        self._exchange(launch, arguments, looked_at)
         return launch
+
+    def _group(self, name: str, known: dict[str, Any]) -> Any:
+        """A struct of arguments, whose fields are found by their names."""
+        group = self._kernels.groups[name]
+        made = group()
+        for field in group_fields(group):
+            setattr(made, field, known[field])
+        return made
 
     def _buffer(self, name: str, kind: Any, *shape: int) -> torch.Tensor:
         """A kept tensor (B, *shape), with the kind's own axes behind, that kernels know by its name."""
-        own = getattr(kind, "_shape_", ())
-        scalar = getattr(kind, "_wp_scalar_type_", kind)
-        dtype = _TORCH.get(scalar, self.geometry.dtype)
+        scalar, own = type_parts(kind)
+        dtype = wp.dtype_to_torch(scalar)
         made = torch.zeros(self.count, *shape, *own, dtype=dtype, device=self.geometry.device)
         self._arguments[name] = warp_array(made, kind)
         return made
 
     def _rows(self, capacity: int) -> torch.Tensor:
         """Rows of the normal matrix (B, capacity, width), which kernels write in two parts."""
-        rows = torch.zeros(
-            self.count, capacity, self.layout.width, dtype=self.geometry.dtype, device=self.geometry.device
-        )
-        shape = self.layout.shape
-        self._arguments["normal_shape"] = warp_array(rows[..., :shape], self._kernels.shape_row)
-        self._arguments["normal_rest"] = warp_array(rows[..., shape : shape + LANES], self._kernels.rest_row)
+        geometry, k = self.geometry, self._kernels
+        shape, width = geometry.rows.shape, geometry.rows.width
+        rows = torch.zeros(self.count, capacity, width, dtype=geometry.dtype, device=geometry.device)
+        self._arguments["normal_shape"] = warp_array(rows[..., :shape], k.shape_row)
+        self._arguments["normal_rest"] = warp_array(rows[..., shape : shape + LANES], k.rest_row)
         return rows
-
-
-_TORCH = {
-    wp.int32: torch.int32,
-    wp.int64: torch.int64,
-    wp.uint8: torch.uint8,
-    wp.float64: torch.float64,
-}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import os
 import sys
@@ -10,14 +9,18 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import torch
 import warp as wp
 
 from vig.errors import UserError
+from vig.parallel.internals import packed_launch
 
-wp.config.log_level = wp.LOG_ERROR
+if hasattr(wp, "LOG_ERROR"):
+    wp.config.log_level = wp.LOG_ERROR
+else:  # Warp 1.13 has no levels
+    wp.config.quiet = True
 wp.config.enable_backward = False
 
 _NATIVE = {wp.float32: "float", wp.float64: "double"}
@@ -79,27 +82,23 @@ def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array:
 class Prepared:
     """A recorded launch as a call that costs as little as may be, and whose arrays can be exchanged.
 
-    On the CPU Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs;
-    here they are packed once. The launch is kept; what its arguments point to, the caller keeps.
+    The launch is kept; what its arguments point to, the caller keeps.
     """
 
     def __init__(self, command: wp.Launch):
-        self._command, self._packed = command, None
-        hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
+        self._command = command
         self._launch: Callable[[], object] = command.launch
-        if command.device.is_cpu and hooks is not None and parameters is not None:
-            bounds, *arguments = parameters
-            fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
-            self._packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
-            self._launch = functools.partial(hooks.forward, ctypes.byref(bounds), ctypes.byref(self._packed))
+        self._packed: Any = None
+        if (packed := packed_launch(command)) is not None:
+            self._launch, self._packed = packed
 
     def __call__(self) -> object:
         """Launch."""
         return self._launch()
 
-    def exchange(self, index: int, array: wp.array) -> None:
-        """From now on argument `index` is another array of the same type and number of axes."""
+    def exchange(self, index: int, argument: Any) -> None:
+        """From now on argument `index` is another array or struct of the same type."""
         if self._packed is None:
-            self._command.set_param_at_index(index, array)
+            self._command.set_param_at_index(index, argument)
         else:
-            setattr(self._packed, f"argument_{index}", array.__ctype__())
+            setattr(self._packed, f"argument_{index}", argument.__ctype__())

@@ -35,27 +35,8 @@ for (int base = first; base < end; base += LANES) {
         // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
         const int turned = ahead & (area[lane] < 0);
         const int away = ahead & (area[lane] > 0) & (cull == 0);
-        real low_x = bx[lane] < cx[lane] ? bx[lane] : cx[lane];
-        real low_y = by[lane] < cy[lane] ? by[lane] : cy[lane];
-        real high_x = bx[lane] > cx[lane] ? bx[lane] : cx[lane];
-        real high_y = by[lane] > cy[lane] ? by[lane] : cy[lane];
-        low_x = ax[lane] + (low_x < 0 ? low_x : 0) - real(0.5);
-        low_y = ay[lane] + (low_y < 0 ? low_y : 0) - real(0.5);
-        high_x = ax[lane] + (high_x > 0 ? high_x : 0) - real(0.5);
-        high_y = ay[lane] + (high_y > 0 ? high_y : 0) - real(0.5);
-        low_x = low_x > 0 ? low_x : 0;
-        low_y = low_y > 0 ? low_y : 0;
-        high_x = high_x < width - 1 ? high_x : width - 1;
-        high_y = high_y < height - 1 ? high_y : height - 1;
-        const int within = (high_x >= low_x) & (high_y >= low_y);
-        // All are within the image, so that truncation rounds down; one more where it lost a part.
-        x0[lane] = within ? (int)low_x : 0;
-        y0[lane] = within ? (int)low_y : 0;
-        x1[lane] = within ? (int)high_x : -1;
-        y1[lane] = within ? (int)high_y : -1;
-        x0[lane] += (real)x0[lane] < low_x;
-        y0[lane] += (real)y0[lane] < low_y;
-        const int covers = (x1[lane] >= x0[lane]) & (y1[lane] >= y0[lane]) & within;
+        const int covers = pixel_box(ax[lane], ay[lane], bx[lane], by[lane], cx[lane], cy[lane], x0[lane],
+                                     x1[lane], y0[lane], y1[lane]);
         drawn[lane] = turned | ((turned | away) & covers) << 1;
     }
     for (int lane = 0; lane < LANES && base + lane < end; ++lane) {

@@ -30,6 +30,9 @@ NOTHING = (1 << 63) - 1
 KEYS_MARGIN = 8
 """Keys that must follow an image's last, as pixels are drawn eight at a time."""
 
+PIXEL_BOX = Path(__file__).with_name("pixel_box.cc")
+"""Native code that both rasterisers share, this one and the generator's."""
+
 _FARTHEST = 1 << (62 - FACE_BITS)
 _DEPTH_STEPS = 1 << 27
 """Steps of a key in one over depth, per 1 / metre: 4 nanometres at 0.7 m."""
@@ -51,7 +54,9 @@ def native_draw_faces(dtype: torch.dtype) -> Any:
         "FACE_BITS": FACE_BITS,
     }
 
-    @wp.func_native(snippet=native_code(Path(__file__).parent, "draw_faces.cc", real=real, **constants))
+    @wp.func_native(
+        snippet=native_code(Path(__file__).parent, PIXEL_BOX.name, "draw_faces.cc", real=real, **constants)
+    )
     def draw_faces(
         mesh: wp.int32,
         image: wp.int32,

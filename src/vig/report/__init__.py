@@ -1,7 +1,6 @@
 """What the user is shown: pictures of an explanation, its numbers as JSON, its object as GLB."""
 
-from vig.report.files import describe, write_explanation
-from vig.report.overlay import overlay
+from vig.report.files import describe, overlay, write_explanation
 
 __all__ = [
     "describe",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 import trimesh
+from scipy import ndimage
 
 from vig import __version__
 from vig.files import atomic_write
@@ -17,6 +18,25 @@ from vig.inference import Fit
 from vig.photo.images import write_png
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
+
+OUTLINE = np.array([255, 210, 0], np.float32)
+HIDDEN = np.array([235, 40, 120], np.float32)
+HIDDEN_SHARE = 0.5
+
+
+def overlay(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """The photo with the object's whole outline in yellow and its hidden pixels tinted pink.
+
+    photo (H, W, 3) uint8 sRGB; amodal, visible (H, W) bool. Result (H, W, 3) uint8. The outline's width
+    grows with the photo.
+    """
+    picture = photo.astype(np.float32)
+    hidden = amodal & ~visible
+    picture[hidden] = (1 - HIDDEN_SHARE) * picture[hidden] + HIDDEN_SHARE * HIDDEN
+    width = max(1, round(min(photo.shape[:2]) / 200))
+    rim = ndimage.binary_dilation(amodal, iterations=width) & ~amodal
+    picture[rim] = OUTLINE
+    return picture.round().astype(np.uint8)
 
 
 def write_explanation(

@@ -1,4 +1,4 @@
-"""Do two things touch: a test of extents along sixteen level axes, upwards, and along one free axis."""
+"""Collision test of solids by their extents along sixteen level axes, upwards, and along one free axis."""
 
 from __future__ import annotations
 
@@ -39,9 +39,11 @@ def extreme_points(vertices: np.ndarray) -> np.ndarray:
 class Footprint:
     """A bound of a solid: its shadow on the ground, its heights, its depths along one axis.
 
-    outline: (..., P, 2) points whose convex hull is its shadow. support: (..., 16) extents of the outline
-    along sixteen directions. heights: (..., 2) lowest and highest z. depths: (..., 2) least and greatest
-    coordinate along the axis. Leading axes hold many solids at once.
+    Attributes:
+        outline: (..., P, 2) points whose convex hull is its shadow.
+        support: (..., 16) extents of the outline along sixteen directions.
+        heights: (..., 2) lowest and highest z.
+        depths: (..., 2) least and greatest coordinate along the axis. Leading axes hold many solids at once.
     """
 
     outline: np.ndarray
@@ -64,7 +66,7 @@ class Footprint:
         return Footprint(*(getattr(self, name)[index] for name in _FIELDS))
 
     def gap(self, other: Footprint) -> np.ndarray:
-        """At least so many metres lie between the two along one of the axes; may be too small.
+        """A lower bound, metres, of the distance between the two along one of the axes.
 
         Leading axes broadcast: `many[:, None].gap(others)` is (N, M).
         """

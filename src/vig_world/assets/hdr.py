@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig.photo.images import HDR_MAGIC, check_size, existing_file, head_of, refuse
 
 UNDERSHOOT = 0.05
@@ -15,10 +15,11 @@ UNDERSHOOT = 0.05
 def read_panorama(path: str | Path) -> np.ndarray:
     """Read an equirectangular `.hdr` or `.exr` panorama as linear RGB radiance, (H, 2 H, 3) float32 >= 0.
 
-    Values below 0 by at most `UNDERSHOOT` of the mean become 0: filters that resample leave such.
+    Values below 0 by at most `UNDERSHOOT` of the mean become 0: resampling filters leave such values.
 
-    Raises UserError for a missing, unreadable or damaged file, one that is not twice as wide as high, tiny
-    or huge, one that holds NaN, infinite or more negative values, and one that is black throughout.
+    Raises:
+        UserError: For a missing, unreadable or damaged file, one that is not twice as wide as high, tiny or
+            huge, one that holds NaN, infinite or more negative values, and one that is black throughout.
     """
     path = existing_file(path)
     if not head_of(path).startswith(HDR_MAGIC):
@@ -41,8 +42,9 @@ def read_panorama(path: str | Path) -> np.ndarray:
 
 
 def _radiance(path: Path) -> np.ndarray:
-    """Decode an HDR file, (H, 2 H, 3) float32; values are not looked at. OSError when it is damaged."""
-    import OpenImageIO as oiio  # 80 ms that only panoramas need to spend
+    """Decode an HDR file, (H, 2 H, 3) float32; values are not checked. OSError when it is damaged."""
+    with optional_import("world"):  # 80 ms that only panoramas need to spend
+        import OpenImageIO as oiio
 
     source = oiio.ImageInput.open(str(path))
     if source is None:

@@ -21,7 +21,7 @@ def make(settings: Make) -> int:
     from vig_world.generation.write import make_dataset
 
     if settings.finish != "diffuse" and settings.tier != "cycles":
-        raise UserError(f"--finish {settings.finish} is for --tier cycles; the raster tier has diffuse only.")
+        raise UserError(f"--finish {settings.finish} is for --tier cycles; the rasteriser has only diffuse.")
     own = _own(settings)
     folder = make_dataset(
         settings.out,
@@ -50,7 +50,7 @@ def make(settings: Make) -> int:
 
 
 def _own(settings: Make | Check) -> OwnAssets:
-    """The user's assets; what was left out of them, or guessed at, is told on standard error."""
+    """The user's custom assets; skipped files and guesses are reported on standard error."""
     from vig_world.library import OwnAssets, OwnFolders
 
     folders = (settings.envmaps, settings.props, settings.furniture)
@@ -88,7 +88,7 @@ def check(settings: Check) -> int:
 
 
 SHOWN = 20
-"""So many problems of a split are printed."""
+"""Number of problems of a split that are printed."""
 
 
 def show(settings: Show) -> int:
@@ -104,8 +104,8 @@ def show(settings: Show) -> int:
     contact_sheet(dataset, sheet, settings.count, tint=not settings.plain)
     distributions = histograms(settings.dataset, split, out / f"histograms-{split}.png")
     if settings.json:
-        told = {"sheet": str(sheet), "histograms": str(distributions), "split": split}
-        print(json.dumps(told | describe_split(settings.dataset, split) | {"folder": str(out)}))
+        described = {"sheet": str(sheet), "histograms": str(distributions), "split": split}
+        print(json.dumps(described | describe_split(settings.dataset, split) | {"folder": str(out)}))
         return 0
     print(sheet)
     print(distributions)

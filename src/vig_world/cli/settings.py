@@ -8,37 +8,38 @@ from typing import Annotated, Literal
 
 import tyro
 
-Split = Literal["train", "test", "validation"]
+from vig.names import Split
 
 
 @dataclass(frozen=True)
 class Make:
-    """Generate photos of scenes with everything known; safe to kill and run again."""
+    """Generate pictures of scenes with full ground truth; can be interrupted and run again."""
 
     out: Path
     """Folder of the dataset."""
     count: int
-    """How many samples."""
+    """Number of samples."""
     seed: int = 0
     """The dataset's seed: sample i is a pure function of it and i."""
     tier: Literal["raster", "cycles"] = "raster"
-    """Which renderer makes the images: our rasteriser, or Blender's path tracer (the [cycles] extra)."""
+    """Renderer: the built-in rasteriser, or Blender's path tracer (the [cycles] extra)."""
     split: Split = "train"
     """Which assets and object designs the scenes are made of; no two splits share any."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
-    """Of the object, path traced: matt as in the model, glazed, or glazed over a painted decoration."""
+    """Finish of the path-traced object: matt as in the model, glazed, or glazed over a painted decoration."""
     photo: bool = False
-    """Photograph the pictures: exposure, white balance, blur, noise, JPEG."""
+    """Pass the pictures through a camera model: exposure, white balance, blur, noise, JPEG."""
     envmaps: str | None = None
-    """Folder of your own panoramas (.hdr, .exr) in place of ours; `bpy`: the eight in Blender's wheel."""
+    """Folder of custom panoramas (.hdr, .exr) in place of the built-in ones; `bpy`: the eight in Blender's
+    wheel."""
     props: Path | None = None
-    """Folder of your own household things (.glb, .gltf, .obj, .ply, .off, .stl) in place of ours."""
+    """Folder of custom props (.glb, .gltf, .obj, .ply, .off, .stl) in place of the built-in ones."""
     furniture: Path | None = None
-    """Folder of your own furniture, which takes the place of ours of the same family; docs/light.md."""
+    """Folder of custom furniture, which replaces built-in furniture of the same family; see docs/light.md."""
     workers: int | None = None
-    """Processes; all cores by default."""
+    """Number of processes; by default one per core."""
     ray: str | None = None
     """Make the samples on the Ray cluster at this address (`auto`: the one this machine belongs to) instead
     of in processes here; needs the [cluster] extra."""
@@ -48,22 +49,22 @@ class Make:
 
 @dataclass(frozen=True)
 class Check:
-    """Prove a dataset whole: every file, every label, renderings against files. Exits 1 when it is not."""
+    """Verify a dataset: every file, every label, renderings against files. Exits 1 when it has problems."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
     split: Split | None = None
     """Which split; all complete ones by default."""
     render: int = 0
-    """So many samples of each split, evenly chosen, are rendered again from their specs and compared."""
+    """Number of samples of each split that are rendered again from their specs and compared."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """The folder of the class pack it was made with, when that is not a packaged class."""
     envmaps: str | None = None
-    """Folder of your own panoramas (.hdr, .exr) that it was made with; `bpy`: those in Blender's wheel."""
+    """Folder of the custom panoramas (.hdr, .exr) that it was made with; `bpy`: those in Blender's wheel."""
     props: Path | None = None
-    """Folder of your own household things (.glb, .gltf, .obj, .ply, .off, .stl) that it was made with."""
+    """Folder of the custom props (.glb, .gltf, .obj, .ply, .off, .stl) that it was made with."""
     furniture: Path | None = None
-    """Folder of your own furniture that it was made with."""
+    """Folder of the custom furniture that it was made with."""
     json: bool = False
     """Print one JSON object with every problem."""
 
@@ -77,7 +78,7 @@ class Show:
     split: Split | None = None
     """Which split; by default the only one, or train."""
     count: int = 48
-    """How many samples the sheet has, evenly from freely seen to hidden."""
+    """Number of samples on the sheet, evenly spaced from unoccluded to hidden."""
     plain: bool = False
     """Leave the hidden part of the object untinted."""
     out: Path | None = None

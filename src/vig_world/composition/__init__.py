@@ -1,1 +1,1 @@
-"""Where everything in a scene goes: the object's place, occluders, clutter."""
+"""Composition of scenes: the object's place, occluders, clutter."""

@@ -1,4 +1,4 @@
-"""Strews props over the supports, near the object and in the background, hiding nothing of it."""
+"""Scatters props over the supports, near the object and in the background, hiding nothing of it."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from vig_world.composition.stage import MARGIN, NEAREST, Stage
 from vig_world.rotations import turned_about_z
 
 MOST_COVER = 0.3
-"""The window of a single piece of clutter covers no more of the frame than this."""
+"""Largest share of the frame that the bounding window of one piece of clutter may cover."""
 FAR = 4.5
-"""Metres from the eye beyond which supports are left empty."""
+"""Metres from the camera beyond which supports are left empty."""
 BACKGROUND = 4
-"""Supports besides the object's own that are strewn."""
+"""Number of supports besides the object's own on which clutter is scattered."""
 
 
-def strew(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> None:
-    """Stand clutter on the object's own support round the object, and on others in view."""
+def scatter(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> None:
+    """Place clutter on the object's own support round the object, and on others in view."""
     wanted = int(rng.integers(2, 9))
     near, far = visible_ground(stage)
     ahead = rng.uniform(near, far, 2 * wanted)
@@ -63,7 +63,7 @@ def visible_ground(stage: Stage) -> tuple[float, float]:
 
 
 def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
-    """Up to four other supports whose middle is in front of the eye and not too far, in random order."""
+    """Up to four other supports whose middle is in front of the camera and not too far, in random order."""
     supports = stage.library.layout(stage.room.layout).supports
     middles = stage.room.to_world(np.array([support.centre for support in supports]))
     x, y, z = ((middles - stage.actor.view.eye) @ stage.actor.view.rotation.T).T
@@ -75,11 +75,12 @@ def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
 
 @dataclass(frozen=True)
 class _Proposals:
-    """Props that may stand about, N of them.
+    """N candidate props.
 
-    parts: as plain data. footprints: their bounds. touch: (N, N) bool, whether two touch or nearly so.
-    crosses: (N,) whether the window of one that is before the object's back shows a pixel of it. fit: numbers
-    of those that fit on their supports, are seen, and touch nothing that is there; unfit: counts of the rest.
+    parts: the props as plain data. footprints: their bounds. touch: (N, N) bool, whether two touch or nearly
+    so. crosses: (N,) whether the window of one that is before the object's back shows a pixel of it. fit:
+    numbers of those that fit on their supports, are seen, and touch nothing placed before; unfit: counts of
+    the rest.
     """
 
     parts: list[Placed]
@@ -144,7 +145,7 @@ class _Proposals:
         )
 
     def obstacle(self, stage: Stage, number: int, others: list[int]) -> str:
-        """Stand one of the props there beside others, or say what is in the way."""
+        """Place one of the props beside others, or return what obstructs it."""
         if self.touch[number, others].any():
             return "collision"
         seen = None

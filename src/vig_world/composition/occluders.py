@@ -1,4 +1,4 @@
-"""Ways to hide an object: something in front of it, a hand, a branch, as a last resort a board."""
+"""Ways to occlude an object: something in front of it, a hand, a branch, as a last resort a board."""
 
 from __future__ import annotations
 
@@ -18,9 +18,13 @@ from vig_world.rotations import about_x, along, turned_about_z, vector_of
 class Candidate:
     """Props that move together along a line: at offset `least` they hide most, at `most` little or nothing.
 
-    motion: (3,) metres per unit of offset, across the line of sight. Between `least` and `most` they are
-    above the support, on it if they stand, and the hand that holds them is in the frame. stands: on the
-    object's own support; otherwise in mid-air, held.
+    Attributes:
+        parts: The props at offset 0.
+        motion: (3,) metres per unit of offset, across the line of sight.
+        least: Lowest offset at which the props are above the support, on it if they stand, and the hand that
+            holds them is in the frame.
+        most: Highest such offset.
+        stands: Whether they stand on the object's own support; otherwise they are held in mid-air.
     """
 
     parts: list[Placed]
@@ -31,26 +35,25 @@ class Candidate:
 
 
 Kind = Callable[[Stage, np.random.Generator, float], Candidate | None]
-"""Draws a candidate that may hide a share of the object, given last; None when no draw looks hopeful."""
+"""Draws a candidate that may hide the share of the object given last; None when no draw is promising."""
 DRAWS = 12
 PROPS, TURNS = 3, 5
-"""So many props, each turned in so many ways, are considered at a time to stand before the object."""
+"""Number of props, and of orientations of each, considered at a time to stand before the object."""
 GRASPS = 6
-"""How often something held is drawn until it has room before the object and the hand is in the frame."""
+"""Number of draws for a held prop to have room before the object with the hand in the frame."""
 MORE_THAN_HIDES = 0.008
-"""Square metres by which what is held may be larger than what it is to hide: it stays near the object."""
+"""Square metres by which a held prop may exceed the area it is to hide: it stays near the object."""
 HAND_INSIDE = 6
-"""The tips of fingers that hold something are so many pixels of the layout's frame inside it, or more."""
+"""Least distance of holding fingertips from the edge of the layout's frame, pixels."""
 
 
 def draw_kind(
     stage: Stage, rng: np.random.Generator, level: float, last_resort: bool, hopeless: Container[Kind] = ()
 ) -> Kind | None:
-    """A way to hide the object that suits the elevation and the share that is to be hidden.
+    """Draw a way to hide the object that suits the elevation and the share to be hidden.
 
-    None when all that suit are `hopeless`.
-
-    What stands hides little from above; an arm or a twig never hides nearly everything.
+    Standing props hide little from above; an arm or a twig never hides nearly everything. None when all
+    suitable kinds are `hopeless`.
     """
     high = float(np.clip((stage.actor.elevation - 0.45) / 0.6, 0, 1))
     missing = level - stage.hidden()
@@ -78,9 +81,13 @@ def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, i
 def draw_large(
     stage: Stage, rng: np.random.Generator, areas: tuple[float, float], upright: bool
 ) -> tuple[str, int]:
-    """A random prop whose broadest side is within `areas`, square metres, or the last drawn.
+    """Draw a prop whose broadest side is within `areas`, or the last one drawn.
 
-    First from the zone of the object's support, then from any. upright: it is seen from the side.
+    First from the zone of the object's support, then from any.
+
+    Args:
+        areas: Least and greatest area, square metres.
+        upright: Whether it is seen from the side.
     """
     library = stage.library
     for draw, (zone_at, family_at, member_at) in enumerate(rng.random((DRAWS, 3)).tolist()):
@@ -111,7 +118,7 @@ def placed(
 
 
 def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
-    """A prop on the same support, between the eye and the object; moves sideways."""
+    """A prop on the same support, between the camera and the object; moves sideways."""
     ahead, least_area = stage.actor.ahead, area_to_hide(stage, level, 0.7)
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
     count = PROPS * TURNS
@@ -137,7 +144,7 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
 
 
 def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
-    """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the eye."""
+    """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the camera."""
     least_area = area_to_hide(stage, level, 0.75)
     name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES), False)
     hull = stage.library.extremes(*name)
@@ -166,7 +173,7 @@ def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate |
 def _held(
     parts: list[Placed], lowest: float, motion: np.ndarray, least: float, most: float
 ) -> Candidate | None:
-    """A candidate in mid-air, `lowest` at offset 0; None where all of its way is below the support."""
+    """A candidate in mid-air, `lowest` at offset 0; None where all of its path is below the support."""
     to_support, rise = lowest - MARGIN, float(motion[2])
     if rise < 0:
         most = min(most, -to_support / rise)
@@ -178,7 +185,7 @@ def _held(
 
 
 def _until_hand_is_out(stage: Stage, fingertips: np.ndarray, outward: np.ndarray) -> float:
-    """How far a point (3,) can move along a direction (3,) in the image plane and be well in the frame."""
+    """How far a point (3,) can move along a direction (3,) in the image plane inside the frame's margin."""
     view = stage.actor.view
     place = (view.rotation @ fingertips + view.translation).tolist()
     ends = []
@@ -221,7 +228,7 @@ def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | 
 
 
 def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
-    """The end of a board: level above the object, as of a shelf, or its broad side to the eye."""
+    """The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
     if rng.uniform() < 0.5:
         turn = rng.uniform(-0.3, np.pi + 0.3)
         outward = np.cos(turn) * stage.actor.aside + np.sin(turn) * stage.actor.ahead
@@ -260,7 +267,7 @@ def _facing(stage: Stage, rng: np.random.Generator, axis: int) -> np.ndarray:
 def _aim(stage: Stage, rng: np.random.Generator, points: np.ndarray) -> np.ndarray | None:
     """A point (3,) on a ray to the object's middle, so that points (N, 3) from there are before the object.
 
-    None when there is no room for them between eye and object.
+    None when there is no room for them between camera and object.
     """
     view, (row, column) = stage.actor.view, stage.actor.middle
     extent = points @ view.forward

@@ -1,4 +1,4 @@
-"""Places props between the eye and the object so that a chosen share of it is hidden."""
+"""Places props between the camera and the object so that a chosen share of it is hidden."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vig_world.composition.stage import MARGIN, NEAREST, Stage
 
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8
-"""How often the last occluder is drawn before the room is given up."""
+"""Number of draws of the last occluder before the room is given up."""
 STEPS = 12
-"""How often an offset is tried."""
+"""Number of offsets tried."""
 HAND_SHARE = 0.02
-"""At least this share of the frame shows the arm of who holds something, so that nothing seems to float."""
+"""Least share of the frame that shows the arm of a held prop, so that nothing seems to float."""
 
 
 def hide(
@@ -25,7 +25,8 @@ def hide(
 ) -> bool:
     """Add one to three occluders that together with the room hide `target`; False when nothing fits.
 
-    last_resort: shelf boards out of nowhere are allowed too.
+    Args:
+        last_resort: Whether unattached shelf boards are allowed, too.
     """
     if target == 0 or abs(stage.hidden() - target) <= FIT_TOLERANCE:
         return True
@@ -58,13 +59,13 @@ def _count(rejected: Counter[str], reason: str) -> None:
 
 
 def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
-    """Move a candidate until `level` is hidden and keep it, or say why not in a word."""
+    """Move a candidate until `level` is hidden and keep it, or return the reason of its rejection."""
     if candidate is None:
         return "no room"
     clouds = [stage.points(part) for part in candidate.parts]
     points, forward = np.concatenate(clouds), stage.actor.view.forward
     if (points @ forward).min() < forward @ stage.actor.view.eye + NEAREST:
-        return "eye"  # wherever it is moved: motions are across the line of sight
+        return "eye"  # at any offset: motions are across the line of sight
     if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
         return "too small"
     found = _offset(stage, candidate, level)

@@ -1,4 +1,4 @@
-"""Where the object stands: a furnished room, one of its supports, a spot there, and from where it is seen."""
+"""Places the object: a furnished room, one of its supports, a spot there, and the camera."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ ZONE_WEIGHTS = {
     "dining": 3.0, "drinks": 3.0, "cooking": 3.0, "display": 2.0, "desk": 1.5, "storage": 1.5, "reading": 1.0,
     "bedside": 1.0, "washing": 0.7, "floor": 0.3,
 }  # fmt: skip
-"""How often a teapot stands in each zone of a room, relative to the others."""
+"""Relative frequency of each zone of a room as the object's place."""
 PROPOSALS = {False: 48, True: 200}
 """Places drawn at a time; more where the room is to hide the object."""
 MOST_LOOKED_AT = 16
-"""Of the places that pass, so many are drawn."""
+"""Number of valid places that are rendered."""
 EYE_CLEARANCE = 0.06
-"""Metres between the eye and walls or furniture."""
+"""Metres between the camera and walls or furniture."""
 EDGE = 0.01
 """Metres between the object's outline and the edge of what it stands on."""
 WALL_SHARE = 0.9
-"""Of supports with a wall or back behind, this share of views comes from the side of the people."""
+"""Share of views from the side where people stand, for supports with a wall or back behind."""
 COVERED, LOW_COVER = 12.0, 0.7
-"""Supports with less than so many metres above are so much likelier where the room is to hide the object."""
+"""Supports with less than this clearance, metres, are likelier by this factor where the room is to hide
+the object."""
 SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
@@ -47,7 +48,7 @@ def find_place(
 ) -> Stage | None:
     """A stage whose room and furniture hide a share of the object within `hidden`; None if none is found.
 
-    The latents stay as they are: it is the room that is turned and shifted round the object.
+    The latents stay fixed: the room is turned and shifted round the object.
     """
     number = int(rng.integers(library.layouts))
     layout = library.layout(number)
@@ -65,7 +66,7 @@ def find_place(
         if not hidden[0] <= share <= hidden[1]:
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
         elif np.isinf(stage.behind).any():
-            rejected["place open"] += 1  # beside a window, say: there is nothing to be seen
+            rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
         elif (stage.behind < NEAREST).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
             rejected["place near"] += 1
         else:
@@ -74,7 +75,7 @@ def find_place(
 
 
 def _hiding(stage_at: Callable[[float], Stage], hidden: tuple[float, float]) -> Stage:
-    """A stage slid out, 0 to 1, from under what hides more of the object than is wanted, if anything is."""
+    """A stage moved out, by 0 to 1, from under what hides more of the object than wanted."""
     stage = stage_at(0.0)
     if hidden[0] == 0 or stage.hidden() <= hidden[1]:
         return stage
@@ -90,7 +91,7 @@ def _hiding(stage_at: Callable[[float], Stage], hidden: tuple[float, float]) -> 
 
 
 def _eye_of(stage: Stage) -> np.ndarray:
-    """The eye (1, 3) in the layout."""
+    """The camera's position (1, 3) in the layout."""
     room = stage.room
     return (stage.actor.view.eye - np.array(room.origin))[None] @ room.rotation()
 
@@ -101,7 +102,7 @@ class _Places:
 
     support: (N,) its number. turn: (N,) radians, layout to world. spot: (N, 3) of the object in the layout;
     slide: (N, 3) from there to the support's edge on the side of the people. fits: (N,) whether the object
-    has room there. eye: (N, 3) in the layout.
+    has room there. eye: (N, 3), the camera in the layout.
     """
 
     support: np.ndarray
@@ -126,7 +127,7 @@ class _Places:
 
         anywhere = open_all_round | (rng.uniform(size=count) > WALL_SHARE) | hiding
         spread = np.where(anywhere, np.pi, 1.25) * rng.uniform(-1, 1, count)
-        # The eye is towards -`ahead`; people stand at -y of the support's axes.
+        # The camera is towards -`ahead`; people stand at -y of the support's axes.
         facing = np.arctan2(actor.ahead[1], actor.ahead[0]) - np.pi / 2 + spread
         c, s = np.cos(facing), np.sin(facing)
         to_own = np.stack([c, s, -s, c], axis=1).reshape(count, 2, 2)
@@ -146,7 +147,7 @@ class _Places:
         return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
 
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
-        """Numbers of places with object and eye free and, if hiding, furniture in the line of sight."""
+        """Numbers of places with object and camera free and, if hiding, furniture in the line of sight."""
         rejected["place too small"] += int((~self.fits).sum())
         fits = np.flatnonzero(self.fits)
         order = fits[_eye_is_free(layout, self.eye[fits])]
@@ -155,7 +156,7 @@ class _Places:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
             met = _in_sight(layout, self.eye[order], middle)
             clearance = _support_table(layout.supports)["clearance"][self.support[order]]
-            met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # it looks down past a board
+            met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # the camera looks down past a board
             order = order[met]
         yield from order[:MOST_LOOKED_AT].tolist()
 
@@ -189,7 +190,7 @@ def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def _eye_is_free(layout: Layout, eye: np.ndarray) -> np.ndarray:
-    """Whether eyes (N, 3) are inside the room and outside its furniture, with some space: (N,) bool."""
+    """Whether cameras (N, 3) are inside the room and outside its furniture, with some space: (N,) bool."""
     free = (eye[:, 2] > 0.02) & (eye[:, 2] < layout.height - EYE_CLEARANCE)
     start, end = layout.outline, np.roll(layout.outline, -1, axis=0)
     way, offset = end - start, eye[:, None, :2] - start
@@ -207,7 +208,7 @@ def _eye_is_free(layout: Layout, eye: np.ndarray) -> np.ndarray:
 
 
 def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Whether the lines from eyes to objects (N, 3) pass furniture: (N,) bool."""
+    """Whether the lines from cameras to objects (N, 3) pass furniture: (N,) bool."""
     if not len(layout.solids):
         return np.zeros(len(eye), bool)
     sides, low, high = _half_spaces(layout, NEAR_RAY)

@@ -12,7 +12,7 @@ from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.scene.designs import shape_vertices
 from vig_world.assets.target import draw_shape
-from vig_world.composition.clutter import strew
+from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.place import find_place
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
@@ -35,15 +35,15 @@ is hidden, if one of four rooms allows it."""
 
 
 def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -> SceneSpec:
-    """The scene number `index` of a seed.
+    """Draw scene number `index` of a seed.
 
     Latents and the target occlusion are drawn first and never redrawn, so their distributions are exactly the
-    documented ones: shape as `target.draw_shape` says, azimuth uniform, elevation uniform in [0.05, pi/2],
-    albedo uniform in [0.2, 0.8], occlusion flat over [0, 0.9]. Only rooms, spots and placements are thrown
-    away, until the hidden share of the object is within 0.015 of the target.
+    documented ones: shape as in `target.draw_shape`, azimuth uniform, elevation uniform in [0.05, pi/2],
+    albedo uniform in [0.2, 0.8], occlusion uniform in [0, 0.9]. Only rooms, spots and placements are redrawn,
+    until the hidden share of the object is within 0.015 of the target.
 
     Raises:
-        UserError: no placement reached the target in 60 rooms.
+        UserError: When no placement reached the target in 60 rooms.
     """
     split = library.split
     rng = stream(seed, index, split, 0)
@@ -64,7 +64,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
         if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
             rejected["room"] += 1
             continue
-        strew(stage, rng, rejected)
+        scatter(stage, rng, rejected)
         occlusion = measure(library, actor, stage.room, stage.props)
         if abs(occlusion - target) > TOLERANCE:
             rejected["tolerance"] += 1
@@ -90,7 +90,7 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
         )
     raise UserError(
         f"sample {index} of seed {seed}: expected a scene that hides {target:.0%} of the object;"
-        f" {ATTEMPTS} rooms gave none. Bring larger props or other furniture, or take another seed."
+        f" {ATTEMPTS} rooms gave none. Provide larger props or other furniture, or use another seed."
         f" ({dict(rejected)})"
     )
 

@@ -1,4 +1,4 @@
-"""A room with the object in it, filled prop by prop; what is hidden is kept up to date."""
+"""A room with the object in it, filled prop by prop, with the current occlusion of the object."""
 
 from __future__ import annotations
 
@@ -16,21 +16,27 @@ from vig_world.renderers.raster import Item, Target, depth
 from vig_world.renderers.view import View
 
 LAYOUT_SIZE = 75
-"""Pixels on a side of the masks on which placements are judged."""
+"""Pixels on a side of the masks by which placements are evaluated."""
 MARGIN = 0.004
 """Metres between any two things."""
 NEAREST = 0.09
-"""Nothing comes nearer to the eye's image plane than this, metres."""
+"""Least depth of anything in a scene, metres."""
 
 
 @dataclass(frozen=True)
 class Actor:
-    """The object as seen from its eye.
+    """The object as seen from its camera.
 
-    item: its geometry. depth: (75, 75) metres, the object alone, inf = nothing; pixels: flat numbers of those
-    that show it, own: their depths, sums: (76, 76) how many of them lie above and left of each corner,
-    middle: their mean row and column, pixels. body: its bound. ahead, aside: unit vectors (3,) in the ground
-    plane, away from the eye and to its right.
+    Attributes:
+        item: Its geometry.
+        depth: (75, 75) metres, the object alone; inf where it is not.
+        pixels: Flat indices of the pixels that show it.
+        own: Depths of these pixels.
+        sums: (76, 76), how many of them lie above and left of each corner.
+        middle: Mean row and column, pixels.
+        body: Its bound.
+        ahead: Unit vector (3,) in the ground plane, away from the camera.
+        aside: Unit vector (3,) in the ground plane, to the camera's right.
     """
 
     item: Item
@@ -71,10 +77,13 @@ class Actor:
 
 @dataclass
 class Stage:
-    """Where a scene is put together.
+    """A scene under construction.
 
-    support: what the object stands on, in the layout's frame. behind, blockers: (75, 75) metres, inf =
-    nothing: the room, and the nearest of room and props. solids: bounds of the props so far.
+    Attributes:
+        support: What the object stands on, in the layout's frame.
+        behind: Depth (75, 75) of the room, metres; inf where there is nothing.
+        blockers: The nearest of room and props, likewise.
+        solids: Bounds of the props so far.
     """
 
     library: Library
@@ -124,7 +133,7 @@ class Stage:
         return self.library.extremes(placed.family, placed.asset) @ placed.matrix().T + placed.position
 
     def check(self, footprint: Footprint) -> str:
-        """Why a solid cannot be there: `collision`, `eye` or an empty string."""
+        """Why a solid cannot be there: `collision`, `eye` (too near the camera) or an empty string."""
         if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + NEAREST:
             return "eye"
         return "" if (footprint.gap(self.obstacles()) >= MARGIN).all() else "collision"
@@ -138,8 +147,8 @@ class Stage:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The least and greatest offset (N,) along level motions (N, 3) of clouds (N, P, 3) on a support.
 
-        They are then within its edges and below what is above it; the least is above the greatest where
-        they never are.
+        Within these they lie inside its edges and below what is above it; the least exceeds the greatest
+        where they never do.
         """
         own = self.on_support(support, clouds)
         low, high = own.min(axis=1), own.max(axis=1)

@@ -50,8 +50,11 @@ def visibility(
 ) -> dict[str, Any]:
     """The object's entry of `scene_gt_info.json`.
 
-    canvas: (3H, 3W) bool, the silhouette on a canvas whose middle third is the image. amodal, visible: (H, W)
-    bool. depth: (H, W), the depth image, 0 where unknown.
+    Args:
+        canvas: (3H, 3W) bool, the silhouette on a canvas whose middle third is the image.
+        amodal: (H, W) bool.
+        visible: (H, W) bool.
+        depth: (H, W), the depth image, 0 where unknown.
     """
     whole, seen = int(np.count_nonzero(canvas)), int(np.count_nonzero(visible))
     height, width = visible.shape

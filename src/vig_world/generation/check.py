@@ -1,4 +1,4 @@
-"""Proves a dataset whole: every file, every label against every other, and renderings against files."""
+"""Verifies a dataset: every file, every label against every other, and renderings against files."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import numpy as np
 
 from vig.checks import inside, parse_json, read_bytes, read_json, reading
 from vig.dataset.format import INFO, MANIFEST, MOST_SAMPLES, REMEDY, complete_split, image_paths, read_info
-from vig.dataset.read import decode_picture, read_specs, read_table
+from vig.dataset.read import decode_picture, read_specs
 from vig.dataset.spec import WORLD_VERSION, SceneSpec
+from vig.dataset.table import read_table
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.bop import TARGETS, localisation_targets
-from vig_world.generation.describe import class_fingerprint
 from vig_world.generation.files import read_scene
 from vig_world.generation.job import Job, Maker, one_thread
 from vig_world.generation.labels import label_problems, model_problems
@@ -33,7 +33,11 @@ MOST_FILE = 1 << 31
 class Findings:
     """What a check found.
 
-    problems: one line each, in the order of the samples. samples, files, rendered: how many were checked.
+    Attributes:
+        problems: One line each, in the order of the samples.
+        samples: How many were checked.
+        files: How many were checked.
+        rendered: How many were checked.
     """
 
     split: str
@@ -44,7 +48,7 @@ class Findings:
 
     @property
     def clean(self) -> bool:
-        """Is the dataset whole?"""
+        """Whether no problem was found."""
         return not self.problems
 
     def summary(self) -> str:
@@ -63,11 +67,15 @@ def check_dataset(
 ) -> Findings:
     """Check one split of a dataset: hashes, pictures, labels; docs/dataset.md lists the facts.
 
-    split: the only one by default. render: this many samples, evenly chosen, are made again from their specs
-    and compared. object_class: the class it was made with, by default the packaged one of the recorded name.
-    own: the user's assets it was made with, needed to render.
+    Args:
+        path: Folder of the dataset.
+        split: By default the only one.
+        render: Number of samples, evenly spaced, that are rendered again from their specs and compared.
+        object_class: The class it was made with, by default the packaged one of the recorded name.
+        own: The custom assets it was made with, needed to render.
 
-    Raises UserError when there is no such dataset, or the class or the assets are others.
+    Raises:
+        UserError: When there is no such dataset, or the class or the assets differ.
     """
     root = Path(path)
     if render < 0:
@@ -75,9 +83,9 @@ def check_dataset(
     split = complete_split(root, split)
     settings = read_info(root)["splits"][split]
     object_class = object_class or ObjectClass.load(settings["class"])
-    if class_fingerprint(object_class) != settings["class_fingerprint"]:
+    if object_class.fingerprint != settings["class_fingerprint"]:
         raise UserError(
-            f"'{root}' was made with another class than '{object_class.name}' as it is here;"
+            f"'{root}' was made with another class than this '{object_class.name}';"
             " give the folder of its class pack with --class."
         )
     folder = root / split
@@ -97,14 +105,14 @@ def check_dataset(
         own = own or OwnAssets()
         if own.fingerprints() != settings["own_assets"]:
             raise UserError(
-                f"'{root}' was made with {len(settings['own_assets'])} assets of a user's own, which are not"
+                f"'{root}' was made with {len(settings['own_assets'])} custom assets, which differ from"
                 " those given; name their folders with --envmaps, --props and --furniture."
             )
         made_by = (settings["world_version"], WORLD_VERSION)
         if made_by[0] != made_by[1]:
             raise UserError(
-                f"the scenes of '{root}' are of world version {made_by[0]}, this vig makes {made_by[1]};"
-                " check without --render, or with the vig that made it."
+                f"expected scenes of world version {made_by[1]}; '{root}' has version {made_by[0]}."
+                " Check without --render, or with the release that made it."
             )
         job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"], own)  # type: ignore[arg-type]
         job = replace(job, photo=settings["photo"])
@@ -115,11 +123,11 @@ def check_dataset(
 def _setting_problems(
     root: Path, split: str, settings: dict[str, Any], merged: list[dict[str, Any]]
 ) -> Iterator[str]:
-    """Where info.json and BOP's targets are not what the samples say."""
+    """Disagreements of info.json and BOP's targets with the samples."""
     if any(item["row"]["seed"] != settings["seed"] for item in merged):
-        yield f"{INFO}: its seed is not that of every sample"
+        yield f"{INFO}: its seed differs from that of some sample"
     if any((item["row"]["photo"] is not None) != settings["photo"] for item in merged):
-        yield f"{INFO}: whether pictures were photographed is not what every sample says"
+        yield f"{INFO}: its photo setting differs from that of some sample"
     if split == "test":
         expected = localisation_targets([item["gt_info"][0] for item in merged])
         try:
@@ -127,7 +135,7 @@ def _setting_problems(
         except (OSError, ValueError):
             same = False
         if not same:
-            yield f"{TARGETS}: missing or not the samples of which enough is visible"
+            yield f"{TARGETS}: missing, or does not list the samples of which enough is visible"
 
 
 def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:
@@ -145,10 +153,10 @@ def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:
 
 
 def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
-    """Files that are too many, and tables that are not what was written; pictures come later."""
+    """Extra files, and tables that have changed; pictures are checked sample by sample."""
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     for name in sorted(there - hashes.keys() - {MANIFEST}):
-        yield f"{name}: a file that does not belong here"
+        yield f"{name}: an unexpected file"
     for name, value in hashes.items():
         if not name.endswith(".png"):
             yield from _read(folder, name, value)[1]
@@ -163,7 +171,7 @@ def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]
     if value is None:
         return data, [f"{name}: not in {MANIFEST}"]
     changed = hashlib.sha256(data).hexdigest() != value
-    return data, [f"{name}: not what was written (its hash differs)"] if changed else []
+    return data, [f"{name}: changed since it was written (its hash differs)"] if changed else []
 
 
 def _merged(root: Path, split: str, count: int) -> list[dict[str, Any]]:
@@ -190,7 +198,7 @@ def _sample_problems(
             yield f"{path}: {error}"
             return
         except Exception:  # a decoder may raise anything on a damaged file
-            yield f"{path}: not a picture that opens"
+            yield f"{path}: an unreadable picture"
             return
     try:
         spec = SceneSpec.from_json(item["spec"])
@@ -200,24 +208,24 @@ def _sample_problems(
 
 
 def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Iterator[str]:
-    """Make samples again from their specs: the raster tier to the byte, a path tracer's labels."""
+    """Render samples again from their specs: the rasteriser's to the byte, a path tracer's labels."""
     maker = Maker(job)
     try:
         for item in items:
             try:
                 spec = SceneSpec.from_json(item["spec"])
             except ValueError:
-                continue  # told already
+                continue  # reported already
             try:
                 files = maker.files(spec)
             except (ValueError, KeyError, TypeError, IndexError) as error:
-                yield f"sample {spec.index}: it cannot be made again from its spec ({error})"
+                yield f"sample {spec.index}: cannot be made again from its spec ({error})"
                 continue
             described = parse_json(files.popitem()[1])
             for kind, path in image_paths(Path(), spec.index).items():
                 exact = job.tier == "raster" or kind != "rgb"
                 if exact and files[path.as_posix()] != _read(folder, path.as_posix(), None)[0]:
-                    yield f"{path}: rendered again from its spec, it differs"
+                    yield f"{path}: differs when rendered again from its spec"
             row = described["row"]
             for key in ("gt", "gt_info", "camera"):
                 if described[key] != item[key]:
@@ -226,6 +234,6 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
                 names = ", ".join(sorted(name for name in row if row[name] != item["row"].get(name)))
                 yield f"sample {spec.index}: rendered again from its spec, these columns differ: {names}"
             if maker.sample(spec.index) != spec:
-                yield f"sample {spec.index}: drawn again from its seed, its scene is another"
+                yield f"sample {spec.index}: its scene differs when drawn again from its seed"
     finally:
         maker.close()

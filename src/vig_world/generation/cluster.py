@@ -7,25 +7,25 @@ from collections import Counter, deque
 from pathlib import Path
 from typing import Any
 
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig_world.generation.job import Advance, Job, Maker, store
 
 CHUNK = 8
 """Samples in a task: a few hundred kilobytes to send back."""
 TASKS_PER_CPU = 2
-"""So many tasks are under way or waiting for each processor of the cluster."""
+"""Tasks in progress or queued for each processor of the cluster."""
 RETRIES = 5
-"""So often Ray makes a task again whose worker or node has died, and the driver a task that Ray gave up."""
+"""Times that Ray retries a task whose worker or node has died, and the driver a task that Ray gave up."""
 ANSWER_SECONDS = 5.0
 RENEWED_AFTER = 500
-"""Tasks after which a worker process makes way for a new one."""
+"""Tasks after which a worker process is replaced."""
 
 
 def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advance: Advance) -> None:
     """Make the samples on the cluster at `address` (`auto`: the one this machine belongs to).
 
-    The nodes need vig installed, but no common disk: pictures come back as bytes and are written here. A
-    task whose worker or node dies is done again elsewhere.
+    The nodes need vig installed, but no shared disk: samples return as bytes and are written here. A task
+    whose worker or node dies is retried elsewhere.
 
     Raises:
         UserError: Ray is not installed, there is no cluster, a file cannot be written, or a task's workers
@@ -50,17 +50,13 @@ def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advanc
 
 
 def require_ray() -> None:
-    """Raises UserError when Ray is not installed."""
-    try:
+    """Raise UserError when Ray is not installed."""
+    with optional_import("cluster"):
         import ray  # noqa: F401
-    except ImportError as error:
-        raise UserError(
-            "--ray needs Ray, which is not installed; install it with `pip install 'vig[cluster]'`."
-        ) from error
 
 
 def _check_answers(address: str) -> None:
-    """Find out in seconds what Ray takes minutes to say: that nobody listens at HOST:PORT."""
+    """Refuse an address where nothing listens within seconds; Ray itself takes minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         try:
@@ -80,15 +76,15 @@ def _run(ray: Any, job: Job, folder: Path, missing: list[int], advance: Advance)
     make = ray.remote(num_cpus=1, max_retries=RETRIES, max_calls=RENEWED_AFTER)(_make)
     shared = ray.put(job)
     chunks = deque(tuple(missing[i : i + CHUNK]) for i in range(0, len(missing), CHUNK))
-    under_way: dict[Any, tuple[int, ...]] = {}
+    running: dict[Any, tuple[int, ...]] = {}
     losses: Counter[int] = Counter()
-    while chunks or under_way:
+    while chunks or running:
         limit = TASKS_PER_CPU * max(1, int(ray.cluster_resources().get("CPU", 1)))
-        while chunks and len(under_way) < limit:
+        while chunks and len(running) < limit:
             chunk = chunks.popleft()
-            under_way[make.remote(shared, chunk)] = chunk
-        for done in ray.wait(list(under_way), timeout=1.0)[0]:
-            chunk = under_way.pop(done)
+            running[make.remote(shared, chunk)] = chunk
+        for done in ray.wait(list(running), timeout=1.0)[0]:
+            chunk = running.pop(done)
             try:
                 samples = ray.get(done)
             except ray.exceptions.RayTaskError as error:
@@ -105,7 +101,7 @@ def _run(ray: Any, job: Job, folder: Path, missing: list[int], advance: Advance)
                 if losses[chunk[0]] > RETRIES:
                     raise UserError(
                         f"samples {chunk[0]} to {chunk[-1]} were lost {RETRIES} times on the cluster"
-                        f" ({_first_line(error)}); what is done stays. Run the same command again."
+                        f" ({_first_line(error)}); finished samples are kept. Run the same command again."
                     ) from error
                 chunks.appendleft(chunk)
                 continue
@@ -118,7 +114,7 @@ _maker: Maker | None = None
 
 
 def _make(job: Job, indices: tuple[int, ...]) -> list[dict[str, bytes]]:
-    """On a node: the files of some samples. The renderer stays for the next task of the same job."""
+    """On a node: the files of some samples. The renderer is kept for the next task of the same job."""
     global _maker
     if _maker is None or not _same(_maker.job, job):
         if _maker is not None:

@@ -1,8 +1,7 @@
-"""What the merged files of a dataset say of one sample."""
+"""The records of one sample in the merged files of a dataset."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from vig.dataset.format import DEPTH_SCALE, read_info
-from vig.dataset.read import read_table
 from vig.dataset.spec import SceneSpec
 from vig.scene import IMAGE_SIZE, ObjectClass, latent_layout
 from vig.scene.designs import NO_DESIGN
@@ -27,16 +25,6 @@ def depth_units(depth: np.ndarray) -> np.ndarray:
     return np.round(scaled).clip(0, 65535).astype(np.uint16)
 
 
-def class_fingerprint(object_class: ObjectClass) -> str:
-    """A short hash of the shapes of a class, so that a dataset is not continued with another."""
-    digest = hashlib.sha256()
-    model = object_class.shape_model
-    for array in (model.mean, model.basis, model.faces):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(str(object_class.target_height).encode())
-    return digest.hexdigest()[:16]
-
-
 def describe(
     spec: SceneSpec,
     picture: Picture,
@@ -44,9 +32,11 @@ def describe(
     object_class: ObjectClass,
     photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
-    """All that the merged files say of a sample: keys camera, gt, gt_info (BOP), row (parquet), spec.
+    """The records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
-    depth: the depth image as stored, see `depth_units`. photo: how the picture was photographed, if it was.
+    Args:
+        depth: The depth image as stored, see `depth_units`.
+        photo: Settings of the camera model, if it was used.
     """
     view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
     info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
@@ -99,6 +89,8 @@ def assets_used(spec: SceneSpec) -> list[str]:
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:
     """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
+    from vig.dataset.table import read_table  # pyarrow, which worker processes do without
+
     settings = read_info(Path(path))["splits"][split]
     occlusion = read_table(Path(path), split, texts=False)["occlusion"]
     counts, _ = np.histogram(occlusion.to_numpy(), 10, (0, 1))

@@ -1,4 +1,4 @@
-"""What a worker needs to make any sample of a split, and the sample as files."""
+"""The recipe of a split, and the maker that turns it into the files of any sample."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vig.dataset.format import image_paths
 from vig.dataset.spec import SceneSpec, Split
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
-from vig_world.generation.describe import class_fingerprint, depth_units, describe
+from vig_world.generation.describe import depth_units, describe
 from vig_world.generation.files import sidecar_path, write_bytes
 from vig_world.library import Library, OwnAssets
 from vig_world.renderers.photo import PhotoSettings, photograph
@@ -31,24 +31,24 @@ TIERS = ("raster", "cycles")
 PHOTO_STREAM = 2**20
 """Number of the random stream of photographs, far from those of attempts at a scene."""
 RUN_LENGTHS = 3
-"""zlib's strategy Z_RLE: quickest for pictures with noise, and the smallest files of level 1."""
+"""zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
 
 
 class Renderer(Protocol):
-    """A tier: something that makes pictures of scenes. It lives in one worker process."""
+    """Makes pictures of scenes, in one worker process."""
 
     def render(self, spec: SceneSpec) -> Picture:
         """The picture of a scene: a pure function of it."""
         ...
 
     def close(self) -> None:
-        """Let go of what rendering holds, such as a child process."""
+        """Release resources, such as a child process."""
         ...
 
 
 @dataclass(frozen=True)
 class _Raster:
-    """The raster tier as a renderer."""
+    """The rasteriser as a renderer."""
 
     library: Library
     object_class: ObjectClass
@@ -64,8 +64,11 @@ class _Raster:
 class Job:
     """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
 
-    options: settings of the tier's renderer; they are recorded in the dataset. own: the user's assets. photo:
-    pictures are photographed (`vig_world.renderers.photo`).
+    Attributes:
+        tier: Name of the renderer, one of `TIERS`.
+        options: Settings of the renderer; they are recorded in the dataset.
+        own: The user's custom assets.
+        photo: Whether pictures pass through a camera model (`vig_world.renderers.photo`).
     """
 
     seed: int
@@ -79,7 +82,7 @@ class Job:
     @cached_property
     def fingerprint(self) -> str:
         """Tells classes apart."""
-        return class_fingerprint(self.object_class)
+        return self.object_class.fingerprint
 
 
 class Maker:
@@ -100,7 +103,7 @@ class Maker:
             return sample(self.library, self.job.object_class, self.job.seed, index)
 
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
-        """The files of a scene. Raises UserError when the tier cannot run here."""
+        """The files of a scene. Raises UserError when the renderer cannot run here."""
         with one_thread():
             if self._renderer is None:
                 self._renderer = self._open()
@@ -124,7 +127,7 @@ class Maker:
 
 
 def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
-    """The picture as a camera takes it, and how it was taken; labels stay."""
+    """Pass a picture through the camera model; labels stay. Also returns the camera's settings."""
     linear = getattr(picture, "linear", None)
     if linear is None:
         linear = linear_from_srgb(picture.image.astype("float32") / 255)
@@ -136,7 +139,7 @@ def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSetti
 def encode(
     spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
 ) -> dict[str, bytes]:
-    """A sample as files: name in the split's folder to content; the sidecar, which says it is whole, last."""
+    """A sample as files by name in the split's folder; the sidecar, which marks it complete, comes last."""
     root = Path()
     pictures = {
         "rgb": picture.image,
@@ -164,7 +167,7 @@ def store(folder: Path, files: dict[str, bytes]) -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Sums in torch depend on the number of threads; bytes must not."""
+    """Run torch on one thread: its sums depend on the number of threads, and samples must not."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -174,4 +177,4 @@ def one_thread() -> Iterator[None]:
 
 
 Advance = Callable[[int], None]
-"""Called with how many more samples are on the disk."""
+"""Called with the number of samples newly written."""

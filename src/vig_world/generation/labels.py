@@ -1,4 +1,4 @@
-"""What must hold among a sample's labels, pictures and spec; each fact is computed, not read."""
+"""Consistency checks among a sample's labels, pictures and spec; each fact is recomputed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vig_world.renderers.view import View
 
 CLOSE = 1e-9
 FLIPPED = 0.01
-"""This share of the silhouette's pixels may differ between the mask and a projection of the mesh."""
+"""Largest share of the silhouette's pixels by which the mask may differ from a projection of the mesh."""
 MOST_MODEL = 64 << 20
 """Bytes of a file that all splits share."""
 WITHIN = 0.9
@@ -32,9 +32,11 @@ WITHIN = 0.9
 def label_problems(
     item: dict[str, Any], spec: SceneSpec, pictures: dict[str, np.ndarray], object_class: ObjectClass
 ) -> Iterator[str]:
-    """What is wrong with a sample's labels, a line each; raises KeyError and the like when some are missing.
+    """Problems of a sample's labels, a line each; raises KeyError and the like when some are missing.
 
-    item: row, camera, gt, gt_info as merged. pictures: rgb, depth, mask, mask_visib as stored.
+    Args:
+        item: The records `row`, `camera`, `gt` and `gt_info` as merged.
+        pictures: The images `rgb`, `depth`, `mask` and `mask_visib` as stored.
     """
     for kind in ("mask", "mask_visib"):
         if not np.isin(pictures[kind], (0, 255)).all():
@@ -86,8 +88,8 @@ def _latent_problems(row: dict[str, Any], spec: SceneSpec) -> Iterator[str]:
         yield "albedo is not in [0, 1]"
     if light[0] <= 0:
         yield "the light has no mean"
-    told = spec.latents()[:-L_COUNT]
-    if not np.array_equal(told, latents[:-L_COUNT].astype(np.float32)):
+    stored = spec.latents()[:-L_COUNT]
+    if not np.array_equal(stored, latents[:-L_COUNT].astype(np.float32)):
         yield "latents differ from the spec's"
     for name, value in (("index", spec.index), ("seed", spec.seed), ("target_occlusion", spec.target)):
         if row[name] != value:
@@ -101,9 +103,9 @@ def _pose_problems(item: dict[str, Any], view: View) -> Iterator[str]:
     rotation = np.array(truth["cam_R_m2c"]).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > CLOSE or np.linalg.det(rotation) < 0:
         yield "cam_R_m2c is not a rotation"
-    told, expected = {**truth, **camera}, {**bop.pose(view), **bop.scene_camera(view)}
+    stored, expected = {**truth, **camera}, {**bop.pose(view), **bop.scene_camera(view)}
     for name, value in expected.items():
-        if np.shape(told[name]) != np.shape(value) or not np.allclose(told[name], value, 0, 1e-6):
+        if np.shape(stored[name]) != np.shape(value) or not np.allclose(stored[name], value, 0, 1e-6):
             yield f"{name} does not agree with azimuth, elevation and the camera"
 
 
@@ -146,7 +148,7 @@ def _share_problems(
 
 
 def model_problems(root: Path, object_class: ObjectClass) -> Iterator[str]:
-    """What is wrong with the files that all splits share."""
+    """Problems of the files that all splits share."""
     model = bop.mean_model(object_class)
     written = {
         "camera.json": bop.camera(),

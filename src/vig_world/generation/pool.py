@@ -1,4 +1,4 @@
-"""Worker processes on this machine that outlive a killed one, are renewed, and stop cleanly."""
+"""Worker processes on this machine: dead ones are replaced, old ones renewed, all stop cleanly."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from vig.parallel.processes import one_thread_in_children, without_interrupts
 from vig_world.generation.job import Advance, Job, Maker, store
 
 CHUNK = 8
-"""Samples a worker is given at a time."""
+"""Samples sent to a worker at a time."""
 RENEWED_AFTER = 4000
-"""Samples after which a worker makes way for a new process, so that no leak of a library adds up."""
+"""Samples after which a worker is replaced by a new process, which bounds memory leaks in libraries."""
 ATTEMPTS = 3
-"""So many workers may die at the same sample."""
+"""Number of workers that may die at the same sample."""
 
 
 def make_here(job: Job, folder: Path, missing: list[int], advance: Advance) -> None:
@@ -39,8 +39,8 @@ def make_in_processes(job: Job, folder: Path, missing: list[int], workers: int, 
     Ctrl-C lets each worker finish the sample in progress. Workers end by themselves when this process dies.
 
     Raises:
-        UserError: a file cannot be written, or the same sample killed its worker three times.
-        RuntimeError: making a sample raised anything else; the message holds its traceback.
+        UserError: A file cannot be written, or the same sample killed its worker three times.
+        RuntimeError: Making a sample raised anything else; the message holds its traceback.
     """
     pool = _Pool(job, folder, missing, advance)
     try:
@@ -51,7 +51,7 @@ def make_in_processes(job: Job, folder: Path, missing: list[int], workers: int, 
 
 
 class _Worker:
-    """A process and what it is to make still."""
+    """A process and the samples it has yet to make."""
 
     def __init__(self, job: Job, folder: Path) -> None:
         context = multiprocessing.get_context("spawn")
@@ -69,7 +69,7 @@ class _Worker:
 
 
 class _Pool:
-    """The parent's side: who makes what, and what happens when a worker answers or dies."""
+    """The parent's side: assigns samples, and reacts when a worker answers or dies."""
 
     def __init__(self, job: Job, folder: Path, missing: list[int], advance: Advance) -> None:
         self.job, self.folder, self.advance = job, folder, advance
@@ -92,7 +92,7 @@ class _Pool:
         self.feed(worker)
 
     def feed(self, worker: _Worker) -> None:
-        """Give a worker that has nothing to do the next chunk, a successor or leave to go."""
+        """Send an idle worker the next chunk, or end it, with a successor if samples remain."""
         try:
             if not self.chunks or worker.made >= RENEWED_AFTER:
                 self.workers.remove(worker)
@@ -103,17 +103,17 @@ class _Pool:
                     self.start()
             else:
                 worker.give(self.chunks.popleft())
-        except OSError:  # it died meanwhile; what it was given is in `waiting`
+        except OSError:  # it has died; its samples are in `waiting`
             self.bury(worker)
 
     def listen(self, worker: _Worker) -> None:
         try:
-            index, trouble, is_users = worker.connection.recv()
+            index, failure, is_users = worker.connection.recv()
         except (EOFError, OSError):
             self.bury(worker)
             return
-        if trouble:
-            raise UserError(trouble) if is_users else RuntimeError(f"sample {index}: {trouble}")
+        if failure:
+            raise UserError(failure) if is_users else RuntimeError(f"sample {index}: {failure}")
         assert worker.waiting.popleft() == index
         worker.made += 1
         self.advance(1)
@@ -121,7 +121,7 @@ class _Pool:
             self.feed(worker)
 
     def bury(self, worker: _Worker) -> None:
-        """Put a dead worker's samples back and start another in its place."""
+        """Requeue a dead worker's samples and start a replacement."""
         worker.process.join()
         worker.connection.close()
         if worker in self.workers:
@@ -131,8 +131,8 @@ class _Pool:
             self.deaths[last] += 1
             if self.deaths[last] >= ATTEMPTS:
                 raise UserError(
-                    f"sample {last}: its worker process was killed {ATTEMPTS} times, perhaps for want of"
-                    " memory; what is done stays. Run the same command again, with fewer workers."
+                    f"sample {last}: its worker process was killed {ATTEMPTS} times, possibly out of"
+                    " memory; finished samples are kept. Run the same command again with fewer workers."
                 )
             self.chunks.appendleft(list(worker.waiting))
         if self.chunks:
@@ -147,29 +147,31 @@ class _Pool:
 
 
 def _work(connection: Connection, job: Job, folder: Path) -> None:
-    """The worker's side: makes what it is sent, answers (index, trouble, is a UserError) for each sample."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent; a sample in progress is finished
+    """The worker's side: makes what it is sent, answers (index, failure, is a UserError) for each sample."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # the parent handles Ctrl-C; a sample in progress is finished
     maker = Maker(job)
     try:
         while indices := connection.recv():
             for index in indices:
-                if connection.poll():  # closed: the parent wants no more
+                if connection.poll():  # the parent has closed it to stop this worker
                     return
-                trouble, is_users = "", False
+                failure, is_users = "", False
                 try:
                     files = maker.make(index)
                     parent = multiprocessing.parent_process()
                     if parent is not None and not parent.is_alive():
-                        return  # whoever takes its place may have finished by now
+                        return  # another run may have completed the dataset by now
                     store(folder, files)
                 except UserError as error:
-                    trouble, is_users = str(error), True
+                    failure, is_users = str(error), True
                 except Exception:
-                    trouble = traceback.format_exc()
-                connection.send((index, trouble, is_users))
-                if trouble:
+                    failure = traceback.format_exc()
+                connection.send((index, failure, is_users))
+                if failure:
                     return
-    except (EOFError, OSError):  # the parent has gone
+    except (EOFError, OSError):  # the parent has ended
         pass
     finally:
         maker.close()

@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, a line now and then in a log, nothing when not wanted."""
+"""Progress of a run: a bar on a terminal, occasional lines in a log, or nothing."""
 
 from __future__ import annotations
 
@@ -10,20 +10,24 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn
 
 SECONDS, SHARE = 30.0, 0.1
-"""A log gets a line when so much time has passed or so much of the whole is done, whichever is first."""
+"""A log gets a line after this many seconds or this share of the run, whichever comes first."""
 
 
 class Meter:
-    """Counts samples, or what `unit` names, of a run of `total`, of which `done` were there at its start.
+    """Counts the samples of a run and reports on standard error; a context manager.
 
-    Use as a context. show: False says nothing. Everything goes to standard error.
+    Args:
+        total: Samples of the whole run.
+        done: Samples that exist at its start.
+        show: Whether to report anything.
+        unit: What is counted.
     """
 
     def __init__(self, total: int, done: int, show: bool = True, unit: str = "samples") -> None:
         self.unit = unit
         self.total, self.done, self.before = total, done, done
-        self.started = self.said_at = time.monotonic()
-        self.said = done
+        self.started = self.reported_at = time.monotonic()
+        self.reported = done
         self.bar: Progress | None = None
         self.show = show
         if show and sys.stderr.isatty():
@@ -41,18 +45,18 @@ class Meter:
     ) -> None:
         if self.bar is not None:
             self.bar.stop()
-        elif self.show and self.done != self.said:
-            self._say()
+        elif self.show and self.done != self.reported:
+            self._report()
 
     def advance(self, count: int) -> None:
-        """So many more samples are done."""
+        """Count `count` more samples."""
         self.done += count
         if self.bar is not None:
             self.bar.update(self.task, completed=self.done, pace=self.pace())
         elif self.show:
-            late = time.monotonic() - self.said_at >= SECONDS
-            if late or self.done - self.said >= SHARE * self.total:
-                self._say()
+            late = time.monotonic() - self.reported_at >= SECONDS
+            if late or self.done - self.reported >= SHARE * self.total:
+                self._report()
 
     def pace(self) -> str:
         """Rate since the start of this run and the time left at that rate."""
@@ -63,8 +67,8 @@ class Meter:
         speed = f"{rate:.1f}/s" if rate >= 1 else f"{1 / rate:.1f} s each"
         return f"{speed}, {_clock((self.total - self.done) / rate)} left"
 
-    def _say(self) -> None:
-        self.said, self.said_at = self.done, time.monotonic()
+    def _report(self) -> None:
+        self.reported, self.reported_at = self.done, time.monotonic()
         print(f"{self.done} of {self.total} {self.unit}, {self.pace()}", file=sys.stderr, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a dataset: a contact sheet, and histograms of what was asked for and what came."""
+"""Pictures of a dataset: a contact sheet, and histograms of its requested and actual distributions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from vig.dataset.format import REMEDY, read_info
-from vig.dataset.read import Dataset, read_table
-from vig.errors import UserError
+from vig.dataset.read import Dataset
+from vig.dataset.table import read_table
+from vig.errors import UserError, optional_import
 from vig.files import atomic_write
 
 if TYPE_CHECKING:
@@ -29,10 +30,16 @@ def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
 
 
 def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: bool = True) -> Path:
-    """Write `count` samples, from freely seen to hidden, as one picture; numbers and occlusion below.
+    """Write `count` samples, from unoccluded to hidden, as one picture, with their numbers and occlusions.
 
-    The same samples whenever it is called. tint: colour the object's hidden part. Raises UserError when
-    count is below 1 or the file cannot be written.
+    Args:
+        dataset: The samples; the choice among them is deterministic.
+        path: The picture to write.
+        count: Number of samples, at least 1.
+        tint: Whether to colour the object's hidden part.
+
+    Raises:
+        UserError: When count is below 1 or the file cannot be written.
     """
     if count < 1:
         raise UserError(f"count must be at least 1; got {count}")
@@ -52,8 +59,8 @@ def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: boo
         y = MARGIN + place // columns * (side + CAPTION)
         sheet.paste(Image.fromarray(images[place]).resize((side, side), Image.Resampling.LANCZOS), (x, y))
         draw.text((x, y + side + 2), f"{index}", fill="#8a93a0", font=font)
-        said = f"{dataset.occlusion[index]:.0%} hidden"
-        draw.text((x + side, y + side + 2), said, fill=INK, font=font, anchor="ra")
+        caption = f"{dataset.occlusion[index]:.0%} hidden"
+        draw.text((x + side, y + side + 2), caption, fill=INK, font=font, anchor="ra")
     with atomic_write(path) as temporary:
         sheet.save(temporary)
     return Path(path)
@@ -62,10 +69,12 @@ def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: boo
 def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     """Write the distributions of a split as one picture: occlusion, pose, size, light, causes.
 
-    Raises UserError when the split cannot be read or the file cannot be written.
+    Raises:
+        UserError: When the split cannot be read or the file cannot be written.
     """
-    from matplotlib.figure import Figure  # 0.2 s that worker processes need not spend
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
+    with optional_import("world"):  # 0.2 s that worker processes need not spend
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     light = tuple(f"light_1_{order}" for order in (-1, 0, 1))
     shown = ("occlusion", "target_occlusion", "azimuth", "elevation", "size", "light_0_0", *light, "cause")
@@ -78,7 +87,7 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     spacing = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, hspace=0.06, wspace=0.04)
     figure = Figure(figsize=(12, 6.6), facecolor="white", layout=spacing)
     figure.suptitle(
-        f"{Path(root).resolve().name}: {len(table):,} samples, {split} split, {settings['tier']} tier,"
+        f"{Path(root).resolve().name}: {len(table):,} samples, {split} split, {settings['tier']},"
         f" seed {settings['seed']}",
         x=0.012,
         ha="left",

@@ -10,7 +10,7 @@ from typing import Any
 
 from vig.checks import inside, read_bytes, reading
 from vig.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info
-from vig.dataset.read import read_dataset, read_table
+from vig.dataset.read import read_dataset
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig_world.generation.files import read_scene, refuse_used
@@ -48,6 +48,8 @@ def export_webdataset(
 
 
 def _labels(root: Path, split: str) -> list[dict[str, Any]]:
+    from vig.dataset.table import read_table  # needs pyarrow
+
     rows = read_table(root, split).to_pylist()
     settings = read_info(root)["splits"][split]
     origin = {name: settings[name] for name in ("class", "tier", "seed")} | {"split": split}

@@ -1,4 +1,4 @@
-"""Makes a dataset on disk: in parallel, resumable, the same bytes whatever the number of workers."""
+"""Makes a dataset on disk: parallel, resumable, with bytes that do not depend on the number of workers."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from typing import Any
 
 try:
     import fcntl
-except ImportError:  # Windows: two runs at once are not told apart there
+except ImportError:  # Windows: simultaneous runs are not detected there
     fcntl = None  # type: ignore[assignment]
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vig.checks import inside, read_json, reading
 from vig.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, read_info
 from vig.dataset.spec import SPLITS, WORLD_VERSION
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig.files import atomic_write
 from vig.scene import ObjectClass
 from vig_world.generation import bop
@@ -33,6 +31,10 @@ from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_here, make_in_processes
 from vig_world.generation.progress import Meter
 from vig_world.library import OwnAssets
+
+with optional_import("world"):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{12}(\.\w+)?")
 
@@ -51,20 +53,31 @@ def make_dataset(
     photo: bool = False,
     ray: str | None = None,
 ) -> Path:
-    """Make (or go on making) `count` samples of a split in folder `out`; see docs/dataset.md.
+    """Make, or resume making, `count` samples of a split in folder `out`; see docs/dataset.md.
 
-    A run that was killed is completed by the same call: samples that are there stay. workers: processes;
-    None takes one per CPU. progress: a bar on a terminal, a line now and then in a log. object_class: the
-    packaged teapot by default. options: the tier's settings. own: the user's assets. photo:
-    photograph the pictures. ray: the address of a Ray cluster, or `auto`, in place of worker processes.
+    A run that was killed is completed by the same call: existing samples are kept.
+
+    Args:
+        out: Folder of the dataset.
+        count: Number of samples.
+        seed: Sample i is a pure function of the seed and i.
+        tier: The renderer, `raster` or `cycles`.
+        split: Which assets and object designs are used; splits share none.
+        workers: Number of processes; None: one per CPU.
+        progress: Whether to report progress on standard error.
+        object_class: The packaged teapot by default.
+        options: Settings of the renderer.
+        own: The user's custom assets.
+        photo: Whether to pass pictures through a camera model.
+        ray: Address of a Ray cluster, or `auto`, in place of worker processes.
 
     Returns:
         `out`.
 
     Raises:
-        UserError: a wrong argument; `out` holds something else or a split made with other settings; the disk
-            is full; a sample's worker was killed again and again; there is no cluster.
-        KeyboardInterrupt: after the samples in progress are done; call again to go on.
+        UserError: For a wrong argument; when `out` holds something else or a split made with other settings,
+            the disk is full, a sample's worker was killed repeatedly, or there is no cluster.
+        KeyboardInterrupt: After the samples in progress are done; call again to resume.
     """
     root = Path(out)
     if count < 1:
@@ -113,7 +126,7 @@ def make_dataset(
 
 
 def _require(tier: str, ray: str | None) -> None:
-    """Refuse what cannot run here before anything is written. Raises UserError."""
+    """Raise UserError for what cannot run here, before anything is written."""
     if ray is not None:
         require_ray()
     elif tier == "cycles":
@@ -124,9 +137,10 @@ def _require(tier: str, ray: str | None) -> None:
 
 @contextmanager
 def alone(root: Path, split: str) -> Iterator[None]:
-    """Hold a split's lock, so that two runs do not make it at once; the lock dies with the process.
+    """Hold a split's lock, so that two runs do not make it at once; the lock ends with the process.
 
-    Raises UserError when another run holds it, or the folder cannot be made.
+    Raises:
+        UserError: When another run holds it, or the folder cannot be made.
     """
     if fcntl is None or (root.exists() and not root.is_dir()):
         yield

@@ -49,7 +49,7 @@ def build_teapot_class() -> ObjectClass:
 
 
 def held_out_designs() -> HeldOutDesigns:
-    """The designs of test and validation scenes, in this order for good: datasets hold their numbers."""
+    """The designs of test and validation scenes. Never reorder them: datasets hold their numbers."""
     designs = HELD_OUT_DESIGNS + VALIDATION_DESIGNS
     splits = ("test",) * len(HELD_OUT_DESIGNS) + ("validation",) * len(VALIDATION_DESIGNS)
     vertices = np.stack([teapot_vertices(design) for design in designs])

@@ -5,9 +5,9 @@ At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of 
     T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being what it meets ]
 
 over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
-nothing is in the way T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; what is kept is the change from
-that. The ground that the object stands on is not in T: the light is what arrives at the object's place, what
-the ground sends up included.
+nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
+that. The ground is not in T: L is the light that arrives at the object's place, light reflected by the ground
+included.
 
 `python -m vig_world.packs.transfer` computes and writes the packaged teapot's.
 """
@@ -31,7 +31,7 @@ from vig.scene.object_class import TRANSFER_FILE
 from vig_world.mesh import vertex_normals
 
 ALBEDO = 0.5
-"""Of the object, in light that it throws upon itself: the middle of what is drawn."""
+"""Albedo of the object for its interreflections: the middle of the sampled range."""
 
 BOUNCES = 4
 SHAPES, RAY_SIDE = 160, 16
@@ -77,8 +77,11 @@ def ray_kernels() -> SimpleNamespace:
 class Rays:
     """What N points meet in R directions each, cosine-weighted about their normals.
 
-    origins (N, 3), directions (N, R, 3). face (N, R): index of the face met, -1 nothing, -2 a face seen from
-    behind. weights (N, R, 3): barycentric, of the face's corners.
+    Attributes:
+        origins: (N, 3).
+        directions: (N, R, 3).
+        face: (N, R) index of the face met, -1 nothing, -2 a face seen from behind.
+        weights: (N, R, 3) barycentric, of the face's corners.
     """
 
     origins: np.ndarray
@@ -144,7 +147,7 @@ def cosine_directions(normals: np.ndarray, side: int, rng: np.random.Generator) 
 
 
 def unoccluded(normals: np.ndarray) -> np.ndarray:
-    """The transfer where nothing is in the way, A_l Y_lm(n): (..., 3) to (..., 9)."""
+    """The transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
     return sh_basis(torch.from_numpy(np.ascontiguousarray(normals, np.float64))).numpy() * COSINE_LOBE
 
 
@@ -152,9 +155,12 @@ def unoccluded(normals: np.ndarray) -> np.ndarray:
 class Occlusion:
     """What a shape's vertices see of the shape itself.
 
-    normals (V, 3). blocked (V, 9): mean over directions of Y where something is met. seen (V, V): sparse;
-    times a vertex attribute it is the mean over directions of the attribute of what is met. inside (V,) bool:
-    the vertex lies within another part.
+    Attributes:
+        normals: (V, 3).
+        blocked: (V, 9) mean over directions of Y where something is met.
+        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of what
+            is met.
+        inside: (V,) bool, whether the vertex lies within another part.
     """
 
     normals: np.ndarray

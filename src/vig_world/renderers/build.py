@@ -21,11 +21,19 @@ TARGET = "target"
 class Instance:
     """One thing of one material in the world.
 
-    name: `target`, `wall`, `floor`, `ceiling`, `room-NN` (the rest of the furnished room) or
-    `prop-NN/family/part`. key: two instances of the same key have the same mesh, normals and texture, so a
-    renderer may keep them. mesh: metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside
-    [0, 1]. normals: (V, 3) unit. texture: (h, w, 3) linear albedo, row 0 on top. kind, roughness, emission:
-    of the material. rotation (3, 3), translation (3,): from its own frame to the world.
+    Attributes:
+        name: `target`, `wall`, `floor`, `ceiling`, `room-NN` (the rest of the furnished room) or
+            `prop-NN/family/part`.
+        key: Two instances of the same key have the same mesh, normals and texture, so a renderer may keep
+            them.
+        mesh: Metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside [0, 1].
+        normals: (V, 3) unit.
+        texture: (h, w, 3) linear albedo, row 0 on top.
+        kind: Of the material.
+        roughness: Of the material.
+        emission: Of the material.
+        rotation: (3, 3), from its own frame to the world.
+        translation: (3,), metres.
     """
 
     name: str
@@ -41,7 +49,7 @@ class Instance:
 
     @property
     def is_target(self) -> bool:
-        """Whether this is the object that is to be explained."""
+        """Whether this is the object."""
         return self.name == TARGET
 
     def world(self) -> tuple[np.ndarray, np.ndarray]:
@@ -61,10 +69,10 @@ def build(library: Library, spec: SceneSpec, object_class: ObjectClass) -> list[
     instances += _room(library, spec)
     for number, placed in enumerate(spec.props):
         pose = (placed.matrix(), np.array(placed.position))
-        for part, (mesh, stuff) in enumerate(library.prop(placed.family, placed.asset).parts):
+        for part, (mesh, material) in enumerate(library.prop(placed.family, placed.asset).parts):
             name = f"prop-{number:02d}/{placed.family}/{part}"
             key = f"{placed.family}/{placed.asset}/{part}"
-            instances.append(_instance(name, key, mesh, stuff, stuff.texture, *pose))
+            instances.append(_instance(name, key, mesh, material, material.texture, *pose))
     return instances
 
 
@@ -73,16 +81,16 @@ def _room(library: Library, spec: SceneSpec) -> list[Instance]:
     pose = (spec.room.rotation(), np.array(spec.room.origin))
     finishes = dict(spec.room.finishes)
     instances = []
-    for number, (mesh, stuff) in enumerate(joined(library.layout(spec.room.layout).parts)):
-        texture, key, kind = stuff.texture, f"layout-{spec.room.layout}/{number}", stuff.kind
-        if stuff.slot:
-            finish = finishes[stuff.slot]
+    for number, (mesh, material) in enumerate(joined(library.layout(spec.room.layout).parts)):
+        texture, key, kind = material.texture, f"layout-{spec.room.layout}/{number}", material.kind
+        if material.slot:
+            finish = finishes[material.slot]
             texture, kind = library.finish(finish.kind, finish.asset), finish.kind
             key += f"/{finish.kind}-{finish.asset}-{finish.metres}"
             assert mesh.uv is not None
             mesh = Mesh(mesh.vertices, mesh.faces, mesh.uv / np.float32(finish.metres))
-        name = stuff.slot if stuff.slot in ("wall", "floor", "ceiling") else f"room-{number:02d}"
-        instances.append(_instance(name, key, mesh, stuff, texture, *pose, kind=kind))
+        name = material.slot if material.slot in ("wall", "floor", "ceiling") else f"room-{number:02d}"
+        instances.append(_instance(name, key, mesh, material, texture, *pose, kind=kind))
     return instances
 
 
@@ -90,23 +98,23 @@ def _instance(
     name: str,
     key: str,
     mesh: Mesh,
-    stuff: Material,
+    material: Material,
     texture: np.ndarray,
     rotation: np.ndarray,
     translation: np.ndarray,
     kind: str | None = None,
 ) -> Instance:
     normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
-    material = (kind or stuff.kind, stuff.roughness, stuff.emission)
-    return Instance(name, key, mesh, normals, texture, *material, rotation, translation)
+    surface = (kind or material.kind, material.roughness, material.emission)
+    return Instance(name, key, mesh, normals, texture, *surface, rotation, translation)
 
 
 def joined(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
     """The same surfaces with one mesh for each material, or each slot, in the order of first use."""
     groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
-    for mesh, stuff in parts:
-        groups.setdefault(stuff.slot or id(stuff), (stuff, []))[1].append(mesh)
-    return [(_joined(meshes), stuff) for stuff, meshes in groups.values()]
+    for mesh, material in parts:
+        groups.setdefault(material.slot or id(material), (material, []))[1].append(mesh)
+    return [(_joined(meshes), material) for material, meshes in groups.values()]
 
 
 def _joined(meshes: list[Mesh]) -> Mesh:

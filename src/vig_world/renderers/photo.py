@@ -1,4 +1,4 @@
-"""What a camera makes of a rendered picture: exposure, colour balance, blur, noise and JPEG."""
+"""A camera model for rendered pictures: exposure, colour balance, blur, noise and JPEG."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ from scipy.ndimage import convolve1d
 from vig.scene import srgb8_from_linear
 
 MOTION_SHARE = 0.2
-"""Of photographs whose camera moved."""
+"""Share of photographs with motion blur."""
 
 
 @dataclass(frozen=True)
 class PhotoSettings:
-    """How one photograph was taken; plain data.
+    """The camera's settings for one photograph.
 
-    exposure: stops by which it is brighter than the picture. white_balance: (3,) factors of the channels
-    behind the sensor, of mean luminance 1. vignetting: share of light lost in the corners. blur: standard
-    deviation of the lens's blur, pixels. motion: length of the camera's path, pixels; motion_angle: its
-    direction, radians from the rows'. electrons: how many a pixel at white (linear 1) collects, their noise
-    being the square root of their number; read_noise: standard deviation of what comes on top, electrons.
-    quality: of the JPEG, in pillow's scale; chroma: whether its colours have half the resolution (4:2:0).
+    Attributes:
+        exposure: Stops above the exposure of the rendered picture.
+        white_balance: (3,) factors of the channels behind the sensor, of mean luminance 1.
+        vignetting: Share of light lost in the corners.
+        blur: Standard deviation of the lens's blur, pixels.
+        motion: Length of the camera's path, pixels.
+        motion_angle: Its direction, radians from the rows'.
+        electrons: How many a pixel at white (linear 1) collects, their noise being the square root of their
+            number.
+        read_noise: Standard deviation of the additional noise, electrons.
+        quality: Quality of the JPEG, in pillow's scale.
+        chroma: Whether its colours have half the resolution (4:2:0).
     """
 
     exposure: float
@@ -40,7 +46,7 @@ class PhotoSettings:
 
     @staticmethod
     def draw(rng: np.random.Generator) -> PhotoSettings:
-        """Settings of somebody's photograph indoors: a phone or a small camera, not a broken one."""
+        """Draw plausible settings of an indoor photograph by a phone or a small camera."""
         warmth, tint = np.clip(rng.normal(0, [0.05, 0.02]), -0.15, 0.15)
         balance = np.exp([warmth - tint / 2, tint / 2, -warmth - tint / 2])
         balance /= balance @ [0.2126, 0.7152, 0.0722]
@@ -59,16 +65,18 @@ class PhotoSettings:
 
 
 def photograph(linear: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, PhotoSettings]:
-    """Photograph a picture: lens, sensor, white balance, sRGB, JPEG, in this order.
+    """Pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
 
-    linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are clipped by
-    the sensor. rng: settings and noise come from it, and from nothing else.
+    Args:
+        linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are
+            clipped by the sensor.
+        rng: Source of settings and noise.
 
     Returns:
-        The photograph (H, W, 3) uint8 sRGB and how it was taken.
+        The photograph (H, W, 3) uint8 sRGB and its settings.
 
     Raises:
-        ValueError: another shape, or values that are negative or not finite.
+        ValueError: For another shape, or values that are negative or not finite.
     """
     if linear.ndim != 3 or linear.shape[2] != 3:
         raise ValueError(f"a picture must be (H, W, 3); got {linear.shape}")
@@ -81,7 +89,7 @@ def photograph(linear: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray
 
 
 def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
-    """Vignetting and blur; beyond the frame the picture goes on as its edge is."""
+    """Vignetting and blur; edge pixels are repeated beyond the frame."""
     height, width = linear.shape[:2]
     rows, columns = np.ogrid[: float(height), : float(width)]
     away = ((rows - (height - 1) / 2) ** 2 + (columns - (width - 1) / 2) ** 2) / (height**2 + width**2) * 4
@@ -99,7 +107,7 @@ def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
 
 
 def _counted(light: np.ndarray, settings: PhotoSettings, rng: np.random.Generator) -> np.ndarray:
-    """What the sensor reads, in [0, 1]: exposed, with shot noise (as a Gaussian) and read noise, clipped."""
+    """The sensor's signal in [0, 1]: exposed, with shot noise (as a Gaussian) and read noise, clipped."""
     electrons = light * (2.0**settings.exposure * settings.electrons)
     electrons += np.sqrt(electrons + settings.read_noise**2) * rng.standard_normal(light.shape)
     return (electrons / settings.electrons).clip(0, 1)

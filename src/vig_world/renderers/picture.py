@@ -1,4 +1,4 @@
-"""What a renderer of synthetic scenes gives back."""
+"""The output of a renderer of synthetic scenes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ CANVAS = 3
 class Picture:
     """A rendered sample.
 
-    image: (H, W, 3) uint8 sRGB. depth: (H, W) float32 metres along the optical axis, the nearest of a pixel's
-    samples. amodal, visible: (H, W) bool, pixels of the object alone and as seen; at least half of the
-    pixel's samples. visible is a part of amodal. by_support: (H, W) bool, pixels of amodal that the room or
-    its furniture hides; the other hidden ones are behind props. canvas: (3H, 3W) bool, the object alone on a
-    canvas whose middle third is the image: what lies outside is cut off by the frame. light: (9,) float32, SH
-    of incident radiance at the object's place, world frame, at the paper's exposure.
+    Attributes:
+        image: (H, W, 3) uint8 sRGB.
+        depth: (H, W) float32 metres along the optical axis, the nearest of a pixel's samples.
+        amodal, visible: (H, W) bool, pixels of the object alone and as seen; at least half of the pixel's
+            samples. visible is a part of amodal.
+        by_support: (H, W) bool, pixels of amodal that the room or its furniture hides; the other hidden ones
+            are behind props.
+        canvas: (3H, 3W) bool, the object alone on a canvas whose middle third is the image: what lies outside
+            is cut off by the frame.
+        light: (9,) float32, SH of incident radiance at the object's place, world frame, at the paper's
+            exposure.
     """
 
     image: np.ndarray
@@ -37,7 +42,7 @@ class Picture:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Which share of the canvas's silhouette is lost to an `occluder`, a `support`, to `truncation`."""
+        """Shares of the canvas's silhouette lost to an `occluder`, a `support` and to `truncation`."""
         whole = _count(self.canvas)
         hidden = self.amodal & ~self.visible
         support = _count(hidden & self.by_support)

@@ -1,4 +1,4 @@
-"""A spec as a picture."""
+"""Renders a scene with the rasteriser."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vig_world.renderers.view import View
 
 
 def render(library: Library, spec: SceneSpec, object_class: ObjectClass) -> Picture:
-    """The raster tier's picture of a scene, 150 x 150; see `draw`."""
+    """Render a scene with the rasteriser, 150 x 150; see `draw`."""
     vertices = target_vertices(spec, object_class)
     target = Target.of(object_class, vertices, spec.shape, spec.albedo, spec.light)
     view = View.of(object_class, spec.azimuth, spec.elevation)

@@ -1,4 +1,4 @@
-"""One camera's view of meshes as depth images, for layout and for the raster tier."""
+"""A posed camera, and the depth images that it sees, for layout and rendering."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class View:
 
     @cached_property
     def eye(self) -> np.ndarray:
-        """The eye in the world (3,), metres."""
+        """The camera's centre in the world (3,), metres."""
         return -self.rotation.T @ self.translation
 
     @property
@@ -48,11 +48,11 @@ class View:
         return self.rotation[2]
 
     def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """Depth (H, W) metres of a world mesh wholly in front of the eye; inf where nothing is seen."""
+        """Depth (H, W) metres of a world mesh wholly in front of the camera; inf where nothing is seen."""
         return rasterize(vertices, faces, self.rotation, self.translation, self.camera, cull=True).depth
 
     def window(self, vertices: np.ndarray) -> tuple[slice, slice]:
-        """Rows and columns of the frame that can show world points (V, 3), all in front of the eye."""
+        """Rows and columns of the frame that can show world points (V, 3), all in front of the camera."""
         top, bottom, left, right = (int(edge[0]) for edge in self.windows(vertices[None]))
         return slice(top, bottom), slice(left, right)
 

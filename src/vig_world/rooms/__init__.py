@@ -1,8 +1,7 @@
 """Procedural furnished rooms, each a pure function of a random generator."""
 
 from vig_world.rooms.draw import draw_layout
-from vig_world.rooms.ground import material_under
-from vig_world.rooms.layout import Layout
+from vig_world.rooms.layout import Layout, material_under
 
 __all__ = [
     "Layout",

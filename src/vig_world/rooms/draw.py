@@ -28,9 +28,10 @@ _ATTEMPTS = 8
 def draw_layout(rng: np.random.Generator, furniture: Make | None = None) -> Layout:
     """A furnished room drawn from a generator.
 
-    furniture: gives a piece of a family (a name of `vig_world.assets.furniture.FAMILIES`) from a generator of
-    its own; by default the family's own. What it gives stands on z = 0, centred, with its front to -Y. A
-    piece for which there is no room is left out.
+    Args:
+        furniture: Gives a piece of a family (a name of `vig_world.assets.furniture.FAMILIES`) from a
+            generator of its own; by default the family's own. What it gives stands on z = 0, centred, with
+            its front to -Y. Pieces that do not fit are left out.
     """
     make = furniture or _own
     name = str(rng.choice(list(KINDS), p=[0.2, 0.16, 0.18, 0.1, 0.1, 0.06, 0.08, 0.12]))
@@ -46,7 +47,7 @@ def _own(family: str, rng: np.random.Generator) -> Furniture:
 
 
 def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Layout | None:
-    """One attempt; None if one could not walk in the room."""
+    """One attempt; None if the room is not walkable."""
     kind = KINDS[name]
     outline = _outline(rng, kind.sides)
     height = float(rng.uniform(2.4, 3.0))

@@ -1,4 +1,4 @@
-"""What hangs, lies or is built in: lamps, radiators, pictures, rugs. Each in a frame of its own."""
+"""Fittings: lamps, radiators, pictures, rugs, each in its own frame."""
 
 from __future__ import annotations
 

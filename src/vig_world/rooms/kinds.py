@@ -1,4 +1,4 @@
-"""What kinds of rooms there are, and how each is furnished by what is done in it."""
+"""The kinds of rooms, and how each is furnished."""
 
 from __future__ import annotations
 

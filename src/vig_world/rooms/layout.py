@@ -1,4 +1,4 @@
-"""What a furnished room is."""
+"""A furnished room, and the material of its supports."""
 
 from __future__ import annotations
 
@@ -10,16 +10,23 @@ from vig_world.assets.furniture.furniture import Support
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh
 
+LEVEL = 0.006
+"""Metres by which the surface may lie above or below the support's height."""
+
 
 @dataclass(frozen=True)
 class Layout:
-    """A furnished room, metres, its floor at z = 0; the same for every sample that plays in it.
+    """A furnished room, metres, its floor at z = 0; shared by all samples that use it.
 
-    kind: kitchen, dining room, living room ... parts: floor, walls, ceiling, what is built in (windows,
-    doors, skirting, lamps) and all furniture, in the layout's frame. supports: where things may stand, the
-    floor too. outline: (N, 2) corners of the floor, counter-clockwise; four of a box, six of an L. height: of
-    the ceiling. solids: (M, 5, 2) furniture that stands in the way: four corners in the ground plane,
-    counter-clockwise, and a row with its lowest and highest z.
+    Attributes:
+        kind: Kitchen, dining room, living room ...
+        parts: Floor, walls, ceiling, what is built in (windows, doors, skirting, lamps) and all furniture, in
+            the layout's frame.
+        supports: Where things may stand, the floor too.
+        outline: (N, 2) corners of the floor, counter-clockwise; four of a box, six of an L.
+        height: Height of the ceiling.
+        solids: (M, 5, 2) furniture that stands in the way: four corners in the ground plane,
+            counter-clockwise, and a row with its lowest and highest z.
     """
 
     kind: str
@@ -28,3 +35,27 @@ class Layout:
     outline: np.ndarray
     height: float
     solids: np.ndarray
+
+
+def material_under(layout: Layout, support: Support) -> Material | None:
+    """The material of the highest surface at the middle of a support, None where there is none near it."""
+    x, y, z = support.centre
+    highest, found = -np.inf, None
+    for mesh, material in layout.parts:
+        near = np.abs(mesh.vertices[:, 2] - z) <= LEVEL
+        faces = mesh.faces[near[mesh.faces].all(axis=1)]
+        if not len(faces):
+            continue
+        a, b, c = (mesh.vertices[faces[:, k], :2].astype(np.float64) for k in range(3))
+        area, middle = _area(a, b, c), np.array([x, y])
+        weights = np.stack([_area(middle, b, c), _area(a, middle, c), _area(a, b, middle)], axis=1)
+        inside = (np.abs(area) > 1e-12) & (weights * np.sign(area)[:, None] >= -1e-9).all(axis=1)
+        if inside.any() and (top := mesh.vertices[faces[inside]][..., 2].max()) > highest:
+            highest, found = top, material
+    return found
+
+
+def _area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Twice the signed area of triangles with corners (N, 2) or (2,)."""
+    u, v = b - a, c - a
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]

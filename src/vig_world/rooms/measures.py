@@ -1,4 +1,4 @@
-"""What a finished plan says of its supports: what is above and behind them, and where the floor is free."""
+"""Measures a finished plan: what is above and behind its supports, and where its floor is free."""
 
 from __future__ import annotations
 

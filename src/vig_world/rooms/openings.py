@@ -1,4 +1,4 @@
-"""Doors and windows with all that belongs to them, in their wall's frame (x along, y into the room, z up)."""
+"""Doors and windows with their fittings, in their wall's frame (x along, y into the room, z up)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places furniture in a room: what stands where, what must stay free, nothing inside another thing."""
+"""Places furniture in a room without collisions and with free aisles."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Body:
         return Body(np.array(flat), z0 + offset[2], z1 + offset[2], bounds, abs(c * s) < 1e-6)
 
     def meets(self, other: Body) -> bool:
-        """Whether the two share room."""
+        """Whether the two overlap."""
         if self.low >= other.high - TOUCH or other.low >= self.high - TOUCH:
             return False
         a, b = self.bounds, other.bounds
@@ -132,7 +132,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class Placed:
-    """A piece of furniture where it stands; along: its place on its wall, if it stands against one."""
+    """A piece of furniture where it stands.
+
+    Attributes:
+        along: Its place on its wall, if it stands against one.
+    """
 
     piece: Piece
     offset: tuple[float, float, float]
@@ -149,7 +153,9 @@ class Placed:
 class Plan:
     """A room being furnished.
 
-    outline: (N, 2) corners of the floor; make: gives a piece of a family.
+    Args:
+        outline: (N, 2) corners of the floor.
+        make: Gives a piece of a family.
     """
 
     def __init__(self, rng: np.random.Generator, outline: Array, height: float, make: Make) -> None:
@@ -191,7 +197,8 @@ class Plan:
     ) -> bool:
         """Whether bodies can stand here, with aisles before them that no other body is in.
 
-        shared: pieces in whose own aisles the bodies may be.
+        Args:
+            shared: Pieces whose own aisles the bodies may block.
         """
         allowed = {id(aisle) for placed in shared for aisle in self._aisles.get(id(placed), ())}
         return (
@@ -204,10 +211,11 @@ class Plan:
     def put(
         self, placed: Placed, front: float = 0.0, aside: bool = False, shared: Sequence[Placed] = ()
     ) -> bool:
-        """Stands a piece there if it fits, with an aisle `front` metres deep before it.
+        """Place a piece there if it fits, with an aisle `front` metres deep before it.
 
-        aside: it stands close before something, so its supports are reached from its side. shared: pieces
-        in whose aisles it may stand.
+        Args:
+            aside: It stands close before something, so its supports are reached from its side.
+            shared: Pieces whose aisles it may block.
         """
         low, high = placed.piece.low, placed.piece.high
         bodies = [Body.of(box, placed.offset, placed.turn) for box in placed.piece.boxes]
@@ -258,9 +266,11 @@ class Plan:
         tries: int = 2,
         gap: float = 0.02,
     ) -> Placed | None:
-        """Stands (or at `lift` hangs) a piece of a family with its back to a wall.
+        """Place (or at `lift` hang) a piece of a family with its back to a wall.
 
-        walls: which walls may do, all if None, tried in random order. at: the place along the wall.
+        Args:
+            walls: Which walls may do, all if None, tried in random order.
+            at: The place along the wall.
         """
         for _ in range(tries):
             piece = self.draw(family)
@@ -280,7 +290,7 @@ class Plan:
     def beside(
         self, other: Placed, family: str, side: int, space: float = 0.03, front: float = 0.4
     ) -> Placed | None:
-        """Stands a piece against the same wall, on a side (-1, +1 along it) of one that stands there."""
+        """Place a piece against the same wall, on a side (-1, +1 along it) of one that stands there."""
         low, high = other.piece.low, other.piece.high
         piece = self.draw(family)
         a, b = piece.low, piece.high
@@ -298,9 +308,11 @@ class Plan:
         aside: float = 0.0,
         shared: Sequence[Placed] = (),
     ) -> Placed | None:
-        """Stands a piece in front of another, `distance` away and `aside` to a side; facing: turned to it.
+        """Place a piece in front of another, `distance` away and `aside` to a side.
 
-        shared: further pieces in whose aisles it may stand.
+        Args:
+            facing: Whether it is turned to the other.
+            shared: Further pieces whose aisles it may block.
         """
         piece = self.draw(family)
         deep = float(-piece.low[1] if facing else piece.high[1])
@@ -309,7 +321,7 @@ class Plan:
         return spot if self.put(spot, aside=facing and distance < 0.3, shared=(other, *shared)) else None
 
     def amid(self, family: str, margin: float, tries: int = 24) -> Placed | None:
-        """Stands a piece freely in the room with `margin` metres of floor round it."""
+        """Place a piece freely in the room with `margin` metres of floor round it."""
         piece = self.draw(family)
         low, high = piece.low, piece.high
         corner, far = self.outline.min(0), self.outline.max(0)
@@ -335,7 +347,7 @@ class Plan:
         return None
 
     def around(self, table: Placed, family: str, count: int) -> int:
-        """Sets chairs about a table, no more than `count`; returns how many found room."""
+        """Place chairs around a table, no more than `count`; returns how many found room."""
         high = table.piece.high
         x, y = float(high[0]), float(high[1])
         model = self.draw(family)

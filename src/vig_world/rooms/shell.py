@@ -20,8 +20,8 @@ Part = tuple[Mesh, Material]
 class Wall:
     """A side of the room: its start (x, y), the direction (radians) along it, inside on the left, its length.
 
-    Its frame has x along it, y into the room and z up; `corners` says whether the room's corners at its start
-    and end are convex.
+    Its frame has x along it, y into the room and z up; `corners`: whether the room's corners at its start and
+    end are convex.
     """
 
     start: tuple[float, float]
@@ -162,7 +162,12 @@ def shell(
     depth: float,
     paint: Material,
 ) -> list[Part]:
-    """All of it. depth: of the windows' recesses; paint: of skirting and cornice."""
+    """Build the shell of a room.
+
+    Args:
+        depth: Depth of the windows' recesses.
+        paint: Paint of skirting and cornice.
+    """
 
     def stand_in(kind: str, stuff: str, slot: str) -> Material:
         return Material(texture(kind, rng, 32), stuff, 0.8, slot)

@@ -10,11 +10,12 @@ import torch
 
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.kernels.types import REST
 from vig.likelihood.passes import Pass
-from vig.likelihood.reference import constant_mask_value, irradiance_at, shade
+from vig.likelihood.reference import constant_mask_value, shade, surface_at
 from vig.renderer import rasterize
 from vig.renderer.raster import FACE_MASK, NOTHING
-from vig.scene import Camera, Latents, point_layout
+from vig.scene import Camera, Latents
 
 SIGMA = 0.03
 
@@ -72,11 +73,13 @@ def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
     jacobian = torch.autograd.functional.jacobian(
         lambda point: shade(studio.geometry, studio.camera, point).irradiances[used], given.point[0]
     )
-    modes = studio.geometry.layout.modes
+    modes = studio.geometry.rows.modes
     torch.testing.assert_close(run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
     assert not run.shape_rows[0, used][:, modes:].any()
-    torch.testing.assert_close(run.rest_rows[0, used][:, 2:11], jacobian[:, modes + 5 : modes + 14])
-    torch.testing.assert_close(run.rest_rows[0, used][:, 11], run.irradiances[0, used])
+    torch.testing.assert_close(
+        run.rest_rows[0, used][:, REST["light"]], jacobian[:, studio.geometry.layout["light"]]
+    )
+    torch.testing.assert_close(run.rest_rows[0, used][:, REST.at("irradiance")], run.irradiances[0, used])
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -104,7 +107,7 @@ def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_inte
     seen = faces_seen(run, studio.camera)
     y, x = (seen >= 0).nonzero().T
     shaded = shade(studio.geometry, studio.camera, given.point[0])
-    lit = irradiance_at(studio.geometry, shaded, seen[y, x], torch.stack([x + 0.5, y + 0.5], 1).double())
+    lit = surface_at(studio.geometry, shaded, seen[y, x], torch.stack([x + 0.5, y + 0.5], 1).double())[0]
     torch.testing.assert_close(run.images[2][0].view(seen.shape)[y, x], lit, rtol=1e-9, atol=1e-9)
     # The public rasteriser, in single precision and without framing, differs at a few edges only.
     still = Case(given.photo, given.log_prior, torch.cat([given.point[:, :-3], torch.zeros(1, 3)], 1))
@@ -151,7 +154,7 @@ def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
         diagonals = (torch.diagonal(found.normal[0]) for found in (sparse, full))
         ratios.append(torch.div(*diagonals))
     # What moves pixels has its curvature from few steep ones; colour and light from all of them.
-    linear = point_layout(studio.geometry.model.modes).indices("albedo", "light")
+    linear = studio.geometry.layout.indices("albedo", "light")
     off = torch.stack(ratios).log().abs()
     assert off[:, linear].max() < 0.15
     assert off.median() < 0.3 and off.max() < 1.5
@@ -195,7 +198,7 @@ def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> No
         jacobian = torch.autograd.functional.jacobian(
             lambda p, used=used: shade(shadowed, studio.camera, p).irradiances[used], given.point[0].detach()
         )
-        modes = shadowed.layout.modes
+        modes = shadowed.rows.modes
         torch.testing.assert_close(
             run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9
         )
@@ -239,7 +242,7 @@ def test_no_points_have_no_values(studio) -> None:
     )
 
 
-def test_rims_stiffen_what_moves_them(studio) -> None:
+def test_edges_stiffen_what_moves_them(studio) -> None:
     """The normal matrix of the exact silhouette is the paper's and what the edges' gain adds to it."""
     given = case(studio, 60)
     photos = Photos(given.photo, given.log_prior)
@@ -250,6 +253,6 @@ def test_rims_stiffen_what_moves_them(studio) -> None:
         for silhouette in ("exact", "paper")
     )
     added = torch.diagonal((exact - paper)[0]) / torch.diagonal(paper[0])
-    modes = studio.geometry.layout.modes
+    modes = studio.geometry.rows.modes
     assert (added[: modes + 2] > 0.005).all()
     assert added[modes + 2 : -3].abs().max() < 1e-12  # colour and light do not move an edge

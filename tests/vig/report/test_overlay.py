@@ -3,7 +3,7 @@
 import numpy as np
 
 from vig.report import overlay
-from vig.report.overlay import HIDDEN, OUTLINE
+from vig.report.files import HIDDEN, OUTLINE
 
 
 def test_visible_pixels_keep_their_colour_hidden_are_tinted_and_the_rim_is_drawn():

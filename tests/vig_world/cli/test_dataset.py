@@ -61,7 +61,7 @@ def test_check_is_0_when_clean_and_1_when_not(
     code, out, _ = run(capsys, "check", copy)
     lines = out.splitlines()
     assert code == 1 and lines[-2:] == ["test: 6 samples, 29 files: 12 problems", str(copy)]
-    assert all("No such file" in line or "not a picture" in line for line in lines[:-2])
+    assert all("No such file" in line or "unreadable picture" in line for line in lines[:-2])
     code, out, _ = run(capsys, "check", copy, "--json")
     assert code == 1 and not json.loads(out)["clean"]
 

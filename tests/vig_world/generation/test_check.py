@@ -74,9 +74,12 @@ def test_the_silhouette_is_the_renderers(split: Split, teapot: ObjectClass) -> N
     ("damage", "expected"),
     [
         (lambda f: (f / "000000/rgb/000003.png").unlink(), "000000/rgb/000003.png: No such file"),
-        (lambda f: (f / "000000/depth/000001.png").write_bytes(b"x"), "000001.png: not what was written"),
-        (lambda f: (f / "000000/notes.txt").write_text("x"), "notes.txt: a file that does not belong"),
-        (lambda f: (f / "specs.jsonl").write_text(""), "specs.jsonl: not what was written"),
+        (
+            lambda f: (f / "000000/depth/000001.png").write_bytes(b"x"),
+            "000001.png: changed since it was written",
+        ),
+        (lambda f: (f / "000000/notes.txt").write_text("x"), "notes.txt: an unexpected file"),
+        (lambda f: (f / "specs.jsonl").write_text(""), "specs.jsonl: changed since it was written"),
         (lambda f: (f.parent / "camera.json").unlink(), "camera.json: missing or not"),
         (lambda f: (f.parent / "models/obj_000001.ply").write_bytes(b""), "obj_000001.ply: missing or not"),
     ],
@@ -177,7 +180,7 @@ def test_rendering_again_finds_a_picture_of_something_else(copy: Path, teapot: O
     seal(copy)
     assert check_dataset(copy, object_class=teapot).clean
     problems = check_dataset(copy, render=2, object_class=teapot).problems
-    assert problems == ("000000/rgb/000000.png: rendered again from its spec, it differs",)
+    assert problems == ("000000/rgb/000000.png: differs when rendered again from its spec",)
 
 
 def test_another_class_or_a_damaged_manifest_is_told(copy: Path, teapot: ObjectClass) -> None:

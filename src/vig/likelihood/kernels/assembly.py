@@ -7,21 +7,23 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.boundary import boundary_kernels
+from vig.likelihood.kernels.groups import argument_groups
 from vig.likelihood.kernels.interior import interior_kernels
-from vig.likelihood.kernels.vertices import module_name, vertex_kernels
+from vig.likelihood.kernels.types import RowLayout, kernel_types, module_name
+from vig.likelihood.kernels.vertices import vertex_kernels
 from vig.renderer.raster import raster_kernels
 
 PARTS = 32
-"""Pieces into which vertices, faces, lines of pixels and rims of one image are cut, one thread each."""
+"""Pieces into which an image's vertices, faces, lines of pixels and edges are cut, one thread each."""
 
 
 @functools.cache
 def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The kernels for one scalar type and number of shape components."""
-    interior = interior_kernels(dtype, modes)
-    real, vec3, rest_row = interior.real, interior.vec3, interior.rest_row
-    shape_columns = interior.layout.shape
-    albedo_from = modes + 2
+    t = kernel_types(dtype, modes)
+    real, vec3, rest_row = t.real, t.vec3, t.rest_row
+    point = RowLayout(modes).point
+    shape_columns, albedo_from, shape_from = t.rows.shape, point.at("albedo"), point.at("shape")
     module = module_name("assembly", dtype, modes)
 
     @wp.kernel(module=module)
@@ -63,8 +65,8 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         channel = i - albedo_from
         painted = channel >= 0 and channel < 3
         slope = real(0.0)
-        if i < modes:
-            slope = shape_gradient[image, i]
+        if i >= shape_from and i < shape_from + modes:
+            slope = shape_gradient[image, i - shape_from]
         elif painted:
             for part in range(line_albedo.shape[1]):
                 slope = slope + line_albedo[image, part][channel]
@@ -88,14 +90,14 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                 factor = colour[other]
             normal[image, i, j] = factor * products[image, column, columns[j]]
 
+    parts = vertex_kernels(dtype, modes), interior_kernels(dtype, modes), boundary_kernels(dtype, modes)
     return SimpleNamespace(
         add_values=add_values,
         assemble=assemble,
-        **vars(vertex_kernels(dtype, modes)),
-        **{name: getattr(boundary_kernels(dtype, modes), name) for name in ("collect_rims", "boundary")},
-        interior=interior.interior,
-        interior_rows=interior.interior_rows,
         rasterize_faces=raster_kernels(dtype).rasterize_faces,
+        groups=vars(argument_groups(dtype, modes)),
+        **vars(t),
+        **{name: kernel for part in parts for name, kernel in vars(part).items()},
     )
 
 

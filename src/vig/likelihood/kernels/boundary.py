@@ -3,332 +3,403 @@
 Between two neighbouring pixels an occlusion edge may pass, at a share t of the way from one centre to the
 other. The nearer pixel is then partly the other's surface: by |t - 1/2|, which is its analytic coverage
 along that direction. Log-likelihoods (not colours) are blended by it, so the objective is continuous and
-differentiable in the edge's place (docs/objective.md says where it is not). An edge is seen both by rows and
+differentiable in the edge's place (docs/objective.md lists where it is not). An edge is seen both by rows and
 by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
 area is kept and nothing jumps where one edge hands over to the next.
+
+`vig.likelihood.reference` computes the same value in plain torch.
 """
 
 import functools
+import math
 from types import SimpleNamespace
 
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.functions import likelihood_functions
-from vig.likelihood.kernels.vertices import module_name
-from vig.renderer.raster import FACE_MASK, NOTHING
+from vig.likelihood.kernels.edges import LEAST_SQUARE, edge_functions
+from vig.likelihood.kernels.groups import argument_groups
+from vig.likelihood.kernels.surface import surface_functions
+from vig.likelihood.kernels.types import kernel_types, module_name
+from vig.likelihood.pixel import LOG_UNIT
 
-BEHIND_EDGE = 0.002
-"""Metres by which the surface beyond an occlusion edge must lie behind it."""
+LEAST_BRIGHTNESS = 1e-6
+"""Squared albedo by which rows of edges are divided at least: a black object has edges, too."""
 
-BEFORE_EDGE = 0.04
-"""Metres by which the edge's own surface may come forward within a pixel."""
+LEAST_GAIN = 0.1
+"""Nats per pixel added to an edge's gain, whose curvature would otherwise have a pole at no gain."""
+
+
+@functools.cache
+def pixel_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
+    """Eq. 3 at one pixel."""
+    t = kernel_types(dtype, modes)
+    real, vec2, vec3 = t.real, t.vec2, t.vec3
+    log_unit = real(LOG_UNIT)
+    # Beyond it the less likely of two components is lost in rounding.
+    clear = real(-math.log(torch.finfo(dtype).eps))
+
+    @wp.struct
+    class Noise:
+        """The Gaussian of a covered pixel: one over twice its variance, and its log normaliser."""
+
+        half_precision: real
+        log_normaliser: real
+
+    @wp.func
+    def noise_of(sigma: real):
+        noise = Noise()
+        noise.half_precision = real(0.5) / (sigma * sigma)
+        noise.log_normaliser = real(-3.0) * wp.log(sigma) - log_unit
+        return noise
+
+    @wp.func
+    def explained(observed: vec3, rendered: vec3, log_prior: vec3, noise: Noise):
+        """(log-likelihood of a covered pixel, posterior of its being visible), Eq. 3."""
+        error = observed - rendered
+        inlier = log_prior[0] + noise.log_normaliser - wp.dot(error, error) * noise.half_precision
+        gap = inlier - log_prior[1]
+        if gap > clear:
+            return vec2(inlier, real(1.0))
+        if gap < -clear:
+            return vec2(log_prior[1], real(0.0))
+        ratio = wp.exp(-wp.abs(gap))
+        share = real(1.0) / (real(1.0) + ratio)
+        if gap < real(0.0):
+            share = ratio * share
+        return vec2(wp.max(inlier, log_prior[1]) + wp.log(real(1.0) + ratio), share)
+
+    return SimpleNamespace(Noise=Noise, noise_of=noise_of, explained=explained)
+
+
+@functools.cache
+def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
+    """What blending across a crossing adds to Eq. 4, and its derivatives."""
+    t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
+    p, e = pixel_functions(dtype, modes), edge_functions(dtype, modes)
+    real, vec2, vec3, vec4, shape_row, rest_row = t.real, t.vec2, t.vec3, t.vec4, t.shape_row, t.rest_row
+    Mesh, Vertices, Photos, Cotangents = groups.mesh, groups.vertices, groups.photos, groups.cotangents
+    NormalRows, Eye, Noise = groups.normal_rows, f.Eye, p.Noise
+    Edge, Crossing, Sides, along, explained = e.Edge, e.Crossing, e.Sides, e.along, p.explained
+    camera_cotangent, pull_pixel, add_basis, moved = f.camera_cotangent, f.pull_pixel, f.add_basis, f.moved
+    least_brightness, least_gain = real(LEAST_BRIGHTNESS), real(LEAST_GAIN)
+    half, one = real(0.5), real(1.0)
+
+    @wp.struct
+    class Blend:
+        """What a target pixel takes of the front surface, or gives of it to what is behind.
+
+        weight: of this axis, times fold. taken: weight times |t - 1/2|, negative when the target is the
+        inner pixel and gives. front_irradiance: the target's own if it gives, else the edge's there, which
+        stands `perspective` of the way from vertex i's. front_fit, back_fit: Eq. 3 of the target under
+        either surface. gain: nats of the first over the second.
+        """
+
+        weight: real
+        taken: real
+        gives: bool
+        at: wp.int32
+        normal: vec3
+        front_irradiance: real
+        perspective: real
+        observed: vec3
+        front_fit: vec2
+        back_fit: vec2
+        gain: real
+
+    @wp.func
+    def blend_of(
+        image: int,
+        normal: vec3,
+        edge: Edge,
+        c: Crossing,
+        sides: Sides,
+        vertices: Vertices,
+        photos: Photos,
+        noise: Noise,
+    ):
+        blend = Blend()
+        blend.normal = normal
+        square = normal[0] * normal[0] + normal[1] * normal[1]
+        blend.weight = edge.fold * normal[c.axis] * normal[c.axis] / square
+        blend.gives = (c.t < half) == (c.inside < real(0.0))
+        edge_q = (one - c.share) * edge.a[2] + c.share * edge.b[2]
+        blend.perspective = c.share * edge.b[2] / edge_q
+        lit_a = vertices.irradiances[image, edge.i]
+        lit_b = vertices.irradiances[image, edge.j]
+        blend.at = c.outer
+        blend.front_irradiance = lit_a + blend.perspective * (lit_b - lit_a)
+        blend.taken = blend.weight * wp.abs(c.t - half)
+        if blend.gives:
+            blend.at = c.inner
+            blend.front_irradiance = sides.front_seen[0]
+            blend.taken = -blend.taken
+        which = photos.photo[image]
+        colour = photos.albedo[image]
+        prior = photos.log_prior[which, blend.at]
+        blend.observed = photos.observed[which, blend.at]
+        blend.front_fit = explained(blend.observed, colour * blend.front_irradiance, prior, noise)
+        blend.back_fit = vec2(prior[2], real(0.0))
+        if sides.has_behind:
+            blend.back_fit = explained(blend.observed, colour * sides.behind_seen[0], prior, noise)
+        blend.gain = blend.front_fit[0] - blend.back_fit[0]
+        return blend
+
+    @wp.func
+    def pull_normal(image: int, edge: Edge, c: Crossing, blend: Blend, cotangents: Cotangents):
+        """Pull the weight's cotangent back to the edge's normals; the one on `share` is returned."""
+        normal = blend.normal
+        square = normal[0] * normal[0] + normal[1] * normal[1]
+        on_weight = edge.fold * wp.abs(c.t - half) * blend.gain
+        if blend.gives:
+            on_weight = -on_weight
+        # d weight / d normal in the image; columns have the complement of rows.
+        turn = real(2.0) * normal[0] * normal[1] / (square * square) * on_weight
+        if c.axis == 1:
+            turn = -turn
+        on_normal = vec3(turn * normal[1], -turn * normal[0], real(0.0))
+        wp.atomic_add(cotangents.on_normal, image, edge.i, on_normal * (one - c.share))
+        wp.atomic_add(cotangents.on_normal, image, edge.j, on_normal * c.share)
+        return wp.dot(on_normal, edge.normal_b - edge.normal_a)
+
+    @wp.func
+    def pull_colours(
+        painted: vec3,
+        image: int,
+        c: Crossing,
+        sides: Sides,
+        blend: Blend,
+        noise: Noise,
+        vertices: Vertices,
+        photos: Photos,
+        cotangents: Cotangents,
+    ):
+        """Pull the colours on both sides back to their faces. Returns `painted` with what is added to the
+        cotangent on albedo, and the cotangent on the edge's own irradiance."""
+        colour = photos.albedo[image]
+        precision = real(2.0) * noise.half_precision
+        error = blend.observed - colour * blend.front_irradiance
+        strength = blend.taken * blend.front_fit[1] * precision
+        painted += error * (strength * blend.front_irradiance)
+        on_edge = strength * wp.dot(colour, error)
+        if blend.gives:
+            pull_pixel(image, sides.front, c.inner_pixel, sides.front_seen, on_edge, vertices, cotangents)
+            on_edge = real(0.0)
+        if sides.has_behind:
+            error = blend.observed - colour * sides.behind_seen[0]
+            strength = -blend.taken * blend.back_fit[1] * precision
+            painted += error * (strength * sides.behind_seen[0])
+            on_behind = strength * wp.dot(colour, error)
+            pull_pixel(image, sides.behind, c.outer_pixel, sides.behind_seen, on_behind, vertices, cotangents)
+        return painted, on_edge
+
+    @wp.func
+    def motion_of(edge: Edge, c: Crossing, blend: Blend):
+        """Cotangents on the screen points of the edge's ends, through u, where it crosses the line."""
+        on_u = -c.inside * blend.weight * blend.gain
+        on_a = (one - c.share) * on_u
+        on_b = c.share * on_u
+        slope = (edge.b[c.axis] - edge.a[c.axis]) / c.length
+        return along(c.axis, on_a, -on_a * slope), along(c.axis, on_b, -on_b * slope)
+
+    @wp.func
+    def pull_edge(
+        image: int,
+        edge: Edge,
+        c: Crossing,
+        perspective: real,
+        on_edge: real,
+        on_share: real,
+        motion_a: vec3,
+        motion_b: vec3,
+        vertices: Vertices,
+        cotangents: Cotangents,
+    ):
+        """Pull cotangents on the edge's irradiance, on `share` and on u back to the edge's ends."""
+        edge_q = (one - c.share) * edge.a[2] + c.share * edge.b[2]
+        step = vertices.irradiances[image, edge.j] - vertices.irradiances[image, edge.i]
+        on_perspective = on_edge * step
+        by_q = on_perspective * c.share * (one - c.share) / (edge_q * edge_q)
+        by_share = (on_share + on_perspective * edge.a[2] * edge.b[2] / (edge_q * edge_q)) / c.length
+        on_a = motion_a + along(c.axis, real(0.0), -(one - c.share) * by_share)
+        on_b = motion_b + along(c.axis, real(0.0), -c.share * by_share)
+        lit_a = on_edge * (one - perspective)
+        lit_b = on_edge * perspective
+        wp.atomic_add(cotangents.on_corner, image, edge.i, vec4(on_a[0], on_a[1], -by_q * edge.b[2], lit_a))
+        wp.atomic_add(cotangents.on_corner, image, edge.j, vec4(on_b[0], on_b[1], by_q * edge.a[2], lit_b))
+
+    @wp.func
+    def add_row(
+        image: int,
+        edge: Edge,
+        blend: Blend,
+        motion_a: vec3,
+        motion_b: vec3,
+        colour: vec3,
+        curvature: real,
+        mesh: Mesh,
+        eye: Eye,
+        rows: NormalRows,
+    ):
+        """The edge's motion along the line as a row of the normal matrix.
+
+        Gauss-Newton has no residual here: the cusp of gain per pixel is taken one pixel wide.
+        """
+        slot = wp.atomic_add(rows.row_count, image, 1)
+        if slot < rows.normal_shape.shape[1]:
+            brightness = wp.max(wp.dot(colour, colour), least_brightness)
+            steepness = wp.abs(blend.weight * blend.gain) + least_gain
+            root = wp.sqrt(curvature / (steepness * brightness))
+            back = wp.transpose(eye.rotation)
+            on_a = motion_a * root
+            on_b = motion_b * root
+            row = add_basis(shape_row(), mesh, edge.i, back * camera_cotangent(eye, edge.a, on_a))
+            row = add_basis(row, mesh, edge.j, back * camera_cotangent(eye, edge.b, on_b))
+            rows.normal_shape[image, slot] = row
+            rows.normal_rest[image, slot] = moved(moved(rest_row(), eye, on_a, edge.a), eye, on_b, edge.b)
+
+    return SimpleNamespace(
+        blend_of=blend_of,
+        pull_normal=pull_normal,
+        pull_colours=pull_colours,
+        motion_of=motion_of,
+        pull_edge=pull_edge,
+        add_row=add_row,
+    )
 
 
 @functools.cache
 def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The kernels of the edges for one scalar type and number of shape components."""
-    f = likelihood_functions(dtype, modes)
-    real, vec2, vec3, vec4, mat33 = f.real, f.vec2, f.vec3, f.vec4, f.mat33
-    shape_row, rest_row = f.shape_row, f.rest_row
-    Surface = f.Surface
-    eye_of, camera_cotangent, surface_of, seen_at = f.eye_of, f.camera_cotangent, f.surface_of, f.seen_at
-    pull_pixel, moved, noise_of, explained = f.pull_pixel, f.moved, f.noise_of, f.explained
-    behind_edge, before_edge, face_mask = real(BEHIND_EDGE), real(BEFORE_EDGE), wp.int64(FACE_MASK)
+    t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
+    p, e, g = pixel_functions(dtype, modes), edge_functions(dtype, modes), blend_functions(dtype, modes)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    Mesh, View, Vertices, Photos = groups.mesh, groups.view, groups.vertices, groups.photos
+    Occluding, Cotangents, Totals = groups.occluding, groups.cotangents, groups.totals
+    NormalRows, Pictures = groups.normal_rows, groups.pictures
+    Eye, Edge, Noise = f.Eye, e.Edge, p.Noise
+    eye_of, noise_of, edge_of, in_frame = f.eye_of, p.noise_of, e.edge_of, e.in_frame
+    lines_of, crossing_of, sides_of = e.lines_of, e.crossing_of, e.sides_of
+    blend_of, pull_normal, pull_colours = g.blend_of, g.pull_normal, g.pull_colours
+    motion_of, pull_edge, add_row = g.motion_of, g.pull_edge, g.add_row
+    least_square, one = real(LEAST_SQUARE), real(1.0)
     module = module_name("boundary", dtype, modes)
 
     @wp.kernel(module=module)
-    def collect_rims(
-        edges: wp.array2d(dtype=wp.int32),
-        chunk: wp.int32,
-        facing: wp.array2d(dtype=wp.uint8),
-        counts: wp.array(dtype=wp.int32),
-        rims: wp.array2d(dtype=wp.int32),
-    ):
+    def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):
         """List the edges between a face turned to the eye and one turned away, or none."""
         image, part = wp.tid()
         first = part * chunk
-        for edge in range(first, wp.min(first + chunk, edges.shape[0])):
-            beyond = edges[edge, 3]
+        for edge in range(first, wp.min(first + chunk, mesh.edges.shape[0])):
+            beyond = mesh.edges[edge, 3]
             front_beyond = wp.uint8(0)
             if beyond >= 0:
-                front_beyond = facing[image, beyond]
-            if facing[image, edges[edge, 2]] != front_beyond:
-                rims[image, wp.atomic_add(counts, image, 1)] = edge
+                front_beyond = occluding.facing[image, beyond]
+            if occluding.facing[image, mesh.edges[edge, 2]] != front_beyond:
+                slot = wp.atomic_add(occluding.counts, image, 1)
+                occluding.occluding_edges[image, slot] = edge
+
+    @wp.struct
+    class Task:
+        """What is the same at all edges of an image."""
+
+        eye: Eye
+        noise: Noise
+        curvature: real
+        differentiate: int
+        images: int
 
     @wp.func
-    def along(axis: int, u: real, v: real):
-        """(x, y) of what lies u along an axis and v across it."""
-        if axis == 0:
-            return vec3(u, v, real(0.0))
-        return vec3(v, u, real(0.0))
+    def cross_line(
+        total: vec4,
+        image: int,
+        edge: Edge,
+        axis: int,
+        line: int,
+        mesh: Mesh,
+        view: View,
+        vertices: Vertices,
+        photos: Photos,
+        keys: wp.array2d(dtype=wp.int64),
+        task: Task,
+        cotangents: Cotangents,
+        normal_rows: NormalRows,
+        pictures: Pictures,
+    ):
+        """`total`, Eq. 4 and its derivative by albedo, with what blending across an edge on a line adds."""
+        c = crossing_of(edge, axis, line, view)
+        sides = sides_of(image, edge, c, mesh, vertices, keys)
+        normal = edge.normal_a * (one - c.share) + edge.normal_b * c.share
+        if not sides.crossed or normal[0] * normal[0] + normal[1] * normal[1] < least_square:
+            return total
+        blend = blend_of(image, normal, edge, c, sides, vertices, photos, task.noise)
+        if task.images != 0 and not sides.has_behind:
+            wp.atomic_add(pictures.coverage, image, blend.at, blend.taken)
+        painted = vec3(total[1], total[2], total[3])
+        if task.differentiate != 0:
+            on_share = pull_normal(image, edge, c, blend, cotangents)
+            painted, on_edge = pull_colours(
+                painted, image, c, sides, blend, task.noise, vertices, photos, cotangents
+            )
+            on_a, on_b = motion_of(edge, c, blend)
+            pull_edge(image, edge, c, blend.perspective, on_edge, on_share, on_a, on_b, vertices, cotangents)
+            if task.differentiate > 1:
+                colour = photos.albedo[image]
+                add_row(image, edge, blend, on_a, on_b, colour, task.curvature, mesh, task.eye, normal_rows)
+        return vec4(total[0] + blend.taken * blend.gain, painted[0], painted[1], painted[2])
 
     @wp.kernel(module=module)
     def boundary(
-        screen: wp.array2d(dtype=vec3),
-        normals: wp.array2d(dtype=vec3),
-        irradiances: wp.array2d(dtype=real),
-        basis: wp.array2d(dtype=shape_row),
-        faces: wp.array2d(dtype=wp.int32),
-        edges: wp.array2d(dtype=wp.int32),
-        facing: wp.array2d(dtype=wp.uint8),
-        counts: wp.array(dtype=wp.int32),
-        rims: wp.array2d(dtype=wp.int32),
-        threads: wp.int32,
-        width: wp.int32,
-        height: wp.int32,
-        rotation: wp.array(dtype=mat33),
-        intrinsics: wp.array(dtype=vec3),
-        distance: real,
-        albedo: wp.array(dtype=vec3),
+        mesh: Mesh,
+        view: View,
+        vertices: Vertices,
+        photos: Photos,
         keys: wp.array2d(dtype=wp.int64),
-        observed: wp.array2d(dtype=vec3),
-        log_prior: wp.array2d(dtype=vec3),
-        photo: wp.array(dtype=wp.int32),
-        sigma: wp.array(dtype=real),
+        occluding: Occluding,
+        threads: wp.int32,
         curvature: real,
-        differentiate: wp.int32,
-        images: wp.int32,
-        values: wp.array2d(dtype=real),
-        on_albedo: wp.array2d(dtype=vec3),
-        on_corner: wp.array2d(dtype=vec4),
-        on_normal: wp.array2d(dtype=vec3),
-        row_count: wp.array(dtype=wp.int32),
-        normal_shape: wp.array2d(dtype=shape_row),
-        normal_rest: wp.array2d(dtype=rest_row),
-        coverage: wp.array2d(dtype=real),
+        differentiate: int,
+        images: int,
+        totals: Totals,
+        cotangents: Cotangents,
+        normal_rows: NormalRows,
+        pictures: Pictures,
     ):
-        """Every `threads`th rim of an image: what blending across it adds to Eq. 4, the way back with
-        differentiate >= 1, rows of the normal matrix with 2."""
+        """Every `threads`th occlusion edge of an image: what blending across it adds to Eq. 4, the way back
+        with differentiate >= 1, rows of the normal matrix with 2."""
         image, part = wp.tid()
-        eye = eye_of(rotation[image], distance, intrinsics[image], width)
-        back = wp.transpose(eye.rotation)
-        noise = noise_of(sigma[image])
-        precision = real(2.0) * noise.half_precision
-        colour = albedo[image]
-        brightness = wp.max(wp.dot(colour, colour), real(1e-6))
-        which = photo[image]
-        half = real(0.5)
-        one = real(1.0)
-        total = real(0.0)
-        painted = vec3()
-        for index in range(part, counts[image], threads):
-            edge = rims[image, index]
-            ia = edges[edge, 0]
-            ib = edges[edge, 1]
-            face = edges[edge, 2]
-            beyond = edges[edge, 3]
-            fold = real(1.0)
-            a = screen[image, ia]
-            b = screen[image, ib]
-            if beyond >= 0:
-                apex = faces[face, 0] + faces[face, 1] + faces[face, 2] - ia - ib
-                other = edges[edge, 4]
-                if facing[image, face] == wp.uint8(0):
-                    swap = ia
-                    ia = ib
-                    ib = swap
-                    swap = apex
-                    apex = other
-                    other = swap
-                    a = screen[image, ia]
-                    b = screen[image, ib]
-                # The two faces lie on one side of the edge: a fold if that beyond is nearer, else a rim.
-                c = screen[image, apex]
-                d = screen[image, other]
-                volume = wp.dot(
-                    wp.cross(
-                        vec3(b[0] - a[0], b[1] - a[1], b[2] - a[2]),
-                        vec3(c[0] - a[0], c[1] - a[1], c[2] - a[2]),
-                    ),
-                    vec3(d[0] - a[0], d[1] - a[1], d[2] - a[2]),
-                )
-                if volume < real(0.0):
-                    # A fold into the object. Near a rim it lies between two rims that are both crossed:
-                    # counted against them one crossing is left, and nothing jumps where a pair appears.
-                    fold = real(-1.0)
-            inside_frame = (
-                wp.min(a[2], b[2]) > real(0.0)
-                and wp.max(a[0], b[0]) >= real(0.0)
-                and wp.min(a[0], b[0]) <= real(width)
-                and wp.max(a[1], b[1]) >= real(0.0)
-                and wp.min(a[1], b[1]) <= real(height)
-            )
-            steps = wp.where(inside_frame, 2, 0)
-            na = eye.rotation * normals[image, ia]
-            nb = eye.rotation * normals[image, ib]
-            for axis in range(steps):
-                # u runs along the pair of pixels, v across: (x, y) for pairs in a row, (y, x) in a column.
-                across = 1 - axis
-                va = a[across]
-                length_v = b[across] - va
-                lines = height
-                size = width
-                inside = fold * wp.sign(length_v)
-                if axis == 1:
-                    lines = width
-                    size = height
-                    inside = -inside
-                first = wp.max(int(wp.ceil(wp.min(va, b[across]) - half)), 0)
-                last = wp.min(int(wp.ceil(wp.max(va, b[across]) - half)) - 1, lines - 1)
-                for line in range(first, last + 1):
-                    share = (real(line) + half - va) / length_v
-                    u = a[axis] + share * (b[axis] - a[axis])
-                    low = int(wp.floor(u - half))
-                    inner_key = wp.int64(NOTHING)
-                    outer_key = wp.int64(NOTHING)
-                    inner = low
-                    outer = low + 1
-                    if inside > real(0.0):
-                        inner = low + 1
-                        outer = low
-                    inner_spot = along(axis, real(inner) + half, real(line) + half)
-                    outer_spot = along(axis, real(outer) + half, real(line) + half)
-                    inner_pixel = vec2(inner_spot[0], inner_spot[1])
-                    outer_pixel = vec2(outer_spot[0], outer_spot[1])
-                    inner_at = int(inner_spot[1]) * width + int(inner_spot[0])
-                    outer_at = int(outer_spot[1]) * width + int(outer_spot[0])
-                    if low >= 0 and low + 1 < size:
-                        inner_key = keys[image, inner_at]
-                        outer_key = keys[image, outer_at]
-                    crossed = inner_key != wp.int64(NOTHING)
-                    edge_q = (one - share) * a[2] + share * b[2]
-                    edge_depth = one / edge_q
-                    front = Surface()
-                    behind = Surface()
-                    front_seen = vec2()
-                    behind_seen = vec2()
-                    has_behind = outer_key != wp.int64(NOTHING)
-                    if crossed:
-                        front = surface_of(image, int(inner_key & face_mask), faces, screen, irradiances)
-                        front_seen = seen_at(front, inner_pixel)
-                        ahead = edge_depth - one / front_seen[1]
-                        crossed = ahead <= before_edge and ahead >= -behind_edge
-                    if crossed and has_behind:
-                        behind = surface_of(image, int(outer_key & face_mask), faces, screen, irradiances)
-                        behind_seen = seen_at(behind, outer_pixel)
-                        crossed = one / behind_seen[1] >= edge_depth + behind_edge
-                    normal = na * (one - share) + nb * share
-                    square = normal[0] * normal[0] + normal[1] * normal[1]
-                    if crossed and square >= real(1e-12):
-                        weight = fold * normal[axis] * normal[axis] / square
-                        t = u - half - real(low)
-                        blend = wp.abs(t - half)
-                        target_inner = (t < half) == (inside < real(0.0))
-                        at = outer_at
-                        # The front surface's colour: the target's own, or the rim's where it reaches over.
-                        perspective = share * b[2] / edge_q
-                        rim_step = irradiances[image, ib] - irradiances[image, ia]
-                        front_irradiance = irradiances[image, ia] + perspective * rim_step
-                        if target_inner:
-                            at = inner_at
-                            front_irradiance = front_seen[0]
-                        seen = observed[which, at]
-                        prior = log_prior[which, at]
-                        front_fit = explained(seen, colour * front_irradiance, prior, noise)
-                        back_fit = vec2(prior[2], real(0.0))
-                        if has_behind:
-                            back_fit = explained(seen, colour * behind_seen[0], prior, noise)
-                        gain = front_fit[0] - back_fit[0]
-                        # What the target pixel takes of the front surface, or gives of it to what is behind.
-                        taken = weight * blend
-                        if target_inner:
-                            taken = -taken
-                        total = total + taken * gain
-                        if images != 0 and not has_behind:
-                            wp.atomic_add(coverage, image, at, taken)
-                        if differentiate != 0:
-                            # The edge's motion: through u and through the weight.
-                            along_u = -inside * weight * gain
-                            along_weight = fold * blend * gain
-                            if target_inner:
-                                along_weight = -along_weight
-                            slope = (b[axis] - a[axis]) / length_v
-                            on_a = (one - share) * along_u
-                            on_b = share * along_u
-                            # d weight / d normal in the image; columns have the complement of rows.
-                            turn = real(2.0) * normal[0] * normal[1] / (square * square) * along_weight
-                            if axis == 1:
-                                turn = -turn
-                            on_normal_here = vec3(turn * normal[1], -turn * normal[0], real(0.0))
-                            wp.atomic_add(on_normal, image, ia, on_normal_here * (one - share))
-                            wp.atomic_add(on_normal, image, ib, on_normal_here * share)
-                            on_share = wp.dot(on_normal_here, nb - na)
-                            edge_a = along(axis, on_a, -on_a * slope)
-                            edge_b = along(axis, on_b, -on_b * slope)
-                            on_qa = real(0.0)
-                            on_qb = real(0.0)
-                            on_light_a = real(0.0)
-                            on_light_b = real(0.0)
-                            # The colours on both sides of the edge.
-                            front_error = seen - colour * front_irradiance
-                            front_weight = taken * front_fit[1] * precision
-                            on_front = front_weight * wp.dot(colour, front_error)
-                            painted = painted + front_error * (front_weight * front_irradiance)
-                            if target_inner:
-                                pull_pixel(
-                                    image,
-                                    front,
-                                    inner_pixel,
-                                    front_seen,
-                                    on_front,
-                                    screen,
-                                    irradiances,
-                                    on_corner,
-                                )
-                            else:
-                                on_light_a = on_front * (one - perspective)
-                                on_light_b = on_front * perspective
-                                on_perspective = on_front * rim_step
-                                on_share = on_share + on_perspective * a[2] * b[2] / (edge_q * edge_q)
-                                by_q = on_perspective * share * (one - share) / (edge_q * edge_q)
-                                on_qa = -by_q * b[2]
-                                on_qb = by_q * a[2]
-                            if has_behind:
-                                behind_error = seen - colour * behind_seen[0]
-                                behind_weight = -taken * back_fit[1] * precision
-                                painted = painted + behind_error * (behind_weight * behind_seen[0])
-                                pull_pixel(
-                                    image,
-                                    behind,
-                                    outer_pixel,
-                                    behind_seen,
-                                    behind_weight * wp.dot(colour, behind_error),
-                                    screen,
-                                    irradiances,
-                                    on_corner,
-                                )
-                            by_share = on_share / length_v
-                            share_a = along(axis, real(0.0), -(one - share) * by_share)
-                            share_b = along(axis, real(0.0), -share * by_share)
-                            pull_a = edge_a + share_a
-                            pull_b = edge_b + share_b
-                            wp.atomic_add(on_corner, image, ia, vec4(pull_a[0], pull_a[1], on_qa, on_light_a))
-                            wp.atomic_add(on_corner, image, ib, vec4(pull_b[0], pull_b[1], on_qb, on_light_b))
+        task = Task()
+        task.eye = eye_of(image, view)
+        task.noise = noise_of(photos.sigma[image])
+        task.curvature = curvature
+        task.differentiate = differentiate
+        task.images = images
+        total = vec4()
+        for index in range(part, occluding.counts[image], threads):
+            number = occluding.occluding_edges[image, index]
+            edge = edge_of(image, number, mesh, vertices, occluding, task.eye)
+            if not in_frame(edge, view):
+                continue
+            for axis in range(2):
+                first, end = lines_of(edge, axis, view)
+                for line in range(first, end):
+                    total = cross_line(
+                        total,
+                        image,
+                        edge,
+                        axis,
+                        line,
+                        mesh,
+                        view,
+                        vertices,
+                        photos,
+                        keys,
+                        task,
+                        cotangents,
+                        normal_rows,
+                        pictures,
+                    )
+        totals.values[image, part] = total[0]
+        totals.on_albedo[image, part] = vec3(total[1], total[2], total[3])
 
-                            # Gauss-Newton has no residual here; the cusp of gain per pixel is taken one
-                            # pixel wide. The row is of u alone.
-                            slot = normal_shape.shape[1]
-                            if differentiate > 1:
-                                slot = wp.atomic_add(row_count, image, 1)
-                            if slot < normal_shape.shape[1]:
-                                root = wp.sqrt(curvature / ((wp.abs(along_u) + real(0.1)) * brightness))
-                                edge_a = edge_a * root
-                                edge_b = edge_b * root
-                                to_a = back * camera_cotangent(eye, a, edge_a)
-                                to_b = back * camera_cotangent(eye, b, edge_b)
-                                normal_shape[image, slot] = (
-                                    basis[ia, 0] * to_a[0]
-                                    + basis[ia, 1] * to_a[1]
-                                    + basis[ia, 2] * to_a[2]
-                                    + basis[ib, 0] * to_b[0]
-                                    + basis[ib, 1] * to_b[1]
-                                    + basis[ib, 2] * to_b[2]
-                                )
-                                normal_rest[image, slot] = moved(
-                                    moved(rest_row(), eye, edge_a, a), eye, edge_b, b
-                                )
-        values[image, part] = total
-        on_albedo[image, part] = painted
-
-    return SimpleNamespace(collect_rims=collect_rims, boundary=boundary)
+    return SimpleNamespace(collect_edges=collect_edges, boundary=boundary)

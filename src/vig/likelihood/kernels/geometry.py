@@ -8,20 +8,24 @@ import numpy as np
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.surface import RowLayout, surface_functions
+from vig.likelihood.kernels.types import RowLayout, kernel_types
 from vig.renderer.device import warp_array
-from vig.scene import ShapeModel
+from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
 
 
 class Geometry:
     """A shape model on one device, in one precision.
 
-    positions (K + 1, V * 3): mean and components, so that (1, coefficients) @ positions are the vertices.
-    faces (F, 3), edges (E, 5), ring_start (V + 1,) and ring (R, 3), all int32: see `edges_of`, `rings_of`.
-    basis (V, 3, padded K): the components again, one row per vertex and axis. transfer (K + 1, V * 9) or
-    None: what self-shadow and bounces add to the lobes A_l Y_lm of each vertex, see `ObjectClass.transfer`.
-    kept: what others made for this geometry and may use again, for as long as it lives.
+    Attributes:
+        layout: Blocks of a point: latents, then framing.
+        rows: Columns of a row of derivatives.
+        positions: (K + 1, V * 3) mean and components: (1, coefficients) @ positions are the vertices.
+        faces, edges, ring_start, ring: (F, 3), (E, 5), (V + 1,), (R, 3) int32, see `edges_of`, `rings_of`.
+        basis: (V, 3, padded K) the components again, one row per vertex and axis.
+        transfer: (K + 1, V * 9) or None: what self-shadowing and interreflection add to the lobes A_l Y_lm of
+            each vertex, see `ObjectClass.transfer`.
+        kept: Passes and the like that may be used again for as long as the geometry lives.
     """
 
     def __init__(
@@ -34,10 +38,10 @@ class Geometry:
         if model.modes < 1:
             raise ValueError("the renderer needs a shape model with one component or more; got none")
         self.model, self.dtype, self.device = model, dtype, device
-        self.layout = RowLayout(model.modes)
+        self.layout, self.rows = point_layout(model.modes), RowLayout(model.modes)
         stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)
         self.positions = torch.from_numpy(stack.reshape(len(stack), -1)).to(device, dtype).contiguous()
-        padded = np.zeros((len(model.mean), 3, self.layout.shape))
+        padded = np.zeros((len(model.mean), 3, self.rows.shape))
         padded[:, :, : model.modes] = model.basis.transpose(1, 2, 0)
         self.basis = torch.from_numpy(padded).to(device, dtype)
         self.transfer: torch.Tensor | None = None
@@ -51,8 +55,7 @@ class Geometry:
         self.faces, self.edges, self.ring_start, self.ring = (
             torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
         )
-        shape_row = surface_functions(dtype, model.modes).shape_row
-        self.basis_wp = warp_array(self.basis, shape_row)
+        self.basis_wp = warp_array(self.basis, kernel_types(dtype, model.modes).shape_row)
         self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
         self.ring_start_wp = warp_array(self.ring_start, wp.int32)
         self.ring_wp = warp_array(self.ring, wp.int32)

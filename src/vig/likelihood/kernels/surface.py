@@ -10,65 +10,26 @@ it albedo's derivative is made, as the colour is albedo times irradiance), then 
 """
 
 import functools
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import torch
 import warp as wp
 
-from vig.renderer.device import initialise, scalar_type
+from vig.likelihood.kernels.groups import argument_groups
+from vig.likelihood.kernels.types import REST, kernel_types
 from vig.scene.light import COSINE_LOBE, L_COUNT, Y00, Y1, Y2, Y20
-
-FRAMING_COUNT = 3
-"""Horizontal and vertical shift of the image in widths, log of its magnification."""
-
-LANES = 16
-"""Numbers in a padded vector: whole registers."""
-
-AZIMUTH, ELEVATION, LIGHT, IRRADIANCE, FRAMING = 0, 1, 2, 2 + L_COUNT, 3 + L_COUNT
-"""Columns of the rest of a row."""
-
-
-@dataclass(frozen=True)
-class RowLayout:
-    """How wide a row is, for K shape components, and where a point's numbers stand in it."""
-
-    modes: int
-
-    @property
-    def shape(self) -> int:
-        """Columns of the shape part."""
-        return -(-self.modes // LANES) * LANES
-
-    @property
-    def width(self) -> int:
-        """Columns in all."""
-        return self.shape + LANES
-
-    @property
-    def size(self) -> int:
-        """P', numbers of a point: latents in their order, then framing."""
-        return self.modes + 5 + L_COUNT + FRAMING_COUNT
-
-    def columns(self) -> list[int]:
-        """The column of each of a point's numbers; the three of albedo share the irradiance's."""
-        rest = [AZIMUTH, ELEVATION, *[IRRADIANCE] * 3, *range(LIGHT, LIGHT + L_COUNT)]
-        rest += range(FRAMING, FRAMING + FRAMING_COUNT)
-        return [*range(self.modes), *(self.shape + column for column in rest)]
 
 
 @functools.cache
 def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
-    """Types and device functions for one scalar type and number of shape components."""
-    initialise()
-    real = scalar_type(dtype)
-    layout = RowLayout(modes)
-    vec2, vec3, vec4 = (wp.types.vector(length, real) for length in (2, 3, 4))
-    mat33 = wp.types.matrix((3, 3), real)
-    shape_row, rest_row = wp.types.vector(layout.shape, real), wp.types.vector(LANES, real)
-    lobe_vector = wp.types.vector(L_COUNT, real)
-    azimuth, elevation, light_at, irradiance_at = AZIMUTH, ELEVATION, LIGHT, IRRADIANCE
-    framing = FRAMING
+    """Device functions for one scalar type and number of shape components."""
+    t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
+    real, vec2, vec3, vec4, mat33 = t.real, t.vec2, t.vec3, t.vec4, t.mat33
+    shape_row, rest_row, lobe_vector = t.shape_row, t.rest_row, t.lobe_vector
+    Mesh, View, Vertices, Cotangents = groups.mesh, groups.view, groups.vertices, groups.cotangents
+    azimuth, elevation, framing, light_at = (
+        REST.at(name) for name in ("azimuth", "elevation", "framing", "light")
+    )
     flat = real(COSINE_LOBE[0] * Y00)
     linear = real(COSINE_LOBE[1] * Y1)
     product = real(COSINE_LOBE[4] * Y2)
@@ -76,7 +37,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Eye:
-        """One image's camera; world: rows of camera_from_world's rotation."""
+        """One image's camera; rotation: camera_from_world."""
 
         rotation: mat33
         distance: real
@@ -86,14 +47,15 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         width: real
 
     @wp.func
-    def eye_of(rotation: mat33, distance: real, intrinsics: vec3, width: int):
+    def eye_of(image: int, view: View):
         eye = Eye()
-        eye.rotation = rotation
-        eye.distance = distance
+        eye.rotation = view.rotation[image]
+        eye.distance = view.distance
+        intrinsics = view.intrinsics[image]
         eye.focal = intrinsics[0]
         eye.cx = intrinsics[1]
         eye.cy = intrinsics[2]
-        eye.width = real(width)
+        eye.width = real(view.width)
         return eye
 
     @wp.func
@@ -109,23 +71,18 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         scale = eye.focal * screen[2]
         along = on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy)
         return vec3(
-            scale * on_screen[0],
-            scale * on_screen[1],
-            -screen[2] * (along + screen[2] * on_screen[2]),
+            scale * on_screen[0], scale * on_screen[1], -screen[2] * (along + screen[2] * on_screen[2])
         )
 
     @wp.func
     def turned(eye: Eye, cotangent: vec3, arm: vec3):
-        """What a cotangent on a vector that turns with the camera's rotation says of azimuth, elevation."""
+        """Pull a cotangent on a vector that turns with the camera's rotation back to azimuth, elevation."""
         up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
-        return vec2(
-            -wp.dot(cotangent, wp.cross(up, arm)),
-            cotangent[2] * arm[1] - cotangent[1] * arm[2],
-        )
+        return vec2(-wp.dot(cotangent, wp.cross(up, arm)), cotangent[2] * arm[1] - cotangent[1] * arm[2])
 
     @wp.func
     def framed(eye: Eye, on_screen: vec3, screen: vec3):
-        """What a cotangent on pixel coordinates says of the framing."""
+        """Pull a cotangent on pixel coordinates back to the framing."""
         return vec3(
             on_screen[0] * eye.width,
             on_screen[1] * eye.width,
@@ -149,20 +106,14 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         slope: vec2
 
     @wp.func
-    def surface_of(
-        image: int,
-        face: int,
-        faces: wp.array2d(dtype=wp.int32),
-        screen: wp.array2d(dtype=vec3),
-        irradiances: wp.array2d(dtype=real),
-    ):
+    def surface_of(image: int, face: int, mesh: Mesh, vertices: Vertices):
         s = Surface()
-        s.i = faces[face, 0]
-        s.j = faces[face, 1]
-        s.k = faces[face, 2]
-        a = screen[image, s.i]
-        b = screen[image, s.j]
-        c = screen[image, s.k]
+        s.i = mesh.faces[face, 0]
+        s.j = mesh.faces[face, 1]
+        s.k = mesh.faces[face, 2]
+        a = vertices.screen[image, s.i]
+        b = vertices.screen[image, s.j]
+        c = vertices.screen[image, s.k]
         bx = b[0] - a[0]
         by = b[1] - a[1]
         cx = c[0] - a[0]
@@ -171,11 +122,11 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         s.origin = vec2(a[0], a[1])
         s.by_second = vec2(cy * inverse, -cx * inverse)
         s.by_third = vec2(-by * inverse, bx * inverse)
-        lit_a = a[2] * irradiances[image, s.i]
+        lit_a = a[2] * vertices.irradiances[image, s.i]
+        lit_b = b[2] * vertices.irradiances[image, s.j]
+        lit_c = c[2] * vertices.irradiances[image, s.k]
         s.lit_base = lit_a
-        s.lit_slope = s.by_second * (b[2] * irradiances[image, s.j] - lit_a) + s.by_third * (
-            c[2] * irradiances[image, s.k] - lit_a
-        )
+        s.lit_slope = s.by_second * (lit_b - lit_a) + s.by_third * (lit_c - lit_a)
         s.base = a[2]
         s.slope = s.by_second * (b[2] - a[2]) + s.by_third * (c[2] - a[2])
         return s
@@ -194,14 +145,13 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         lit: real,
         depth: real,
         s: Surface,
-        screen: wp.array2d(dtype=vec3),
-        irradiances: wp.array2d(dtype=real),
-        on_corner: wp.array2d(dtype=vec4),
+        vertices: Vertices,
+        cotangents: Cotangents,
     ):
         moved = s.lit_slope * lit + s.slope * depth
-        by_q = irradiances[image, vertex] * lit + depth
-        pulled = vec4(-moved[0], -moved[1], by_q, screen[image, vertex][2] * lit)
-        wp.atomic_add(on_corner, image, vertex, pulled)
+        by_q = vertices.irradiances[image, vertex] * lit + depth
+        pulled = vec4(-moved[0], -moved[1], by_q, vertices.screen[image, vertex][2] * lit)
+        wp.atomic_add(cotangents.on_corner, image, vertex, pulled)
 
     @wp.func
     def pull_surface(
@@ -211,9 +161,8 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         lit_off: vec2,
         depth: real,
         depth_off: vec2,
-        screen: wp.array2d(dtype=vec3),
-        irradiances: wp.array2d(dtype=real),
-        on_corner: wp.array2d(dtype=vec4),
+        vertices: Vertices,
+        cotangents: Cotangents,
     ):
         """Pull sums of cotangents on q times irradiance (lit) and on q (depth) back to the corners.
 
@@ -226,9 +175,9 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         depth_c = wp.dot(s.by_third, depth_off)
         lit_a = lit - lit_b - lit_c
         depth_a = depth - depth_b - depth_c
-        pull_corner(image, s.i, lit_a, depth_a, s, screen, irradiances, on_corner)
-        pull_corner(image, s.j, lit_b, depth_b, s, screen, irradiances, on_corner)
-        pull_corner(image, s.k, lit_c, depth_c, s, screen, irradiances, on_corner)
+        pull_corner(image, s.i, lit_a, depth_a, s, vertices, cotangents)
+        pull_corner(image, s.j, lit_b, depth_b, s, vertices, cotangents)
+        pull_corner(image, s.k, lit_c, depth_c, s, vertices, cotangents)
 
     @wp.func
     def pull_pixel(
@@ -237,20 +186,19 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         pixel: vec2,
         seen: vec2,
         on_seen: real,
-        screen: wp.array2d(dtype=vec3),
-        irradiances: wp.array2d(dtype=real),
-        on_corner: wp.array2d(dtype=vec4),
+        vertices: Vertices,
+        cotangents: Cotangents,
     ):
         """Pull a cotangent on the irradiance seen at one pixel back to the corners."""
         lit = on_seen / seen[1]
         depth = -lit * seen[0]
         off = pixel - s.origin
-        pull_surface(image, s, lit, off * lit, depth, off * depth, screen, irradiances, on_corner)
+        pull_surface(image, s, lit, off * lit, depth, off * depth, vertices, cotangents)
 
     @wp.func
     def add_lobes(row: rest_row, change: lobe_vector):
         """Add to a row's light columns."""
-        for i in range(9):
+        for i in range(L_COUNT):
             row[light_at + i] = row[light_at + i] + change[i]
         return row
 
@@ -285,13 +233,18 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         )
 
     @wp.func
-    def moved(
-        row: rest_row,
-        eye: Eye,
-        on_screen: vec3,
-        screen: vec3,
-    ):
-        """Add what a cotangent on a screen point says of pose and framing to a row's rest."""
+    def add_basis(row: shape_row, mesh: Mesh, vertex: wp.int32, cotangent: vec3):
+        """Add what a cotangent on a vertex's place in the world is on the shape coefficients."""
+        return (
+            row
+            + mesh.basis[vertex, 0] * cotangent[0]
+            + mesh.basis[vertex, 1] * cotangent[1]
+            + mesh.basis[vertex, 2] * cotangent[2]
+        )
+
+    @wp.func
+    def moved(row: rest_row, eye: Eye, on_screen: vec3, screen: vec3):
+        """Add a cotangent on a screen point, pulled back to pose and framing, to a row's rest."""
         point = camera_point(eye, screen)
         arm = vec3(point[0], point[1], point[2] - eye.distance)
         pose = turned(eye, camera_cotangent(eye, screen, on_screen), arm)
@@ -304,29 +257,17 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         return row
 
     return SimpleNamespace(
-        real=real,
-        vec2=vec2,
-        vec3=vec3,
-        vec4=vec4,
-        mat33=mat33,
-        shape_row=shape_row,
-        rest_row=rest_row,
-        lobe_vector=lobe_vector,
-        layout=layout,
         Eye=Eye,
         Surface=Surface,
         eye_of=eye_of,
-        camera_point=camera_point,
         camera_cotangent=camera_cotangent,
         turned=turned,
-        framed=framed,
         surface_of=surface_of,
         seen_at=seen_at,
-        pull_surface=pull_surface,
         pull_pixel=pull_pixel,
         lobes=lobes,
         add_lobes=add_lobes,
         light_slope=light_slope,
+        add_basis=add_basis,
         moved=moved,
-        irradiance_at=irradiance_at,
     )

@@ -1,8 +1,11 @@
 """Procedural teapot designs in dense correspondence."""
 
-from vig_world.assets.designs.catalogue import TRAINING_DESIGNS
-from vig_world.assets.designs.design import TeapotDesign
-from vig_world.assets.designs.further import HELD_OUT_DESIGNS, VALIDATION_DESIGNS
+from vig_world.assets.designs.design import (
+    HELD_OUT_DESIGNS,
+    TRAINING_DESIGNS,
+    VALIDATION_DESIGNS,
+    TeapotDesign,
+)
 from vig_world.assets.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 
 __all__ = [

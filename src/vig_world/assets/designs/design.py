@@ -1,8 +1,10 @@
-"""The understandable parameters of a teapot."""
+"""The interpretable parameters of a teapot, and the named designs in `designs.json`."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from importlib import resources
 
 
 @dataclass(frozen=True)
@@ -68,3 +70,18 @@ class TeapotDesign:
     handle_thickness: float = 0.012  # in the loop's plane
     handle_width: float = 0.016  # across it
     handle_squareness: float = 0.2  # of its section: 0 elliptic .. 1 nearly rectangular
+
+
+def load_designs(split: str) -> tuple[TeapotDesign, ...]:
+    """The named designs of "train", "test" or "validation", in the order of `designs.json`.
+
+    Parameters that the file leaves out keep the defaults of `TeapotDesign`.
+    """
+    catalogue = json.loads(resources.files(__package__).joinpath("designs.json").read_text("utf-8"))
+    return tuple(TeapotDesign(name, **parameters) for name, parameters in catalogue[split].items())
+
+
+TRAINING_DESIGNS = load_designs("train")
+"""The shape model is learned from these."""
+HELD_OUT_DESIGNS = load_designs("test")
+VALIDATION_DESIGNS = load_designs("validation")

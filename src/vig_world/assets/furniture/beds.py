@@ -6,11 +6,12 @@ import numpy as np
 
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import legs
-from vig_world.assets.furniture.furniture import Furniture
+from vig_world.assets.furniture.furniture import Furniture, family
 from vig_world.assets.furniture.joinery import Joinery, cushion, rod, slab, stick, turned_post
 from vig_world.assets.props.shapes import tube
 
 
+@family
 def bed(rng: np.random.Generator) -> Furniture:
     """A bed for one or two with its head at +Y: frame, mattress, cover and pillows."""
     j = Joinery(rng)
@@ -48,6 +49,7 @@ def bed(rng: np.random.Generator) -> Furniture:
     return j.done("bed")
 
 
+@family
 def floor_lamp(rng: np.random.Generator) -> Furniture:
     """A lamp on a stand or on three legs; its shade glows in most."""
     j = Joinery(rng)
@@ -87,6 +89,7 @@ def floor_lamp(rng: np.random.Generator) -> Furniture:
     return j.done("floor_lamp")
 
 
+@family
 def potted_tree(rng: np.random.Generator) -> Furniture:
     """A large house plant in a tub."""
     j = Joinery(rng)

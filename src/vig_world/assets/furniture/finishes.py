@@ -1,4 +1,4 @@
-"""What furniture is made of: finishes that each sample chooses anew, and small parts' own."""
+"""Materials of furniture: finishes that each sample draws, and fixed ones of small parts."""
 
 from __future__ import annotations
 

@@ -74,7 +74,11 @@ def fronts(
 ) -> None:
     """A field of drawers (several rows) or doors (one row) that faces -Y.
 
-    low, high: (x, z) corners; rows: relative heights from the bottom; style: kinds of front and handle.
+    Args:
+        low: (x, z) corners.
+        high: (x, z) corners.
+        rows: Relative heights from the bottom.
+        style: Kinds of front and handle.
     """
     xs = np.linspace(low[0], high[0], columns + 1).tolist()
     zs = (low[1] + (high[1] - low[1]) * np.concatenate([[0], np.cumsum(rows)]) / np.sum(rows)).tolist()

@@ -1,7 +1,8 @@
-"""What a piece of furniture is: parts, and the surfaces on which things stand."""
+"""Pieces of furniture: parts, and the surfaces on which things stand."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +15,15 @@ from vig_world.mesh import Mesh
 class Support:
     """A level rectangle on which things stand.
 
-    zone: what is done there, which says what stands there: `cooking`, `dining`, `drinks`, `desk`, `reading`,
-    `display`, `storage`, `bedside`, `washing` or `floor`. centre: (x, y, z) metres; half: half its extents
-    along its own axes; turn: radians about +Z from its owner's x axis to its own. clearance: free metres
-    above it (a shelf's next board); inf where nothing is above. behind: metres from its edge at +y of its own
-    axes to the wall, back or thing that closes that side, inf where it is open; -y is where people stand.
+    Attributes:
+        zone: What it is used for, which decides what stands there; one of
+            `vig_world.assets.props.ZONE_NAMES`.
+        centre: (x, y, z) metres.
+        half: Half its extents along its own axes.
+        turn: Radians about +Z from its owner's x axis to its own.
+        clearance: Free metres above it (a shelf's next board); inf where nothing is above.
+        behind: Metres from its edge at +y of its own axes to the wall, back or thing that closes that side,
+            inf where it is open; -y is where people stand.
     """
 
     zone: str
@@ -40,9 +45,24 @@ class Support:
 class Furniture:
     """A piece of furniture, metres, standing on z = 0 with its bounding box centred at x = y = 0.
 
-    Its front, from which it is used, faces -Y. parts: meshes with texture coordinates and their materials.
+    Its front, from which it is used, faces -Y.
+
+    Attributes:
+        parts: Meshes with texture coordinates and their materials.
     """
 
     family: str
     parts: tuple[tuple[Mesh, Material], ...]
     supports: tuple[Support, ...]
+
+
+Maker = Callable[[np.random.Generator], Furniture]
+
+FAMILIES: dict[str, Maker] = {}
+"""Every family of furniture by name: a function from a generator to a piece."""
+
+
+def family(make: Maker) -> Maker:
+    """Register the decorated function as the maker of a family, named like the function."""
+    FAMILIES[make.__name__] = make
+    return make

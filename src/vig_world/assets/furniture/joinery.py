@@ -1,4 +1,4 @@
-"""Puts furniture together out of boards, slabs, posts and cushions; texture coordinates are metres.
+"""Assembles furniture from boards, slabs, posts and cushions; texture coordinates are metres.
 
 Wood's grain runs along v, so v follows the longest side of a board. Meshes are closed and face outward.
 """
@@ -95,9 +95,13 @@ def slab(
 ) -> Mesh:
     """A body over a rectangle with rounded corners, closed by flat ends.
 
-    half: half its extents in x and y; radius: of its corners, up to the smaller half (a round or oval body).
-    runs: from the bottom's rim to the top's, each a list of (inset, z) shaded smoothly, with sharp edges
-    between runs. corner: pieces per quarter circle, 0 for sharp corners. soft: the ends join smoothly too.
+    Args:
+        half: Half its extents in x and y.
+        radius: Radius of its corners, up to the smaller half (a round or oval body).
+        runs: From the bottom's rim to the top's, each a list of (inset, z) shaded smoothly, with sharp edges
+            between runs.
+        corner: Pieces per quarter circle, 0 for sharp corners.
+        soft: The ends join smoothly too.
     """
     half = np.asarray(half, np.float64)
     inset, z = np.array([point for run in runs for point in run], np.float64).T
@@ -225,7 +229,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 class Joinery:
-    """A piece of furniture in the making: parts by material, and its supports, all in one frame."""
+    """A piece of furniture under construction: parts by material, and its supports, all in one frame."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng

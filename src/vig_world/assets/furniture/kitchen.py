@@ -6,7 +6,7 @@ import numpy as np
 
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import FRONTS, HANDLES, THICK, fronts, handle
-from vig_world.assets.furniture.furniture import Furniture
+from vig_world.assets.furniture.furniture import Furniture, family
 from vig_world.assets.furniture.joinery import Joinery, rod, slab, stick, turned_post
 from vig_world.assets.furniture.pierced import Hole, pierced
 from vig_world.assets.furniture.tables import edge
@@ -130,16 +130,19 @@ def _units(j: Joinery, body: Material, metal: Material, x: float, y: float, unde
             fronts(j, body, metal, low, (b, split), face, [1.0], 1, style)
 
 
+@family
 def kitchen_counter(rng: np.random.Generator) -> Furniture:
     """A run of base units under one worktop."""
     return _counter(rng, "kitchen_counter")
 
 
+@family
 def sink_counter(rng: np.random.Generator) -> Furniture:
     """A run of base units with a sink."""
     return _counter(rng, "sink_counter")
 
 
+@family
 def hob_counter(rng: np.random.Generator) -> Furniture:
     """A run of base units with a hob, most with an oven below it."""
     return _counter(rng, "hob_counter")
@@ -206,6 +209,7 @@ def _nosing(j: Joinery, stuff: Material, x: float, y0: float, y1: float, low: fl
     j.add(stuff, mesh)
 
 
+@family
 def kitchen_island(rng: np.random.Generator) -> Furniture:
     """A free counter whose top overhangs at the back, where one can sit."""
     j = Joinery(rng)
@@ -224,6 +228,7 @@ def kitchen_island(rng: np.random.Generator) -> Furniture:
     return j.done("kitchen_island")
 
 
+@family
 def wall_cupboard(rng: np.random.Generator) -> Furniture:
     """Cupboards to be hung above a counter; some have an open shelf below."""
     j = Joinery(rng)
@@ -246,6 +251,7 @@ def wall_cupboard(rng: np.random.Generator) -> Furniture:
     return j.done("wall_cupboard")
 
 
+@family
 def refrigerator(rng: np.random.Generator) -> Furniture:
     """A tall refrigerator with a freezer's door below."""
     j = Joinery(rng)

@@ -6,7 +6,7 @@ import numpy as np
 
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import LEGS, hoops, legs, splayed
-from vig_world.assets.furniture.furniture import Furniture
+from vig_world.assets.furniture.furniture import Furniture, family
 from vig_world.assets.furniture.joinery import Joinery, board, cushion, rounding, slab, stick
 from vig_world.assets.props.material import Material
 
@@ -26,6 +26,7 @@ def _seat(
     j.support("reading", (-x, -y), (x, y), z)
 
 
+@family
 def chair(rng: np.random.Generator) -> Furniture:
     """A chair without arms: seat of wood or padded, the back of slats, rungs, one board or padded."""
     j = Joinery(rng)
@@ -109,11 +110,13 @@ def _back(
                 j.add(frame, stick(post[0], post[1], 0.012, 6))
 
 
+@family
 def stool(rng: np.random.Generator) -> Furniture:
     """A stool, round or square."""
     return _stool(rng, float(rng.uniform(0.43, 0.48)), "stool")
 
 
+@family
 def bar_stool(rng: np.random.Generator) -> Furniture:
     """A high stool for a counter."""
     return _stool(rng, float(rng.uniform(0.62, 0.7)), "bar_stool")
@@ -202,16 +205,19 @@ def _lounge(rng: np.random.Generator, family: str, places: int) -> Furniture:
     return j.done(family)
 
 
+@family
 def armchair(rng: np.random.Generator) -> Furniture:
     """An upholstered chair for one."""
     return _lounge(rng, "armchair", 1)
 
 
+@family
 def sofa(rng: np.random.Generator) -> Furniture:
     """A sofa for two or three."""
     return _lounge(rng, "sofa", int(rng.integers(2, 4)))
 
 
+@family
 def bench(rng: np.random.Generator) -> Furniture:
     """A plain bench, with or without a cushion."""
     j = Joinery(rng)
@@ -234,6 +240,7 @@ def bench(rng: np.random.Generator) -> Furniture:
     return j.done("bench")
 
 
+@family
 def window_seat(rng: np.random.Generator) -> Furniture:
     """A chest under a window with a long cushion on it."""
     j = Joinery(rng)

@@ -1,4 +1,4 @@
-"""What things are kept in and on: shelves, cabinets, chests, wardrobes, a mantelpiece."""
+"""Storage furniture: shelves, cabinets, chests, wardrobes, a mantelpiece."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import FRONTS, HANDLES, fronts, leg, legs
-from vig_world.assets.furniture.furniture import Furniture
+from vig_world.assets.furniture.furniture import Furniture, family
 from vig_world.assets.furniture.joinery import Joinery, boards, rounding, slab
 from vig_world.assets.furniture.tables import edge
 from vig_world.assets.props.material import Material
@@ -91,6 +91,7 @@ def _shelves(
             )
 
 
+@family
 def bookshelf(rng: np.random.Generator) -> Furniture:
     """Bookcase of one or two bays."""
     j = Joinery(rng)
@@ -125,6 +126,7 @@ def bookshelf(rng: np.random.Generator) -> Furniture:
     return j.done("bookshelf")
 
 
+@family
 def wall_shelf(rng: np.random.Generator) -> Furniture:
     """One to three boards on brackets, hung on a wall by whoever places it; its lowest board is at z = 0."""
     j = Joinery(rng)
@@ -154,6 +156,7 @@ def wall_shelf(rng: np.random.Generator) -> Furniture:
     return j.done("wall_shelf")
 
 
+@family
 def sideboard(rng: np.random.Generator) -> Furniture:
     """A long low cabinet with doors and drawers."""
     j = Joinery(rng)
@@ -180,6 +183,7 @@ def sideboard(rng: np.random.Generator) -> Furniture:
     return j.done("sideboard")
 
 
+@family
 def media_bench(rng: np.random.Generator) -> Furniture:
     """A low cabinet with an open niche, as for a television."""
     j = Joinery(rng)
@@ -202,6 +206,7 @@ def media_bench(rng: np.random.Generator) -> Furniture:
     return j.done("media_bench")
 
 
+@family
 def chest_of_drawers(rng: np.random.Generator) -> Furniture:
     """Drawers above one another."""
     j = Joinery(rng)
@@ -222,6 +227,7 @@ def chest_of_drawers(rng: np.random.Generator) -> Furniture:
     return j.done("chest_of_drawers")
 
 
+@family
 def bedside_table(rng: np.random.Generator) -> Furniture:
     """A drawer with an open niche below."""
     j = Joinery(rng)
@@ -242,6 +248,7 @@ def bedside_table(rng: np.random.Generator) -> Furniture:
     return j.done("bedside_table")
 
 
+@family
 def wardrobe(rng: np.random.Generator) -> Furniture:
     """Two or three tall doors."""
     j = Joinery(rng)
@@ -260,6 +267,7 @@ def wardrobe(rng: np.random.Generator) -> Furniture:
     return j.done("wardrobe")
 
 
+@family
 def dresser(rng: np.random.Generator) -> Furniture:
     """A sideboard with plate shelves above its back."""
     j = Joinery(rng)
@@ -291,6 +299,7 @@ def dresser(rng: np.random.Generator) -> Furniture:
     return j.done("dresser")
 
 
+@family
 def fireplace(rng: np.random.Generator) -> Furniture:
     """A chimney-piece with its mantel."""
     j = Joinery(rng)

@@ -6,7 +6,7 @@ import numpy as np
 
 from vig_world.assets.furniture import finishes
 from vig_world.assets.furniture.fronts import FRONTS, HANDLES, LEGS, fronts, hoops, legs, splayed
-from vig_world.assets.furniture.furniture import Furniture
+from vig_world.assets.furniture.furniture import Furniture, family
 from vig_world.assets.furniture.joinery import Joinery, Profile, rounding, slab, turned_post
 from vig_world.assets.props.material import Material
 
@@ -41,6 +41,7 @@ def _top(
     j.support(zone, (-x, -y), (x, y), z)
 
 
+@family
 def dining_table(rng: np.random.Generator) -> Furniture:
     """A table to eat at: oblong, oval or round, on four legs, hoops or a pedestal."""
     j = Joinery(rng)
@@ -77,6 +78,7 @@ def _pedestal(j: Joinery, stuff: Material, half: tuple[float, float], z: float) 
         j.add(stuff, turned_post(np.stack([r, h], -1), 16), (x, 0, 0))
 
 
+@family
 def cafe_table(rng: np.random.Generator) -> Furniture:
     """A small round or square table on one foot of metal."""
     j = Joinery(rng)
@@ -90,6 +92,7 @@ def cafe_table(rng: np.random.Generator) -> Furniture:
     return j.done("cafe_table")
 
 
+@family
 def coffee_table(rng: np.random.Generator) -> Furniture:
     """A low table before a sofa, often with a shelf below."""
     j = Joinery(rng)
@@ -112,6 +115,7 @@ def coffee_table(rng: np.random.Generator) -> Furniture:
     return j.done("coffee_table")
 
 
+@family
 def side_table(rng: np.random.Generator) -> Furniture:
     """A small table beside a sofa or an armchair."""
     j = Joinery(rng)
@@ -130,6 +134,7 @@ def side_table(rng: np.random.Generator) -> Furniture:
     return j.done("side_table")
 
 
+@family
 def desk(rng: np.random.Generator) -> Furniture:
     """A writing desk, some with drawers on one side, some with a shelf on top at the back."""
     j = Joinery(rng)
@@ -179,6 +184,7 @@ def desk(rng: np.random.Generator) -> Furniture:
     return j.done("desk")
 
 
+@family
 def console(rng: np.random.Generator) -> Furniture:
     """A narrow table against a wall, as in halls."""
     j = Joinery(rng)
@@ -210,6 +216,7 @@ def console(rng: np.random.Generator) -> Furniture:
     return j.done("console")
 
 
+@family
 def tea_trolley(rng: np.random.Generator) -> Furniture:
     """Two or three trays with rims on a frame with wheels."""
     j = Joinery(rng)

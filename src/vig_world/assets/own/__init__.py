@@ -1,4 +1,4 @@
-"""Users' own panoramas, props and furniture, read from folders of HDR and mesh files."""
+"""Custom panoramas, props and furniture, read from folders of HDR and mesh files."""
 
 from vig_world.assets.own.envmaps import OwnPanorama, bpy_panoramas, read_envmaps
 from vig_world.assets.own.furniture import OwnFurniture, read_furniture

@@ -1,4 +1,4 @@
-"""How many triangles a mesh file holds, from its header or by a pass over its bytes, before it is loaded."""
+"""Counts the triangles of a mesh file, from its header or by a pass over its bytes, before it is loaded."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HEADER = 2**16
 def refuse_huge(path: Path) -> None:
     """Raise UserError for a mesh file of more than MOST_FACES faces or MOST_BYTES bytes.
 
-    Other errors (ValueError, KeyError, OSError, ...) say that the file is damaged.
+    Other errors (ValueError, KeyError, OSError, ...) mean that the file is damaged.
     """
     size = path.stat().st_size
     if size == 0:

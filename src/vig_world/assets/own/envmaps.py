@@ -1,4 +1,4 @@
-"""Users' own panoramas: `.hdr` and `.exr` files, and the eight that come in Blender's Python wheel."""
+"""Custom panoramas: `.hdr` and `.exr` files, and the eight that come in Blender's Python wheel."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ _FIND = (
 class OwnPanorama:
     """An equirectangular panorama from a file, as `project_panorama` reads it.
 
-    name: of the file, relative to its folder. fingerprint: sha256 of the file. radiance:
-    (64, 128, 3) float32 linear, for the light's coefficients; `sharp` is for path tracers.
+    Attributes:
+        name: Name of the file, relative to its folder.
+        fingerprint: sha256 of the file.
+        radiance: (64, 128, 3) float32 linear, for the light's coefficients; `sharp` is for path tracers.
     """
 
     name: str
@@ -42,11 +44,17 @@ class OwnPanorama:
 def read_envmaps(
     folder: str | Path, bpy_python: str | Path | None = None
 ) -> tuple[list[OwnPanorama], list[str]]:
-    """Read every panorama of a folder and the folders in it, in the order of their names.
+    """Read every panorama below a folder, in the order of their names.
 
-    folder: or `bpy`, the eight panoramas in the wheel of Blender that `bpy_python` (an interpreter; None:
-    this one) has. Result: the panoramas, and one sentence for each file that was left out.
-    Raises UserError when there is no such folder or not one usable panorama in it.
+    Args:
+        folder: Folder to read; `bpy` stands for the eight panoramas in Blender's wheel.
+        bpy_python: Interpreter that has this wheel; None: the running one.
+
+    Returns:
+        The panoramas, and one sentence for each skipped file.
+
+    Raises:
+        UserError: When there is no such folder or not one usable panorama in it.
     """
     root = bpy_panoramas(bpy_python) if str(folder) == "bpy" else Path(folder)
     panoramas, problems = [], []
@@ -71,7 +79,8 @@ def read_envmaps(
 def bpy_panoramas(python: str | Path | None = None) -> Path:
     """The folder of panoramas in the wheel `bpy` of an interpreter (None: this one); nothing is imported.
 
-    Raises UserError when the interpreter cannot be run or has no such wheel.
+    Raises:
+        UserError: When the interpreter cannot be run or has no such wheel.
     """
     if python is None:
         spec = importlib.util.find_spec("bpy")

@@ -1,4 +1,4 @@
-"""Which files a user's folder holds, and the fingerprints by which a dataset knows them again."""
+"""The files of a user's folder, and the fingerprints by which a dataset identifies them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from vig.errors import UserError
 
 
 def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, Path]]:
-    """All files of a folder and the folders in it with one of the suffixes, hidden ones left out.
+    """List the files below a folder with one of the suffixes, except hidden ones.
 
-    Result: names relative to the folder with `/` between, in their alphabetical order, and paths.
-    Raises UserError when the folder is missing or no folder, or holds no such file.
+    Returns:
+        Names relative to the folder with `/` between, in their alphabetical order, and paths.
+
+    Raises:
+        UserError: When the folder is missing, is a file, or holds no such file.
     """
     root = Path(folder)
     kinds = " ".join(suffixes)
@@ -27,7 +30,7 @@ def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, P
             if path.suffix.lower() in suffixes and path.is_file()
         ]
     except OSError as error:
-        raise UserError(f"{root}: cannot be listed ({error.strerror}). Check its rights.") from error
+        raise UserError(f"{root}: cannot be listed ({error.strerror}). Check its permissions.") from error
     found = [(name, path) for name, path in found if not any(p.startswith(".") for p in name.split("/"))]
     if not found:
         raise UserError(f"{root}: expected files {kinds}; got none. Check the path.")

@@ -1,4 +1,4 @@
-"""Users' own furniture: mesh files, with the places found on which things can stand."""
+"""Custom furniture from mesh files, with the supports found on it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from vig.errors import UserError
 from vig_world.assets.furniture import Furniture, Support
 from vig_world.assets.own.props import Parts, read_each
+from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import Kind
 from vig_world.assets.own.supports import Area, level_areas
-from vig_world.assets.own.told import Told
 from vig_world.assets.props.material import prop
 
 _FURNITURE = Kind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
-FAMILIES = {  # words in a file's name that tell what it is; earlier ones go before
+FAMILIES = {  # by keywords in a file's name; earlier ones take precedence
     "bedside": "nightstand", "nightstand": "nightstand", "coffee_table": "coffee_table", "desk": "desk",
     "counter": "counter", "kitchen": "counter", "bookshelf": "shelf", "bookcase": "shelf", "shelf": "shelf",
     "rack": "shelf", "cabinet": "cabinet", "commode": "cabinet", "cupboard": "cabinet", "drawer": "cabinet",
@@ -41,41 +41,44 @@ class OwnFurniture:
 
 
 def read_furniture(folder: str | Path) -> tuple[list[OwnFurniture], list[str]]:
-    """Read every mesh file of a folder and the folders in it as furniture, in the order of their names.
+    """Read every mesh file below a folder as furniture, in the order of their names.
 
-    Result: the pieces, and one sentence for each file that was left out and for each guess made. A piece on
-    which nothing can stand is kept, with a sentence, if it is `_LOWEST` or higher.
-    Raises UserError when there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
+    Returns:
+        The pieces, and one sentence for each skipped file and for each guess. A piece on which nothing can
+        stand is kept, with a sentence, if it is `_LOWEST` or higher.
+
+    Raises:
+        UserError: When there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
     """
     return read_each(folder, _FURNITURE, _made)
 
 
-def _made(name: str, mark: str, parts: Parts, said: Told) -> tuple[OwnFurniture, list[str]]:
+def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[OwnFurniture, list[str]]:
     standing = prop("", *parts).parts
     vertices = np.concatenate([mesh.vertices for mesh, _ in standing]).astype(np.float64)
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in standing[:-1]])
     faces = np.concatenate([mesh.faces + start for (mesh, _), start in zip(standing, starts, strict=True)])
-    family = said.family or _family(name)
+    family = settings.family or _family(name)
     areas = level_areas(vertices, faces)
     height = float(vertices[:, 2].max())
     if not areas and height < _LOWEST:
-        raise UserError(f"{name}: expected furniture; got {height:.2f} m high with no place for things.")
-    supports = tuple(_support(area, family, said.zones, i) for i, area in enumerate(areas))
+        raise UserError(f"{name}: expected furniture; got {height:.2f} m high without a support.")
+    supports = tuple(_support(area, family, settings.zones, i) for i, area in enumerate(areas))
     notes = [] if supports else ["found no level area of 15 x 15 cm with 20 cm of free space above it"]
     return OwnFurniture(name, mark, Furniture(family, standing, supports)), notes
 
 
 def _family(name: str) -> str:
-    """What a file's name says it is; `furniture` when it says nothing."""
+    """The family that a file's name suggests; `furniture` when it suggests none."""
     words = Path(name).as_posix().lower().replace("-", "_").replace(" ", "_")
     return next((family for word, family in FAMILIES.items() if word in words), "furniture")
 
 
-def _support(area: Area, family: str, told: tuple[str, ...], number: int) -> Support:
-    """An area with its zone: told (in turn, where several are), by what the piece is, or by its height."""
+def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Support:
+    """An area with its zone: from the settings (in turn, if several), the family, or its height."""
     height = area.centre[2]
-    if told:
-        zone = told[number % len(told)]
+    if zones:
+        zone = zones[number % len(zones)]
     elif family in _ZONES:
         zone = "storage" if family == "cabinet" and np.isfinite(area.clearance) else _ZONES[family]
     elif family == "shelf" or np.isfinite(area.clearance):

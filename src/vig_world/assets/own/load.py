@@ -1,4 +1,4 @@
-"""Mesh files as plain triangles with textures, through trimesh; whatever is wrong with one is a UserError."""
+"""Loads mesh files as triangles with textures, through trimesh; every failure is a UserError."""
 
 from __future__ import annotations
 
@@ -51,15 +51,20 @@ class Loaded:
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     """Load a mesh file with the scene's transforms applied.
 
-    root: folder outside which nothing is read. nodes: the only nodes of the scene that are wanted; empty:
-    all. Raises UserError for a file that is huge, unreadable, empty, or has no finite triangle.
+    Args:
+        root: Folder outside which nothing is read.
+        path: The mesh file.
+        nodes: The only nodes of the scene to read; empty: all.
+
+    Raises:
+        UserError: For a file that is huge, unreadable, empty, or has no finite triangle.
     """
     try:
         refuse_huge(path)
         data = read_bytes(path, MOST_BYTES)
         files = _files(root, path)
         with _quiet():
-            import trimesh  # half a second that only users' own meshes need to spend
+            import trimesh  # takes half a second, so only when custom meshes are read
 
             suffix = path.suffix.lower()
             scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=files, process=False)
@@ -107,7 +112,7 @@ def _files(root: Path, path: Path) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without trimesh's and pillow's own log lines and warnings: what matters is said by us."""
+    """Silence log lines and warnings of trimesh and pillow: problems are reported by the caller."""
     logger = logging.getLogger("trimesh")
     before, logger.disabled = logger.disabled, True
     try:

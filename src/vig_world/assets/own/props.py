@@ -1,4 +1,4 @@
-"""Users' own props: small things from mesh files."""
+"""Custom props from mesh files."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from vig.errors import UserError
 from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, Piece, load
+from vig_world.assets.own.settings import FileSettings, settings_of
 from vig_world.assets.own.simplify import outward
 from vig_world.assets.own.standing import Kind, stand
-from vig_world.assets.own.told import Told, told
 from vig_world.assets.props.material import Material, Prop, prop
 from vig_world.mesh import Mesh
 
@@ -29,8 +29,10 @@ Parts = tuple[tuple[Mesh, Material], ...]
 class OwnProp:
     """A prop from a file.
 
-    name: of the file, relative to its folder. fingerprint: sha256 of all files it was read from and of what
-    `vig.toml` tells of it. zones: where it belongs; empty: anywhere.
+    Attributes:
+        name: Name of the file, relative to its folder.
+        fingerprint: sha256 of all files it was read from and of its settings in `vig.toml`.
+        zones: Zones to which it belongs; empty: any.
     """
 
     name: str
@@ -40,39 +42,42 @@ class OwnProp:
 
 
 def read_props(folder: str | Path) -> tuple[list[OwnProp], list[str]]:
-    """Read every mesh file of a folder and the folders in it as a prop, in the order of their names.
+    """Read every mesh file below a folder as a prop, in the order of their names.
 
-    Result: the props, and one sentence for each file that was left out and for each guess made.
-    Raises UserError when there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
+    Returns:
+        The props, and one sentence for each skipped file and for each guess.
+
+    Raises:
+        UserError: When there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
     """
 
-    def made(name: str, mark: str, parts: Parts, said: Told) -> tuple[OwnProp, list[str]]:
-        return OwnProp(name, mark, prop(said.family or _called(name), *parts), said.zones), []
+    def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[OwnProp, list[str]]:
+        return OwnProp(name, mark, prop(settings.family or _called(name), *parts), settings.zones), []
 
     return read_each(folder, _PROP, made)
 
 
 def _called(name: str) -> str:
-    """What a thing is called: its file's stem, or its folder's name if that is a word like `model`."""
+    """The name of a thing: its file's stem, or its folder's name if the stem is generic, such as `model`."""
     path = Path(name)
     return path.parent.name if path.stem.lower() in _GENERIC and path.parent.name else path.stem
 
 
 def read_each(
-    folder: str | Path, kind: Kind, made: Callable[[str, str, Parts, Told], tuple[Any, list[str]]]
+    folder: str | Path, kind: Kind, made: Callable[[str, str, Parts, FileSettings], tuple[Any, list[str]]]
 ) -> tuple[list[Any], list[str]]:
-    """What `made` makes of each mesh file's name, fingerprint, parts and settings; and all problems."""
+    """Apply `made` to each mesh file's name, fingerprint, parts and settings; also return all problems."""
     root = Path(folder)
     results, problems, cache = [], [], {}  # type: ignore[var-annotated]
     for name, path in files_of(root, SUFFIXES):
-        said = told(root, path, cache)
-        if said.skip:
+        settings = settings_of(root, path, cache)
+        if settings.skip:
             continue
         try:
-            loaded = load(root, path, said.nodes)
-            pieces, guesses = _standing(path, loaded.pieces, said, kind)
-            mark = fingerprint({**loaded.files, "vig.toml": repr(sorted(asdict(said).items())).encode()})
-            result, notes = made(name, mark, parts_of(pieces), said)
+            loaded = load(root, path, settings.nodes)
+            pieces, guesses = _standing(path, loaded.pieces, settings, kind)
+            mark = fingerprint({**loaded.files, "vig.toml": repr(sorted(asdict(settings).items())).encode()})
+            result, notes = made(name, mark, parts_of(pieces), settings)
         except UserError as error:
             problems.append(f"{error} Left out.")
             continue
@@ -86,18 +91,20 @@ def read_each(
     return results, problems
 
 
-def _standing(path: Path, pieces: list[Piece], said: Told, kind: Kind) -> tuple[list[Piece], list[str]]:
+def _standing(
+    path: Path, pieces: list[Piece], settings: FileSettings, kind: Kind
+) -> tuple[list[Piece], list[str]]:
     try:
         pieces = outward(pieces, MOST_FACES)
         if not pieces:
             raise ValueError("triangles with an area; all of its are degenerate")
-        return stand(pieces, said, path.suffix.lower(), kind)
+        return stand(pieces, settings, path.suffix.lower(), kind)
     except ValueError as error:
         raise UserError(f"{path}: expected {error}.") from error
 
 
 def parts_of(pieces: list[Piece]) -> Parts:
-    """Pieces as meshes with materials: what they are made of is not told, so plastic."""
+    """Pieces as meshes with materials; files do not name these, so they are plastic."""
     return tuple(
         (
             Mesh(

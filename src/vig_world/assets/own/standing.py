@@ -1,4 +1,4 @@
-"""From a file's axes and units to ours: Z up, metres, standing on z = 0 and centred."""
+"""From a file's axes and units to Z up and metres, standing on z = 0 and centred."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from vig_world.assets.own.load import Piece
-from vig_world.assets.own.told import Told
+from vig_world.assets.own.settings import FileSettings
 from vig_world.mesh import face_normals
 
-_UPRIGHT = {  # rows: where our x, y, z come from
+_UPRIGHT = {  # rows: the file's axes that become x, y, z
     "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
     "x": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
@@ -29,7 +29,7 @@ _CLEARLY = 3.0
 
 @dataclass(frozen=True)
 class Kind:
-    """A sort of things: its name, its largest side in metres at least and at most, whether furniture."""
+    """Props or furniture: its name, and the range of its largest side in metres."""
 
     noun: str
     least: float
@@ -37,24 +37,27 @@ class Kind:
     furniture: bool
 
 
-def stand(pieces: list[Piece], told: Told, suffix: str, kind: Kind) -> tuple[list[Piece], list[str]]:
-    """The pieces turned upright, in metres, and what had to be guessed, in words.
+def stand(
+    pieces: list[Piece], settings: FileSettings, suffix: str, kind: Kind
+) -> tuple[list[Piece], list[str]]:
+    """Turn pieces upright and scale them to metres; also return the guesses made, as sentences.
 
-    Raises ValueError, saying the size, when no usual unit makes it one of this kind.
+    Raises:
+        ValueError: With the size, when no usual unit makes it one of this kind.
     """
     guesses = []
-    up = told.up
+    up = settings.up
     if up is None:
         up, sure = ("y", True) if suffix in (".glb", ".gltf") else _guessed_up(pieces, suffix, kind)
         if not sure:
-            guesses.append(f'took {up} for its upward axis (told by up = "{up}")')
+            guesses.append(f'took {up} for its upward axis (set by up = "{up}")')
     pieces = _turned(pieces, np.array(_UPRIGHT[up], np.float64))
-    if told.turn:
-        c, s = np.cos(np.deg2rad(told.turn)), np.sin(np.deg2rad(told.turn))
+    if settings.turn:
+        c, s = np.cos(np.deg2rad(settings.turn)), np.sin(np.deg2rad(settings.turn))
         pieces = _turned(pieces, np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
     points = np.concatenate([piece.vertices for piece in pieces])
     size = float(np.ptp(points, axis=0).max())
-    scale = told.scale
+    scale = settings.scale
     if scale is None:
         middle = np.sqrt(kind.least * kind.most)
         fitting = [unit for unit in _UNITS if kind.least <= size * unit <= kind.most]
@@ -65,7 +68,7 @@ def stand(pieces: list[Piece], told: Told, suffix: str, kind: Kind) -> tuple[lis
             )
         scale = 1.0 if 1.0 in fitting else min(fitting, key=lambda unit: abs(np.log(size * unit / middle)))
         if scale != 1.0:
-            guesses.append(f"took its units for {_UNITS[scale]} (told by scale = {scale:g})")
+            guesses.append(f"took its units for {_UNITS[scale]} (set by scale = {scale:g})")
     elif not kind.least <= size * scale <= kind.most:
         raise ValueError(
             f"a {kind.noun} of {kind.least:g} to {kind.most:g} m; by its scale it is {size * scale:.4g} m"
@@ -84,7 +87,7 @@ def _guessed_up(pieces: list[Piece], suffix: str, kind: Kind) -> tuple[str, bool
     if len(standing) == 1:
         return standing[0], True
     if not kind.furniture:
-        return "z", True  # small things may as well lie
+        return "z", True  # small things may also lie
     tops = {up: _level(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     for up, other in (("z", "y"), ("y", "z")):
         if tops[up] > _CLEARLY * tops[other]:

@@ -1,4 +1,4 @@
-"""Where things can stand on furniture: level areas with free space above, found from its triangles."""
+"""Finds supports on furniture: level areas with free space above, from its triangles."""
 
 from __future__ import annotations
 

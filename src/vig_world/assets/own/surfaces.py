@@ -14,7 +14,7 @@ MOST_TEXELS = 256
 MOST_PIXELS = 50_000_000
 """Of a picture before it is made smaller."""
 GREY = 0.5
-"""Albedo of what has no colour, or one that cannot be read."""
+"""Albedo where a file has no readable colour."""
 _PALETTE = 64
 
 Painted = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -34,7 +34,7 @@ def painted(vertices: np.ndarray, faces: np.ndarray, visual: Any, gltf: bool) ->
         texture = _linear(image) if image is not None else None
         if texture is not None and uv is not None and len(uv) == len(vertices):
             coordinates = np.nan_to_num(np.asarray(uv, np.float32)[:, :2], posinf=0.0, neginf=0.0)
-            # MTL's Kd beside a picture is by many programs left at 0 or 0.8: there the picture alone counts.
+            # Many programs leave MTL's Kd at 0 or 0.8 beside a picture, so the picture alone counts.
             return vertices, faces, coordinates, _albedo(texture * rgb if gltf else texture)
         return vertices, faces, blank, _albedo(rgb[None, None])
     if getattr(visual, "kind", None) in ("vertex", "face"):

@@ -47,7 +47,8 @@ def outdoors(seed: int, way: Array) -> Array:
 def albedo_of(room: Room, points: Array, owner: Cells, side: Cells, size: Array) -> Array:
     """Albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3).
 
-    size: metres (N,) that a pixel spans there; lines thinner than it fade into what is round them.
+    Args:
+        size: Metres (N,) that a pixel spans there; lines thinner than it fade into what is round them.
     """
     result = np.empty_like(points)
     order = np.argsort(owner, kind="stable")

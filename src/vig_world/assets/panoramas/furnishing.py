@@ -13,7 +13,7 @@ Array = np.ndarray
 Generator = np.random.Generator
 
 _CLEAR = 0.45
-"""Metres round the eye in which nothing stands."""
+"""Metres round the viewpoint that stay empty."""
 _WOODS = np.array([[0.5, 0.3, 0.15], [0.25, 0.13, 0.06], [0.65, 0.48, 0.3], [0.1, 0.06, 0.04]], np.float32)
 
 
@@ -173,7 +173,7 @@ AT_WORK: tuple[Maker, ...] = (_desk, _desk, _table, _cupboard, _bookshelf, _crat
 
 
 def furnish(rng: Generator, room: Room, makers: tuple[Maker, ...], count: int) -> None:
-    """Put up to `count` pieces into a room, mostly along its walls, none into another or onto the eye."""
+    """Place up to `count` pieces in a room, mostly along its walls, clear of each other and the viewpoint."""
     taken: list[tuple[Array, Array]] = []
     for _ in range(count):
         piece = makers[rng.integers(len(makers))](rng)

@@ -1,4 +1,4 @@
-"""The light that a panorama gives: nine grey SH coefficients, of all of it or at a place on a support."""
+"""A panorama's light at a place on a support: nine grey SH coefficients."""
 
 from __future__ import annotations
 
@@ -13,17 +13,15 @@ from vig.scene.light import Y00, Y1, exposed, grey, sh_basis
 Array = np.ndarray
 
 
-def grey_light(image: Array) -> NDArray[np.float64]:
-    """Grey light of a panorama (H, W, 3): nine SH coefficients, scaled so that L00 = 0.75 pi."""
-    return exposed(grey(project_panorama(image)))
-
-
 def light_parts(radiance: Array) -> NDArray[np.float64]:
-    """What a panorama gives a place on a level support: (2, 9) grey SH of radiance, unexposed.
+    """Compute a panorama's light on a level support: (2, 9) grey SH of radiance, unexposed.
 
-    radiance: (H, W, 3), H even. First the panorama's upper hemisphere alone, then what a white support that
-    fills the lower one sends up: everywhere E / pi, E being the irradiance from above. Both turn with
-    `rotate_z`, so they are computed once per panorama.
+    First of the panorama's upper hemisphere alone, then of the light reflected by a white support that fills
+    the lower one: everywhere E / pi, E being the irradiance from above. Both turn with `rotate_z`, so they
+    are computed once per panorama.
+
+    Args:
+        radiance: (H, W, 3), H even.
     """
     rows = len(radiance)
     if rows % 2:
@@ -43,9 +41,16 @@ def light_parts(radiance: Array) -> NDArray[np.float64]:
 def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
     """Grey light (9,) at a place on a level support of this albedo, at the paper's exposure.
 
-    radiance: (H, W, 3), H even, or its `light_parts` (2, 9). The support hides the lower hemisphere and
-    sends back albedo x E / pi, E the irradiance from above. Turning it by `rotate_z` is the same as turning
-    the panorama. Raises ValueError when no light comes from above.
+    Args:
+        radiance: (H, W, 3), H even, or its `light_parts` (2, 9).
+        ground_albedo: Grey albedo of the support, which hides the lower hemisphere and reflects
+            albedo x E / pi, E being the irradiance from above.
+
+    Returns:
+        (9,); turning it by `rotate_z` is the same as turning the panorama.
+
+    Raises:
+        ValueError: When no light comes from above.
     """
     upper, white = radiance if radiance.shape == (2, 9) else light_parts(radiance)
     return exposed(upper + ground_albedo * white)

@@ -1,4 +1,4 @@
-"""Paints a room in HDR: what each ray from the eye meets, and how that is lit."""
+"""Paints a room in HDR: what each ray from the viewpoint meets, and how that is lit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vig_world.assets.panoramas.tracing import directions, first_met, seen
 Array = np.ndarray
 
 _SHADOWED = 6
-"""So many of a room's strongest places of light cast shadows."""
+"""Number of a room's strongest light sources that cast shadows."""
 _BOUNCED = 0.55
 """Share of the light that a surface meets which comes back from the next, in the mean."""
 
@@ -33,18 +33,18 @@ class _Place:
 
 
 def panorama(rng: np.random.Generator, height: int = 64) -> Array:
-    """Paints the light of one random room as seen from a table in it.
+    """Paint the light of one random room as seen from a table in it.
 
     Args:
-        rng: everything random comes from it.
-        height: rows; at least 16. The same generator gives the same room at any height.
+        rng: Source of all randomness.
+        height: Number of rows, at least 16. The same generator gives the same room at any height.
 
     Returns:
         (height, 2 height, 3) float32 linear radiance >= 0, equirectangular: row 0 straight up (+Z), column u
         at azimuth 2 pi (u + 0.5) / width counter-clockwise from +X. Its scale is arbitrary.
 
     Raises:
-        ValueError: height below 16.
+        ValueError: For a height below 16.
     """
     if height < 16:
         raise ValueError(f"height must be at least 16 rows; got {height}.")
@@ -112,7 +112,7 @@ def _arriving(place: _Place, points: Array, normals: Array) -> Array:
 
 
 def _flux(place: _Place) -> Array:
-    """Light that reaches the eye from a place, as a vector (3,) towards it."""
+    """Light that reaches the viewpoint from a place, as a vector (3,) towards it."""
     reach = float(np.linalg.norm(place.point))
     cosine = 1.0 if place.facing is None else max(float(-place.point @ place.facing) / reach, 0.0)
     return place.intensity.mean() * cosine / max(reach, 0.3) ** 3 * place.point

@@ -1,4 +1,4 @@
-"""What a painted room is made of. Metres; the eye is the origin, Z up; all boxes lie along the axes."""
+"""The parts of a painted room. Metres; the viewpoint is the origin, Z up; all boxes lie along the axes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,11 @@ class Finish:
 
 @dataclass(frozen=True)
 class Box:
-    """A solid from low to high (3,). casts: whether it is large enough to cast a shadow worth its time."""
+    """A solid from low to high (3,).
+
+    Attributes:
+        casts: Whether it is large enough to cast a noticeable shadow.
+    """
 
     low: Array
     high: Array
@@ -55,9 +59,13 @@ class Patch:
 class Panel:
     """A bright rectangle: a window or the face of a lamp.
 
-    centre (3,); across, over: unit vectors (3,) in it, across x over pointing where it shines; half extents
-    (2,); radiance (3,). window: one looks out through it, past bars (count across, count over) of `frame`
-    albedo; veil: share of the light that a curtain spreads evenly.
+    Attributes:
+        centre: (3,).
+        across, over: Unit vectors (3,) in it; across x over points where it shines.
+        half: (2,) half extents.
+        radiance: (3,).
+        window: Whether it is a window, with bars (count across, count over) of `frame` albedo.
+        veil: Share of the light that a curtain spreads evenly.
     """
 
     centre: Array
@@ -94,9 +102,13 @@ class Bulb:
 class Room:
     """A furnished room as seen from the origin.
 
-    reach (6,): distance of the sides. sides: a finish for each. sun: the direction to it (3,) and its
-    irradiance / pi (3,) on what faces it, or None. ambient: factor of the light from all the room.
-    skyline: seed of what is seen outdoors. shade: how dark the side away from the light lies, 0 to 1.
+    Attributes:
+        reach: (6,) distance of the sides.
+        sides: A finish for each.
+        sun: The direction to it (3,) and its irradiance / pi (3,) on what faces it, or None.
+        ambient: Factor of the light from all the room.
+        skyline: Seed of what is seen outdoors.
+        shade: How dark the side away from the light lies, 0 to 1.
     """
 
     reach: Array

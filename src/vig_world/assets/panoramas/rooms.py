@@ -46,7 +46,7 @@ def _log_uniform(rng: Generator, low: float, high: float) -> float:
 
 
 def _shell(rng: Generator, widest: float, height: tuple[float, float]) -> Room:
-    """An empty room: its eye at 0.7 to 1.3 m, at least 0.7 m from the walls."""
+    """An empty room: its viewpoint at 0.7 to 1.3 m, at least 0.7 m from the walls."""
     eye = rng.uniform(0.7, 1.3)
     reach = np.append(rng.uniform(0.7, widest, 4), [max(rng.uniform(*height) - eye, 0.9), eye])
     paint = near(np.full(3, rng.uniform(0.35, 0.85), np.float32), rng, 0.2)

@@ -27,8 +27,9 @@ def directions(height: int) -> Array:
 def first_met(way: Array, reach: Array, boxes: list[Box]) -> tuple[Array, NDArray[np.int_], NDArray[np.int_]]:
     """What rays from the origin along `way` (N, 3) meet first in a room of sides at `reach` (6,).
 
-    Result: distances (N,); the box's index (N,), -1 for the room itself; and the side (N,) of the box or
-    room, in the order of `OUTWARD`.
+    Returns:
+        Distances (N,); the box's index (N,), -1 for the room itself; and the side (N,) of the box or room, in
+        the order of `OUTWARD`.
     """
     speed = way @ OUTWARD.T
     distance = np.where(speed > 1e-6, reach / np.maximum(speed, 1e-6), np.inf)

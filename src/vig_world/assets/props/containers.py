@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
     Prop,
@@ -37,6 +38,7 @@ def band_of(radius: float, low: float, high: float, outline: ArrayLike = 1.0, se
     return revolve(loop, segments, outline, upright=True)
 
 
+@family("cooking", "drinks", "storage")
 def can(rng: np.random.Generator) -> Prop:
     """A food or drinks can with a printed label."""
     radius = rng.uniform(0.026, 0.052)
@@ -54,6 +56,7 @@ def can(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("cooking", "dining", "drinks", "storage", "washing")
 def bottle(rng: np.random.Generator) -> Prop:
     """A bottle of wine, oil, soap or water, with a label and a cap."""
     height = rng.uniform(0.14, 0.3)
@@ -82,6 +85,7 @@ def bottle(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("cooking", "display", "storage", "washing")
 def jar(rng: np.random.Generator) -> Prop:
     """A storage jar with a lid (knob, screw cap or cork) and perhaps a label."""
     height, radius = rng.uniform(0.07, 0.2), rng.uniform(0.03, 0.06)
@@ -120,6 +124,7 @@ def jar(rng: np.random.Generator) -> Prop:
     return prop("jar", *parts)
 
 
+@family("desk")
 def pen_pot(rng: np.random.Generator) -> Prop:
     """A pot of pens, brushes or wooden spoons."""
     height, radius = rng.uniform(0.08, 0.13), rng.uniform(0.032, 0.048)
@@ -150,6 +155,7 @@ def pen_pot(rng: np.random.Generator) -> Prop:
     return prop("pen_pot", *parts)
 
 
+@family("dining")
 def cutlery(rng: np.random.Generator) -> Prop:
     """One to three spoons or knives lying side by side."""
     shiny = steel(rng)
@@ -170,6 +176,7 @@ def cutlery(rng: np.random.Generator) -> Prop:
     return prop("cutlery", *parts)
 
 
+@family("desk", "reading", "bedside", "washing")
 def tissue_box(rng: np.random.Generator) -> Prop:
     """A box of tissues with one pulled out."""
     size = rng.uniform([0.1, 0.1, 0.06], [0.22, 0.13, 0.13])
@@ -190,6 +197,7 @@ def tissue_box(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("cooking", "drinks", "storage")
 def tin(rng: np.random.Generator) -> Prop:
     """A tea or biscuit tin: square, oval or round, with a lid that overlaps."""
     height, radius = rng.uniform(0.05, 0.18), rng.uniform(0.04, 0.075)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, dark, material, metal, plain, plastic, prop, steel
 from vig_world.assets.props.shapes import blob, box, extrude, moved, relief, revolve, rounded, smooth, tube
 from vig_world.assets.textures import neutral, shade, texture
@@ -37,12 +38,14 @@ def _slab(
     ]
 
 
+@family("desk", "bedside")
 def phone(rng: np.random.Generator) -> Prop:
     """A smartphone on its back."""
     width = rng.uniform(0.066, 0.079)
     return prop("phone", *_slab(rng, width, width * rng.uniform(1.95, 2.15), rng.uniform(0.007, 0.011), 0.35))
 
 
+@family("desk", "reading")
 def tablet(rng: np.random.Generator) -> Prop:
     """A tablet or e-reader, lying or leaning on its stand."""
     width = rng.uniform(0.12, 0.18)
@@ -72,6 +75,7 @@ def _keys(rng: np.random.Generator, rows: int, columns: int, body: np.ndarray, c
     return Material(image.clip(0.02, 0.95).astype(np.float32), "plastic", 0.5)
 
 
+@family("desk")
 def keyboard(rng: np.random.Generator) -> Prop:
     """A keyboard, with or without a block of digits."""
     width, depth = rng.uniform(0.27, 0.38), rng.uniform(0.105, 0.13)
@@ -96,6 +100,7 @@ def keyboard(rng: np.random.Generator) -> Prop:
     return prop("keyboard", *parts)
 
 
+@family("desk")
 def laptop(rng: np.random.Generator) -> Prop:
     """A laptop, open or shut."""
     width = rng.uniform(0.27, 0.31)
@@ -120,6 +125,7 @@ def laptop(rng: np.random.Generator) -> Prop:
     return prop("laptop", *parts)
 
 
+@family("desk")
 def mouse(rng: np.random.Generator) -> Prop:
     """A computer mouse, perhaps on its mat."""
     skin = plastic(rng) if rng.uniform() < 0.5 else dark(rng)
@@ -145,6 +151,7 @@ def mouse(rng: np.random.Generator) -> Prop:
     return prop("mouse", *parts, (body, skin), (moved(wheel, (0, 0, lift)), dark(rng)))
 
 
+@family("desk", "floor")
 def headphones(rng: np.random.Generator) -> Prop:
     """A pair of headphones, standing on their cups or lying flat."""
     skin, pad = plastic(rng) if rng.uniform() < 0.5 else dark(rng), dark(rng)
@@ -172,6 +179,7 @@ def headphones(rng: np.random.Generator) -> Prop:
     return prop("headphones", *parts)
 
 
+@family("desk", "storage", "bedside", "floor")
 def cable(rng: np.random.Generator) -> Prop:
     """A cable in loose coils, with its plugs."""
     turns, radius = rng.uniform(2.2, 3.6), rng.uniform(0.035, 0.055)
@@ -197,6 +205,7 @@ def cable(rng: np.random.Generator) -> Prop:
     return prop("cable", *parts)
 
 
+@family("reading", "bedside")
 def remote_control(rng: np.random.Generator) -> Prop:
     """A remote control."""
     width, depth, thick = rng.uniform(0.036, 0.052), rng.uniform(0.13, 0.2), rng.uniform(0.014, 0.022)
@@ -213,6 +222,7 @@ def remote_control(rng: np.random.Generator) -> Prop:
     return prop("remote_control", *parts)
 
 
+@family("desk", "display", "storage")
 def camera(rng: np.random.Generator) -> Prop:
     """A photographic camera, its lens to the front."""
     width, height, depth = rng.uniform([0.11, 0.07, 0.038], [0.14, 0.09, 0.055])
@@ -262,6 +272,7 @@ def camera(rng: np.random.Generator) -> Prop:
     return prop("camera", *parts)
 
 
+@family("desk")
 def calculator(rng: np.random.Generator) -> Prop:
     """A pocket calculator."""
     width, depth = rng.uniform(0.065, 0.09), rng.uniform(0.11, 0.15)
@@ -278,6 +289,7 @@ def calculator(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("desk", "storage")
 def torch(rng: np.random.Generator) -> Prop:
     """A pocket torch, standing on its lens."""
     length, radius = rng.uniform(0.1, 0.18), rng.uniform(0.013, 0.019)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Prop, bare, ceramic, material, metal, plain, plastic, prop, steel
 from vig_world.assets.props.shapes import box, moved, revolve, smooth, tube, vessel
 from vig_world.assets.props.tableware import handle_of
 from vig_world.assets.textures import near, shade
 
 
+@family("dining", "drinks", "desk", "reading")
 def cup_saucer(rng: np.random.Generator) -> Prop:
     """A tea or coffee cup on its saucer, with something in it."""
     radius, height = rng.uniform(0.034, 0.052), rng.uniform(0.045, 0.065)
@@ -39,6 +41,7 @@ def cup_saucer(rng: np.random.Generator) -> Prop:
     return prop("cup_saucer", *parts)
 
 
+@family("dining", "drinks", "display")
 def goblet(rng: np.random.Generator) -> Prop:
     """An opaque goblet: pottery, pewter, brass or coloured glass, filled or not."""
     height, bowl = rng.uniform(0.11, 0.19), rng.uniform(0.028, 0.042)
@@ -56,6 +59,7 @@ def goblet(rng: np.random.Generator) -> Prop:
     return prop("goblet", (revolve(profile, 24), stuff))
 
 
+@family("cooking", "dining", "drinks")
 def sugar_bowl(rng: np.random.Generator) -> Prop:
     """A sugar bowl with two handles and a lid, or open with sugar lumps."""
     radius, height = rng.uniform(0.038, 0.052), rng.uniform(0.05, 0.075)
@@ -84,6 +88,7 @@ def sugar_bowl(rng: np.random.Generator) -> Prop:
     return prop("sugar_bowl", *parts)
 
 
+@family("cooking", "dining", "drinks")
 def milk_bottle(rng: np.random.Generator) -> Prop:
     """A bottle of milk or juice, full, with a cap of foil or plastic."""
     height, radius = rng.uniform(0.16, 0.24), rng.uniform(0.03, 0.042)
@@ -111,6 +116,7 @@ def milk_bottle(rng: np.random.Generator) -> Prop:
     return prop("milk_bottle", (revolve(profile, 24), plain("glass", rng, fill)), (revolve(cap, 18), lid))
 
 
+@family("drinks", "desk", "storage", "floor")
 def flask(rng: np.random.Generator) -> Prop:
     """A vacuum flask or drinking bottle of metal, with a cup as its lid."""
     height, radius = rng.uniform(0.2, 0.28), rng.uniform(0.03, 0.04)
@@ -142,6 +148,7 @@ def flask(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("dining", "drinks", "reading", "display", "storage")
 def teacups(rng: np.random.Generator) -> Prop:
     """Two to four handleless cups: stacked, or side by side."""
     radius, height = rng.uniform(0.032, 0.042), rng.uniform(0.045, 0.07)
@@ -159,6 +166,7 @@ def teacups(rng: np.random.Generator) -> Prop:
     return prop("teacups", *parts)
 
 
+@family("cooking", "drinks", "storage")
 def tea_packet(rng: np.random.Generator) -> Prop:
     """A caddy or paper bag of tea or coffee, its top folded down."""
     width, depth, height = rng.uniform([0.06, 0.045, 0.1], [0.1, 0.065, 0.18])

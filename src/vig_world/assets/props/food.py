@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, ceramic, material, plain, prop, steel, timber
 from vig_world.assets.props.shapes import blob, box, extrude, moved, revolve, smooth, tube, vessel
 from vig_world.assets.textures import near, noise, shade, texture
@@ -20,6 +21,7 @@ def _baked(rng: np.random.Generator) -> Material:
     return Material(image.clip(0.02, 0.95).astype(np.float32), "skin", float(rng.uniform(0.6, 0.9)))
 
 
+@family("cooking", "dining")
 def bread(rng: np.random.Generator) -> Prop:
     """A loaf: round, long or from a tin; perhaps with its end cut and a slice beside it."""
     crust = _baked(rng)
@@ -62,6 +64,7 @@ def bread(rng: np.random.Generator) -> Prop:
     return prop("bread", *parts)
 
 
+@family("dining", "drinks")
 def croissant(rng: np.random.Generator) -> Prop:
     """A croissant: a bent, ribbed roll; one or two."""
     parts = []
@@ -75,6 +78,7 @@ def croissant(rng: np.random.Generator) -> Prop:
     return prop("croissant", *parts)
 
 
+@family("cooking", "dining")
 def cheese(rng: np.random.Generator) -> Prop:
     """A wedge of cheese with its rind, on a board."""
     radius, height, angle = rng.uniform(0.08, 0.12), rng.uniform(0.03, 0.06), rng.uniform(0.5, 1.1)
@@ -94,6 +98,7 @@ def cheese(rng: np.random.Generator) -> Prop:
     return prop("cheese", *parts)
 
 
+@family("dining", "drinks")
 def cake(rng: np.random.Generator) -> Prop:
     """A cake on a stand or plate, some of it perhaps eaten."""
     radius, height, foot = (
@@ -146,6 +151,7 @@ def cake(rng: np.random.Generator) -> Prop:
     return prop("cake", *parts)
 
 
+@family("cooking", "dining")
 def grapes(rng: np.random.Generator) -> Prop:
     """A bunch of grapes, lying."""
     tone = shade(np.array([[0.10, 0.02, 0.05], [0.38, 0.45, 0.12], [0.22, 0.04, 0.05]])[rng.integers(3)], rng)
@@ -174,6 +180,7 @@ def _lobed(radius: float, height: float, lobes: int, depth: float, segments: int
     return revolve(profile * [radius, height], segments, outline)
 
 
+@family("cooking")
 def tomato(rng: np.random.Generator) -> Prop:
     """One to three tomatoes."""
     red = shade(np.array([[0.52, 0.04, 0.02], [0.6, 0.16, 0.02]])[rng.choice(2, p=[0.8, 0.2])], rng)
@@ -193,6 +200,7 @@ def tomato(rng: np.random.Generator) -> Prop:
     return prop("tomato", *parts)
 
 
+@family("cooking")
 def pepper(rng: np.random.Generator) -> Prop:
     """A sweet pepper or an onion, standing."""
     green = plain("wood", rng, near([0.14, 0.22, 0.05], rng))
@@ -218,6 +226,7 @@ def pepper(rng: np.random.Generator) -> Prop:
     return prop("pepper", (body, skin), (tube(smooth(stalk, 4), 0.004, 6, up=(0, 1, 0)), green))
 
 
+@family("cooking")
 def carrot(rng: np.random.Generator) -> Prop:
     """Two to four carrots with their greens, side by side."""
     orange = material("skin", rng, "paint", shade([0.66, 0.21, 0.03], rng), 32)
@@ -238,6 +247,7 @@ def carrot(rng: np.random.Generator) -> Prop:
     return prop("carrot", *parts)
 
 
+@family("cooking", "dining")
 def fruit_bowl(rng: np.random.Generator) -> Prop:
     """A shallow bowl heaped with apples, oranges or lemons."""
     radius, height = rng.uniform(0.1, 0.13), rng.uniform(0.045, 0.065)
@@ -260,6 +270,7 @@ def fruit_bowl(rng: np.random.Generator) -> Prop:
     return prop("fruit_bowl", *parts)
 
 
+@family("cooking", "storage")
 def lunch_tin(rng: np.random.Generator) -> Prop:
     """A flat tin or tub for food with a lid of another colour."""
     size = rng.uniform([0.12, 0.09, 0.04], [0.19, 0.14, 0.07])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
     Prop,
@@ -34,6 +35,7 @@ from vig_world.assets.textures import accent, near, shade
 from vig_world.mesh import Mesh
 
 
+@family("cooking")
 def cutting_board(rng: np.random.Generator) -> Prop:
     """A board to cut on, with a grip or without, lying; perhaps a knife on it."""
     width, depth, thick = rng.uniform(0.12, 0.2), rng.uniform(0.2, 0.29), rng.uniform(0.01, 0.025)
@@ -81,6 +83,7 @@ def _enamel(rng: np.random.Generator) -> Material:
     return metal(rng) if choice < 0.85 else dark(rng)
 
 
+@family("cooking", "storage")
 def saucepan(rng: np.random.Generator) -> Prop:
     """A saucepan with a long handle, or a pot with two ears; with its lid or open."""
     radius, height = rng.uniform(0.065, 0.1), rng.uniform(0.06, 0.12)
@@ -123,6 +126,7 @@ def saucepan(rng: np.random.Generator) -> Prop:
     return prop("saucepan", *parts)
 
 
+@family("cooking")
 def frying_pan(rng: np.random.Generator) -> Prop:
     """A frying pan."""
     radius, height = rng.uniform(0.075, 0.11), rng.uniform(0.03, 0.045)
@@ -137,6 +141,7 @@ def frying_pan(rng: np.random.Generator) -> Prop:
     return prop("frying_pan", (revolve(vessel(wall, 0.003, 0.004, 1), 32), iron), (grip, handle))
 
 
+@family("cooking", "drinks")
 def kettle(rng: np.random.Generator) -> Prop:
     """A kettle: for the stove with a bail over the top, or electric with a handle at the side."""
     height, radius = rng.uniform(0.1, 0.17), rng.uniform(0.065, 0.085)
@@ -165,6 +170,7 @@ def kettle(rng: np.random.Generator) -> Prop:
     return prop("kettle", *parts)
 
 
+@family("cooking")
 def utensils(rng: np.random.Generator) -> Prop:
     """A whisk, ladle, spatula or wooden spoon, or two of them, lying."""
     parts: list[tuple[Mesh, Material]] = []
@@ -200,6 +206,7 @@ def utensils(rng: np.random.Generator) -> Prop:
     return prop("utensils", *parts)
 
 
+@family("cooking")
 def toaster(rng: np.random.Generator) -> Prop:
     """A toaster with two slots, perhaps with toast in them."""
     width, depth, height = rng.uniform([0.24, 0.14, 0.16], [0.29, 0.18, 0.2])
@@ -229,6 +236,7 @@ def toaster(rng: np.random.Generator) -> Prop:
     return prop("toaster", *parts)
 
 
+@family("cooking")
 def egg_box(rng: np.random.Generator) -> Prop:
     """An open tray of eggs, or a closed box of them."""
     columns = int(rng.choice([3, 5]))
@@ -259,6 +267,7 @@ def egg_box(rng: np.random.Generator) -> Prop:
     return prop("egg_box", *parts)
 
 
+@family("cooking")
 def rolling_pin(rng: np.random.Generator) -> Prop:
     """A rolling pin."""
     length, radius = rng.uniform(0.2, 0.25), rng.uniform(0.02, 0.028)
@@ -269,6 +278,7 @@ def rolling_pin(rng: np.random.Generator) -> Prop:
     return prop("rolling_pin", (moved(revolve(profile, 20), tilt=np.pi / 2), timber(rng)))
 
 
+@family("cooking", "dining", "drinks")
 def tray(rng: np.random.Generator) -> Prop:
     """A tray of wood, lacquer or metal with a raised edge."""
     width, depth, edge = rng.uniform(0.2, 0.3), rng.uniform(0.15, 0.21), rng.uniform(0.012, 0.03)

@@ -1,4 +1,4 @@
-"""What props are made of."""
+"""Materials of props, and props as meshes with materials."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ from vig_world.mesh import Mesh
 class Material:
     """A surface.
 
-    texture: (h, w, 3) float32 linear albedo, row 0 the top (v = 1), repeated outside [0, 1].
-    kind: what it is: ceramic, glass, metal, wood, paper, plastic, cloth, leaf, skin (of fruit), wax, earth.
-    roughness: in [0, 1], 0 a mirror; for path tracers only.
-    slot: a surface whose finish each sample chooses anew (`wall`, `floor`, `ceiling`, `wood`, `top`,
-    `fabric`), the texture standing in for it; texture coordinates are metres there. Empty: it is kept.
-    emission: radiance (linear, 1 = white paper in the exposed picture) that the surface sends out by itself.
+    Attributes:
+        texture: (h, w, 3) float32 linear albedo, row 0 the top (v = 1), repeated outside [0, 1].
+        kind: Its substance: ceramic, glass, metal, wood, paper, plastic, cloth, leaf, skin (of fruit), wax,
+            earth.
+        roughness: In [0, 1], 0 a mirror; for path tracers only.
+        slot: A surface whose finish each sample chooses anew (`wall`, `floor`, `ceiling`, `wood`, `top`,
+            `fabric`), the texture standing in for it; texture coordinates are metres there. Empty: it is
+            kept.
+        emission: Radiance that the surface emits (linear, 1 = white paper in the exposed picture).
     """
 
     texture: Array
@@ -44,7 +47,8 @@ class Material:
 class Prop:
     """A household object, metres, standing on z = 0 with its bounding box centred at x = y = 0.
 
-    parts: meshes with texture coordinates, each with its material.
+    Attributes:
+        parts: Meshes with texture coordinates, each with its material.
     """
 
     family: str

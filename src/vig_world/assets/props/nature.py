@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, ceramic, material, prop
 from vig_world.assets.props.shapes import moved, revolve, scaled, smooth, tube, vessel
 from vig_world.assets.textures import Array, near, noise, shade
@@ -27,6 +28,7 @@ def _stalk(rng: np.random.Generator, height: float, length: float) -> tuple[Mesh
     )
 
 
+@family("cooking", "dining", "reading")
 def apple(rng: np.random.Generator) -> Prop:
     """An apple."""
     radius = rng.uniform(0.03, 0.042)
@@ -41,6 +43,7 @@ def apple(rng: np.random.Generator) -> Prop:
     return prop("apple", (revolve(profile, 24, lobes), skin), _stalk(rng, 1.62 * radius * tall, 0.014))
 
 
+@family("cooking", "dining")
 def orange(rng: np.random.Generator) -> Prop:
     """An orange, mandarin or grapefruit."""
     radius, flat = rng.uniform(0.027, 0.05), rng.uniform(0.85, 1.0)
@@ -51,6 +54,7 @@ def orange(rng: np.random.Generator) -> Prop:
     return prop("orange", (revolve(profile, 24), _skin(rng, base, near(base, rng, 0.2), 0.5)))
 
 
+@family("cooking", "drinks")
 def lemon(rng: np.random.Generator) -> Prop:
     """A lemon or lime lying on its side."""
     radius = rng.uniform(0.022, 0.032)
@@ -63,6 +67,7 @@ def lemon(rng: np.random.Generator) -> Prop:
     return prop("lemon", (mesh, _skin(rng, base, near(base, rng, 0.2), 0.5)))
 
 
+@family("cooking", "dining")
 def pear(rng: np.random.Generator) -> Prop:
     """A pear."""
     radius = rng.uniform(0.03, 0.038)
@@ -75,6 +80,7 @@ def pear(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("cooking", "dining")
 def banana(rng: np.random.Generator) -> Prop:
     """One to four bananas in a bunch, lying."""
     length, bend = rng.uniform(0.15, 0.2), rng.uniform(0.7, 1.2)
@@ -127,6 +133,7 @@ def _foliage(
     return parts
 
 
+@family("dining", "display")
 def vase_plant(rng: np.random.Generator) -> Prop:
     """A vase with leafy branches."""
     height = rng.uniform(0.09, 0.18)
@@ -140,6 +147,7 @@ def vase_plant(rng: np.random.Generator) -> Prop:
     return prop("vase_plant", (body, ceramic(rng)), *parts)
 
 
+@family("desk", "reading", "display", "washing", "floor")
 def pot_plant(rng: np.random.Generator) -> Prop:
     """A house plant in a flower pot."""
     height, radius = rng.uniform(0.06, 0.11), rng.uniform(0.035, 0.06)

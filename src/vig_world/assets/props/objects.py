@@ -1,14 +1,16 @@
-"""Other small things about the house: ball, table lamp, clock, speaker."""
+"""Other household objects: ball, table lamp, clock, speaker."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Prop, ceramic, material, metal, prop
 from vig_world.assets.props.shapes import box, moved, revolve, smooth, tube, vessel
 from vig_world.mesh import Mesh
 
 
+@family("floor")
 def ball(rng: np.random.Generator) -> Prop:
     """A toy ball."""
     radius = rng.uniform(0.02, 0.075)
@@ -22,6 +24,7 @@ def ball(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("desk", "reading", "display", "bedside")
 def lamp(rng: np.random.Generator) -> Prop:
     """A small bedside lamp, unlit: a foot, a stem and a shade."""
     height = rng.uniform(0.2, 0.298)
@@ -38,6 +41,7 @@ def lamp(rng: np.random.Generator) -> Prop:
     return prop("lamp", (revolve(profile, 22), body), (revolve(shade, 28), fabric))
 
 
+@family("desk", "display", "bedside")
 def clock(rng: np.random.Generator) -> Prop:
     """A round alarm clock on two feet."""
     radius, depth = rng.uniform(0.035, 0.07), rng.uniform(0.025, 0.05)
@@ -70,6 +74,7 @@ def clock(rng: np.random.Generator) -> Prop:
     return prop("clock", *parts)
 
 
+@family("desk", "display", "floor")
 def speaker(rng: np.random.Generator) -> Prop:
     """A loudspeaker or radio: a box with one or two cones."""
     width, depth, height = rng.uniform([0.07, 0.06, 0.1], [0.15, 0.12, 0.25])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
     Prop,
@@ -33,6 +34,7 @@ from vig_world.assets.textures import accent, near, shade
 from vig_world.mesh import Mesh
 
 
+@family("display", "floor")
 def lantern(rng: np.random.Generator) -> Prop:
     """A candle lantern: four posts, a roof, a ring, a candle within."""
     side, height = rng.uniform(0.08, 0.12), rng.uniform(0.13, 0.19)
@@ -67,6 +69,7 @@ def lantern(rng: np.random.Generator) -> Prop:
     return prop("lantern", *parts)
 
 
+@family("display")
 def figurine(rng: np.random.Generator) -> Prop:
     """A figurine: a bird, a cat or a standing person, of china, wood or brass."""
     stuff = (ceramic(rng, shade([0.78, 0.76, 0.72], rng)), timber(rng), metal(rng), ceramic(rng), dark(rng))[
@@ -125,6 +128,7 @@ def figurine(rng: np.random.Generator) -> Prop:
     return prop("figurine", *[(scaled(mesh, size), m) for mesh, m in parts])
 
 
+@family("display", "bedside")
 def bell(rng: np.random.Generator) -> Prop:
     """A hand bell, or a bell to strike on a counter."""
     stuff = metal(rng)
@@ -174,6 +178,7 @@ def bell(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("display", "storage", "floor")
 def wooden_box(rng: np.random.Generator) -> Prop:
     """A wooden box or crate with a lid and a clasp."""
     width, depth, height = rng.uniform([0.1, 0.07, 0.05], [0.22, 0.15, 0.11])
@@ -200,6 +205,7 @@ def wooden_box(rng: np.random.Generator) -> Prop:
     return prop("wooden_box", *parts)
 
 
+@family("display", "bedside")
 def jewellery_box(rng: np.random.Generator) -> Prop:
     """A small casket on feet with a domed lid, perhaps open on its velvet."""
     width, depth, height = rng.uniform([0.09, 0.065, 0.04], [0.15, 0.1, 0.06])
@@ -231,6 +237,7 @@ def jewellery_box(rng: np.random.Generator) -> Prop:
     return prop("jewellery_box", *parts)
 
 
+@family("desk", "display")
 def hourglass(rng: np.random.Generator) -> Prop:
     """An hourglass or egg timer of painted glass in a frame."""
     height, radius = rng.uniform(0.09, 0.16), rng.uniform(0.022, 0.034)
@@ -272,6 +279,7 @@ def hourglass(rng: np.random.Generator) -> Prop:
     return prop("hourglass", *parts)
 
 
+@family("desk", "display")
 def globe(rng: np.random.Generator) -> Prop:
     """A globe on its stand."""
     radius = rng.uniform(0.05, 0.085)
@@ -296,6 +304,7 @@ def globe(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("display", "floor")
 def toy_car(rng: np.random.Generator) -> Prop:
     """A toy car of wood or metal."""
     length, width, height = rng.uniform([0.07, 0.032, 0.018], [0.14, 0.055, 0.03])
@@ -333,6 +342,7 @@ def _sideways(outline: np.ndarray, width: float, bevel: float, lift: float) -> M
     return moved(extrude(outline, width, bevel), (0, width / 2, lift), tilt=np.pi / 2)
 
 
+@family("storage", "floor")
 def gift_box(rng: np.random.Generator) -> Prop:
     """A present in paper with a ribbon, or a box of chocolates."""
     width, depth, height = rng.uniform([0.09, 0.08, 0.03], [0.2, 0.16, 0.11])
@@ -350,6 +360,7 @@ def gift_box(rng: np.random.Generator) -> Prop:
     return prop("gift_box", *parts)
 
 
+@family("cooking", "display")
 def radio(rng: np.random.Generator) -> Prop:
     """A small radio with a grille, a dial and knobs."""
     width, depth, height = rng.uniform([0.13, 0.05, 0.08], [0.22, 0.09, 0.13])

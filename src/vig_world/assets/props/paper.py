@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
     Prop,
@@ -38,8 +39,9 @@ def _sheet(
     return relief(s * width / 2, t * depth / 2, rise + thick, rise)
 
 
+@family("desk")
 def paper_sheets(rng: np.random.Generator) -> Prop:
-    """One to five sheets, letters or bills, strewn over each other."""
+    """One to five sheets, letters or bills, scattered over each other."""
     width, depth = (0.21, 0.297) if rng.uniform() < 0.4 else rng.uniform([0.1, 0.14], [0.15, 0.21])
     parts = []
     for k in range(rng.integers(1, 6)):
@@ -51,6 +53,7 @@ def paper_sheets(rng: np.random.Generator) -> Prop:
     return prop("paper_sheets", *parts)
 
 
+@family("dining", "reading", "floor")
 def newspaper(rng: np.random.Generator) -> Prop:
     """A folded newspaper."""
     width, depth = rng.uniform(0.2, 0.28), rng.uniform(0.17, 0.22)
@@ -71,6 +74,7 @@ def newspaper(rng: np.random.Generator) -> Prop:
     return prop("newspaper", *parts)
 
 
+@family("desk", "reading", "floor")
 def magazine(rng: np.random.Generator) -> Prop:
     """A magazine or brochure, or a pile of up to four."""
     width, depth = rng.uniform(0.15, 0.21), rng.uniform(0.21, 0.28)
@@ -84,6 +88,7 @@ def magazine(rng: np.random.Generator) -> Prop:
     return prop("magazine", *parts)
 
 
+@family("desk", "reading")
 def open_book(rng: np.random.Generator) -> Prop:
     """An open book or notebook, lying."""
     width, depth, thick = rng.uniform(0.1, 0.14), rng.uniform(0.15, 0.21), rng.uniform(0.008, 0.02)
@@ -101,6 +106,7 @@ def open_book(rng: np.random.Generator) -> Prop:
     return prop("open_book", *parts)
 
 
+@family("desk")
 def envelope(rng: np.random.Generator) -> Prop:
     """One to four envelopes or postcards, with stamps."""
     parts = []
@@ -145,6 +151,7 @@ def _pencil(rng: np.random.Generator, length: float) -> list[tuple[Mesh, Materia
     ]
 
 
+@family("desk", "reading")
 def notebook(rng: np.random.Generator) -> Prop:
     """A notebook or pad with a pen on it."""
     width, depth, thick = rng.uniform(0.09, 0.17), rng.uniform(0.13, 0.22), rng.uniform(0.006, 0.02)
@@ -168,6 +175,7 @@ def notebook(rng: np.random.Generator) -> Prop:
     return prop("notebook", *parts)
 
 
+@family("desk")
 def pencils(rng: np.random.Generator) -> Prop:
     """Two to five pencils, crayons and pens, lying."""
     parts = []
@@ -177,6 +185,7 @@ def pencils(rng: np.random.Generator) -> Prop:
     return prop("pencils", *parts)
 
 
+@family("cooking", "storage", "washing", "floor")
 def paper_roll(rng: np.random.Generator) -> Prop:
     """A roll of kitchen or toilet paper, standing; perhaps on a holder."""
     radius = rng.uniform(0.05, 0.062)
@@ -216,6 +225,7 @@ def paper_roll(rng: np.random.Generator) -> Prop:
     return prop("paper_roll", *parts)
 
 
+@family("desk", "storage")
 def tape(rng: np.random.Generator) -> Prop:
     """A roll or two of tape, string or ribbon, lying."""
     parts = []
@@ -242,6 +252,7 @@ def tape(rng: np.random.Generator) -> Prop:
     return prop("tape", *parts)
 
 
+@family("desk")
 def scissors(rng: np.random.Generator) -> Prop:
     """A pair of scissors, half open, lying."""
     shiny, grip = plain("metal", rng, [0.5, 0.5, 0.5]), plastic(rng) if rng.uniform() < 0.6 else dark(rng)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.props.containers import band_of
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import (
     Material,
     Prop,
@@ -35,6 +36,7 @@ from vig_world.assets.textures import accent, near, shade
 from vig_world.mesh import Mesh
 
 
+@family("storage", "washing")
 def spray_bottle(rng: np.random.Generator) -> Prop:
     """A bottle of cleaner with a trigger."""
     height, radius = rng.uniform(0.15, 0.19), rng.uniform(0.034, 0.042)
@@ -66,6 +68,7 @@ def spray_bottle(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("washing")
 def soap_dispenser(rng: np.random.Generator) -> Prop:
     """A dispenser of soap or lotion with a pump."""
     height, radius = rng.uniform(0.09, 0.14), rng.uniform(0.028, 0.038)
@@ -94,6 +97,7 @@ def soap_dispenser(rng: np.random.Generator) -> Prop:
     return prop("soap_dispenser", *parts)
 
 
+@family("washing")
 def toothbrush_cup(rng: np.random.Generator) -> Prop:
     """A cup with toothbrushes, and perhaps toothpaste."""
     height, radius = rng.uniform(0.08, 0.11), rng.uniform(0.032, 0.04)
@@ -126,6 +130,7 @@ def toothbrush_cup(rng: np.random.Generator) -> Prop:
     return prop("toothbrush_cup", *parts)
 
 
+@family("washing")
 def soap(rng: np.random.Generator) -> Prop:
     """A bar of soap in its dish, or a sponge."""
     tint = shade(
@@ -146,6 +151,7 @@ def soap(rng: np.random.Generator) -> Prop:
     return prop("soap", (dish, ceramic(rng)), (bar, plain("wax", rng, tint)))
 
 
+@family("bedside", "washing")
 def tube_paste(rng: np.random.Generator) -> Prop:
     """A tube of cream or toothpaste, lying."""
     length, width = rng.uniform(0.12, 0.17), rng.uniform(0.02, 0.028)
@@ -159,6 +165,7 @@ def tube_paste(rng: np.random.Generator) -> Prop:
     return prop("tube_paste", (body, label(rng)), (lid, plastic(rng)))
 
 
+@family("desk", "reading", "bedside")
 def spectacles(rng: np.random.Generator) -> Prop:
     """A pair of glasses lying on their rims with the arms open, or folded."""
     frame = (
@@ -194,6 +201,7 @@ def spectacles(rng: np.random.Generator) -> Prop:
     return prop("spectacles", *parts)
 
 
+@family("desk", "bedside")
 def keys(rng: np.random.Generator) -> Prop:
     """A bunch of keys on a ring with a tag."""
     t = np.linspace(0, 2 * np.pi, 20, endpoint=False)
@@ -216,6 +224,7 @@ def keys(rng: np.random.Generator) -> Prop:
     return prop("keys", *parts)
 
 
+@family("desk")
 def wallet(rng: np.random.Generator) -> Prop:
     """A purse or wallet, shut."""
     width, depth, thick = rng.uniform([0.095, 0.08, 0.014], [0.19, 0.1, 0.026])
@@ -238,6 +247,7 @@ def wallet(rng: np.random.Generator) -> Prop:
     return prop("wallet", *parts)
 
 
+@family("bedside")
 def watch(rng: np.random.Generator) -> Prop:
     """A wrist watch, lying on its side with the strap closed."""
     radius, wide = rng.uniform(0.028, 0.033), rng.uniform(0.014, 0.02)
@@ -271,6 +281,7 @@ def watch(rng: np.random.Generator) -> Prop:
     return prop("watch", *[(moved(mesh, tilt=tilt), m) for mesh, m in parts])
 
 
+@family("bedside", "washing")
 def hairbrush(rng: np.random.Generator) -> Prop:
     """A hairbrush, lying on its bristles."""
     skin = material("wood", rng, "wood", None, 32) if rng.uniform() < 0.5 else plastic(rng)
@@ -288,6 +299,7 @@ def hairbrush(rng: np.random.Generator) -> Prop:
     return prop("hairbrush", *parts)
 
 
+@family("bedside", "washing")
 def perfume(rng: np.random.Generator) -> Prop:
     """A bottle of perfume or nail varnish."""
     height, radius = rng.uniform(0.04, 0.08), rng.uniform(0.02, 0.032)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, ceramic, material, plain, prop
 from vig_world.assets.props.shapes import (
     blob,
@@ -32,6 +33,7 @@ def _flower(daisies: bool) -> tuple[Mesh, Mesh]:
     return revolve(head, 10, lobes), blob((0.3, 0.3, 0.6), 6, 4)
 
 
+@family("dining", "reading", "display", "bedside")
 def vase_flowers(rng: np.random.Generator) -> Prop:
     """A vase or jug of cut flowers."""
     height, belly = rng.uniform(0.08, 0.15), rng.uniform(0.028, 0.045)
@@ -78,6 +80,7 @@ def vase_flowers(rng: np.random.Generator) -> Prop:
     return prop("vase_flowers", *parts)
 
 
+@family("desk", "display", "washing")
 def succulent(rng: np.random.Generator) -> Prop:
     """A cactus or a rosette in a small pot."""
     radius, height = rng.uniform(0.026, 0.042), rng.uniform(0.035, 0.055)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, label, material, prop
 from vig_world.assets.props.shapes import box, moved, relief
 from vig_world.assets.textures import colour, noise, shade
@@ -37,6 +38,7 @@ def _book_size(rng: np.random.Generator) -> tuple[float, float, float]:
     return width, width * rng.uniform(1.25, 1.55), rng.uniform(0.01, 0.05)
 
 
+@family("desk", "reading", "display", "storage", "bedside")
 def book(rng: np.random.Generator) -> Prop:
     """A book, lying or standing upright."""
     size = _book_size(rng)
@@ -46,6 +48,7 @@ def book(rng: np.random.Generator) -> Prop:
     return prop("book", *parts)
 
 
+@family("desk", "reading", "display", "storage", "bedside", "floor")
 def book_stack(rng: np.random.Generator) -> Prop:
     """Two to four books on each other, the larger ones below."""
     sizes = sorted((_book_size(rng) for _ in range(rng.integers(2, 5))), reverse=True)
@@ -58,6 +61,7 @@ def book_stack(rng: np.random.Generator) -> Prop:
     return prop("book_stack", *parts)
 
 
+@family("cooking", "storage")
 def printed_box(rng: np.random.Generator) -> Prop:
     """A cardboard packet of food, tea or medicine, standing or lying."""
     size = np.sort(rng.uniform([0.025, 0.06, 0.08], [0.07, 0.16, 0.26]))
@@ -66,6 +70,7 @@ def printed_box(rng: np.random.Generator) -> Prop:
     return prop("printed_box", (box(size, 0.001), label(rng)))
 
 
+@family("cooking", "drinks", "storage")
 def carton(rng: np.random.Generator) -> Prop:
     """A milk carton with a gabled top."""
     side, height = rng.uniform(0.06, 0.09), rng.uniform(0.12, 0.22)
@@ -84,6 +89,7 @@ def carton(rng: np.random.Generator) -> Prop:
     return prop("carton", *parts)
 
 
+@family("desk", "reading", "display", "bedside")
 def frame(rng: np.random.Generator) -> Prop:
     """A standing picture frame that leans back a little."""
     width, height = rng.uniform(0.09, 0.2), rng.uniform(0.12, 0.26)
@@ -110,6 +116,7 @@ def frame(rng: np.random.Generator) -> Prop:
     return prop("frame", *parts)
 
 
+@family("dining", "drinks", "washing")
 def napkin(rng: np.random.Generator) -> Prop:
     """A folded napkin or towel: a few soft layers."""
     width, depth = rng.uniform(0.09, 0.2), rng.uniform(0.09, 0.16)
@@ -129,6 +136,7 @@ def napkin(rng: np.random.Generator) -> Prop:
     return prop("napkin", *parts)
 
 
+@family("washing", "floor")
 def crumpled_cloth(rng: np.random.Generator) -> Prop:
     """A cloth dropped in a heap."""
     n = 18
@@ -146,6 +154,7 @@ def crumpled_cloth(rng: np.random.Generator) -> Prop:
     return prop("crumpled_cloth", (mesh, material("cloth", rng, "cloth", size=128)))
 
 
+@family("floor")
 def toy_blocks(rng: np.random.Generator) -> Prop:
     """One to five wooden toy blocks, side by side and piled up."""
     side = rng.uniform(0.03, 0.05)

@@ -127,10 +127,12 @@ def rounded(width: float, depth: float, radius: float, count: int = 4) -> Array:
 def extrude(outline: Points, height: float, bevel: float = 0.0) -> Mesh:
     """A flat body on z = 0 over an outline, as thick as `height`.
 
-    outline: (N, 2) counter-clockwise, seen whole from its middle (the mean of its points). A point given
-    twice makes a sharp upright edge. bevel: metres by which the upper and lower edges are rounded off.
-
     Top and bottom show the texture as it fits their bounding box; it runs once round the side.
+
+    Args:
+        outline: (N, 2) counter-clockwise, seen whole from its middle (the mean of its points). A point given
+            twice makes a sharp upright edge.
+        bevel: Metres by which the upper and lower edges are rounded off.
     """
     p = np.asarray(outline, np.float64)
     p = np.roll(p, -1, axis=0) if (p[0] == p[1]).all() else p

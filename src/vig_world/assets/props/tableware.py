@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Prop, bare, ceramic, material, metal, prop
 from vig_world.assets.props.shapes import moved, revolve, smooth, superellipse, tube, vessel
 from vig_world.assets.textures import colour, shade
 from vig_world.mesh import Mesh
 
 
+@family("cooking", "dining", "display", "storage")
 def bowl(rng: np.random.Generator) -> Prop:
     """A bowl, round or slightly lobed, on a foot."""
     radius = rng.uniform(0.05, 0.13)
@@ -23,6 +25,7 @@ def bowl(rng: np.random.Generator) -> Prop:
     return prop("bowl", (revolve(vessel(wall, 0.005, 0.008), 32, outline), ceramic(rng)))
 
 
+@family("cooking", "dining", "display", "storage")
 def plate(rng: np.random.Generator) -> Prop:
     """One to three stacked plates."""
     radius, height = rng.uniform(0.08, 0.14), rng.uniform(0.012, 0.028)
@@ -46,6 +49,7 @@ def handle_of(radius: float, low: float, high: float, reach: float, thickness: f
     return tube(path, np.full((11, 2), [thickness, 1.4 * thickness]), 6, up=(0, 1, 0))
 
 
+@family("cooking", "dining", "drinks", "desk", "reading", "storage", "bedside")
 def mug(rng: np.random.Generator) -> Prop:
     """A mug with a handle; some have a saucer."""
     radius = rng.uniform(0.034, 0.048)
@@ -67,6 +71,7 @@ def mug(rng: np.random.Generator) -> Prop:
     return prop("mug", *parts)
 
 
+@family("cooking", "dining", "drinks", "display")
 def jug(rng: np.random.Generator) -> Prop:
     """A milk or water jug: a bellied body, a lip pulled out on the -X side, a handle."""
     height = rng.uniform(0.1, 0.24)
@@ -90,6 +95,7 @@ def jug(rng: np.random.Generator) -> Prop:
     return prop("jug", (Mesh(points, body.faces, body.uv), glaze), (handle, bare(glaze)))
 
 
+@family("dining", "drinks", "storage", "bedside", "washing")
 def tumbler(rng: np.random.Generator) -> Prop:
     """An opaque drinking glass or beaker, straight, conical or squarish."""
     height = rng.uniform(0.07, 0.16)
@@ -104,6 +110,7 @@ def tumbler(rng: np.random.Generator) -> Prop:
     return prop("tumbler", (body, material(kind, rng, pattern)))
 
 
+@family("dining", "reading", "display", "bedside", "washing")
 def candle(rng: np.random.Generator) -> Prop:
     """A pillar candle, or a taper in a holder."""
     wax = material("wax", rng, "paint", shade([0.82, 0.77, 0.64], rng, 0.1) if rng.uniform() < 0.5 else None)
@@ -133,6 +140,7 @@ def candle(rng: np.random.Generator) -> Prop:
     return prop("candle", *parts)
 
 
+@family("cooking", "dining")
 def shaker(rng: np.random.Generator) -> Prop:
     """A salt or pepper mill: turned wood, ceramic or plastic, with a cap of another material."""
     height = rng.uniform(0.07, 0.24)
@@ -154,6 +162,7 @@ def shaker(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("dining", "drinks")
 def egg_cup(rng: np.random.Generator) -> Prop:
     """An egg in its cup."""
     height, rim = rng.uniform(0.045, 0.07), rng.uniform(0.022, 0.026)

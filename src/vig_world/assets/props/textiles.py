@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vig_world.assets.props.families import family
 from vig_world.assets.props.material import Material, Prop, dark, material, plain, prop, timber
 from vig_world.assets.props.shapes import (
     blob,
@@ -38,8 +39,9 @@ def _fine_weave(kind: str, rng: np.random.Generator, base: ArrayLike | None) -> 
     return replace(coarse, texture=np.tile(coarse.texture, (2, 2, 1)))
 
 
+@family("dining", "drinks", "reading")
 def coaster(rng: np.random.Generator) -> Prop:
-    """One to four coasters of cork, wood, slate or felt: strewn or stacked."""
+    """One to four coasters of cork, wood, slate or felt: scattered or stacked."""
     side, thick = rng.uniform(0.085, 0.105), rng.uniform(0.003, 0.009)
     shape = rounded(side, side, side / 2 - 0.001 if rng.uniform() < 0.5 else 0.008, 6)
     kind, pattern = (
@@ -74,6 +76,7 @@ def _lying(
     return relief(x, y, rise + thick, rise * 0.98)
 
 
+@family("dining")
 def place_mat(rng: np.random.Generator) -> Prop:
     """A place mat: woven, of cork, felt or printed; oblong or round."""
     kind, pattern = (
@@ -92,6 +95,7 @@ def place_mat(rng: np.random.Generator) -> Prop:
     return prop("place_mat", (extrude(rounded(width, depth, rng.uniform(0.002, 0.02)), thick, 0.0008), stuff))
 
 
+@family("dining", "drinks")
 def table_runner(rng: np.random.Generator) -> Prop:
     """A runner or small tablecloth spread out."""
     width, depth = rng.uniform(0.16, 0.22), rng.uniform(0.34, 0.48)
@@ -100,6 +104,7 @@ def table_runner(rng: np.random.Generator) -> Prop:
     )
 
 
+@family("cooking", "dining", "washing")
 def tea_towel(rng: np.random.Generator) -> Prop:
     """A tea towel or scarf let fall: gathered in the middle into ridges."""
     n = 17
@@ -116,6 +121,7 @@ def tea_towel(rng: np.random.Generator) -> Prop:
     return prop("tea_towel", (mesh, _fabric(rng, 128)))
 
 
+@family("cooking", "dining", "display", "storage", "washing", "floor")
 def basket(rng: np.random.Generator) -> Prop:
     """A wicker basket, round or oblong, with a handle or without; bread or fruit may lie in it."""
     radius, height = rng.uniform(0.08, 0.115), rng.uniform(0.05, 0.1)
@@ -151,6 +157,7 @@ def basket(rng: np.random.Generator) -> Prop:
     return prop("basket", *parts)
 
 
+@family("storage", "floor")
 def hat(rng: np.random.Generator) -> Prop:
     """A hat with a brim and a band."""
     crown, height, brim = rng.uniform(0.07, 0.08), rng.uniform(0.085, 0.11), rng.uniform(0.035, 0.065)
@@ -184,6 +191,7 @@ def hat(rng: np.random.Generator) -> Prop:
     return prop("hat", (revolve(profile, 28, oval), felt), (revolve(band, 28, oval), plain("cloth", rng)))
 
 
+@family("floor")
 def shoe(rng: np.random.Generator) -> Prop:
     """A shoe with laces."""
     length = rng.uniform(0.22, 0.28)
@@ -239,6 +247,7 @@ def _skinned(rings: np.ndarray) -> Mesh:
     return Mesh(points.astype(np.float32), np.concatenate(faces).astype(np.int32), uv.astype(np.float32))
 
 
+@family("reading", "bedside", "floor")
 def teddy(rng: np.random.Generator) -> Prop:
     """A sitting teddy bear."""
     size = rng.uniform(0.75, 1.15)
@@ -273,6 +282,7 @@ def teddy(rng: np.random.Generator) -> Prop:
     return prop("teddy", *[(scaled(mesh, size), m) for mesh, m in parts])
 
 
+@family("reading", "floor")
 def wool(rng: np.random.Generator) -> Prop:
     """A ball of wool, with its end and perhaps two needles."""
     radius = rng.uniform(0.032, 0.05)
@@ -305,6 +315,7 @@ def wool(rng: np.random.Generator) -> Prop:
     return prop("wool", *parts)
 
 
+@family("reading", "floor")
 def cushion(rng: np.random.Generator) -> Prop:
     """A small cushion, lying, or a folded blanket."""
     width, depth, height = rng.uniform([0.18, 0.14, 0.05], [0.29, 0.24, 0.09])

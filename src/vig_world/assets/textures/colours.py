@@ -75,7 +75,7 @@ def shade(base: ArrayLike, rng: np.random.Generator, spread: float = 0.2) -> Arr
 def partner(base: ArrayLike, rng: np.random.Generator) -> Array:
     """A colour (3,) that goes with `base` (3,): of other lightness, of the same, a near or the opposite hue.
 
-    Chosen in the perceptual space Oklab; always far enough from `base` to be told from it.
+    Chosen in the perceptual space Oklab; always distinguishable from `base`.
     """
     light, a, b = _LAB @ np.cbrt(_LMS @ np.asarray(base, np.float64))
     chroma, hue = np.hypot(a, b), np.arctan2(b, a)

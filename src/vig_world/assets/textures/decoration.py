@@ -18,18 +18,18 @@ _KEY = np.array(  # one period of a meander, row 0 on top
 
 
 def decoration(rng: np.random.Generator, size: int = 128) -> NDArray[np.float32]:
-    """Draws one painted decoration: rings, dots, sprigs, blue-and-white or a Greek key.
+    """Draw one painted decoration: rings, dots, sprigs, blue-and-white or a Greek key.
 
     Args:
-        rng: everything random comes from it.
-        size: height in pixels, at least 32.
+        rng: Source of all randomness.
+        size: Height in pixels, at least 32.
 
     Returns:
         (size, 2 * size, 4) float32: linear RGB in [0.02, 0.95] and coverage in [0, 1], not multiplied with
         each other. u runs round the axis, where it is periodic; row 0 is the upper edge (v = 1).
 
     Raises:
-        ValueError: a size below 32.
+        ValueError: For a size below 32.
     """
     if size < 32:
         raise ValueError(f"size must be at least 32 pixels; got {size}.")

@@ -7,6 +7,7 @@ import numpy as np
 from vig_world.assets.textures.colours import colour, near, partner
 from vig_world.assets.textures.colours import shade as shaded
 from vig_world.assets.textures.fields import Array, blossom, grid, mix, noise
+from vig_world.assets.textures.kinds import kind
 
 
 def _threads(rng: np.random.Generator, size: int) -> Array:
@@ -17,6 +18,7 @@ def _threads(rng: np.random.Generator, size: int) -> Array:
     return 1 + rng.uniform(0.04, 0.16) * weave + 0.07 * noise(rng, size, 0.5)
 
 
+@kind(metres=(0.15, 0.5), needs_base=True)
 def cloth(rng: np.random.Generator, size: int, base: Array) -> Array:
     """Plain, striped or checked cloth in two colours that go together."""
     second = partner(base, rng)
@@ -28,6 +30,7 @@ def cloth(rng: np.random.Generator, size: int, base: Array) -> Array:
     return mix(base, second, weight) * _threads(rng, size)[..., None]
 
 
+@kind(metres=(0.3, 0.8), needs_base=True)
 def stripes(rng: np.random.Generator, size: int, base: Array) -> Array:
     """Cloth or paper with stripes of up to four colours along v, thin beside broad."""
     colours = np.stack([base, partner(base, rng), near(base, rng, 0.4), partner(base, rng)])
@@ -38,6 +41,7 @@ def stripes(rng: np.random.Generator, size: int, base: Array) -> Array:
     return image * _threads(rng, size)[..., None]
 
 
+@kind(metres=(0.1, 0.25))
 def weave(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Wickerwork or rattan: strands that go over and under each other."""
     base = shaded(np.array([[0.45, 0.29, 0.14], [0.58, 0.44, 0.26], [0.24, 0.13, 0.06], [0.6, 0.57, 0.5]])[
@@ -54,6 +58,7 @@ def weave(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return base * (shade * (1 + 0.15 * each + 0.05 * noise(rng, size, 0.5)))[..., None]
 
 
+@kind(metres=(0.2, 0.4))
 def leather(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Hide with fine creases."""
     base = shaded(np.array([[0.22, 0.09, 0.04], [0.05, 0.045, 0.04], [0.42, 0.24, 0.12], [0.26, 0.05, 0.04]])[
@@ -62,6 +67,7 @@ def leather(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return base * (1 - 0.3 * creases + 0.08 * noise(rng, size, 1.6))[..., None]
 
 
+@kind(metres=(0.4, 1.0), needs_base=True)
 def wallpaper(rng: np.random.Generator, size: int, base: Array) -> Array:
     """Stripes or a repeated motif, mostly in a near colour."""
     v, u = grid(size)
@@ -77,8 +83,9 @@ def wallpaper(rng: np.random.Generator, size: int, base: Array) -> Array:
     return mix(base, second, pattern.astype(np.float32)) * (1 + 0.02 * noise(rng, size))[..., None]
 
 
+@kind(metres=(0.4, 0.9))
 def floral(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Flowers strewn on a quiet ground."""
+    """Flowers scattered on a quiet ground."""
     base = shaded([0.72, 0.68, 0.58], rng, 0.2) if base is None else base
     petal, leaf = partner(base, rng), near([0.16, 0.24, 0.12], rng, 0.4)
     heart = near([0.65, 0.42, 0.08], rng, 0.3)
@@ -100,6 +107,7 @@ def floral(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image * (1 + 0.03 * noise(rng, size, 0.8))[..., None]
 
 
+@kind(metres=(0.3, 1.0), needs_base=True)
 def checker(rng: np.random.Generator, size: int, base: Array) -> Array:
     """A chequered board of two colours."""
     v, u = grid(size)

@@ -1,4 +1,4 @@
-"""What textures are drawn with: periodic noise, coordinates, cells, soft shapes."""
+"""Building blocks of textures: periodic noise, coordinates, cells, soft shapes."""
 
 from __future__ import annotations
 

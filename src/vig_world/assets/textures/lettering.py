@@ -29,7 +29,8 @@ BLANK = 26
 def alphabet(height: int, small: bool, weight: float) -> NDArray[np.float32]:
     """Coverage (27, height, width) of the letters a to z and a blank, each with its space on the right.
 
-    weight: thickness of a stroke as a share of the height.
+    Args:
+        weight: Thickness of a stroke as a share of the height.
     """
     width = max(2, round(0.5 * height))
     pen = max(weight * height, 0.9)

@@ -6,6 +6,7 @@ import numpy as np
 
 from vig_world.assets.textures.colours import accent, colour, near, neutral, partner, shade
 from vig_world.assets.textures.fields import Array, blossom, ellipse, grid, mix, noise
+from vig_world.assets.textures.kinds import kind
 from vig_world.assets.textures.lettering import paragraph, title
 
 _WHITE, _BLACK = np.array([0.82, 0.81, 0.78], np.float32), np.array([0.03, 0.03, 0.035], np.float32)
@@ -90,6 +91,7 @@ def _abstract(rng: np.random.Generator, size: int) -> Array:
     return image * (1 + 0.04 * noise(rng, size, 0.8))[..., None]
 
 
+@kind(metres=(0.2, 0.5), periodic=False)
 def picture(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """A picture: landscape, still life or abstract, with a passe-partout of colour `base` if given."""
     draw = (scenery, _still_life, _abstract)[rng.integers(3)]
@@ -101,6 +103,7 @@ def picture(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image
 
 
+@kind(metres=(0.2, 0.4), periodic=False)
 def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """A label, a packet's face or a cover: bands of colour, a picture or an emblem, a name, small print."""
     base = (shade(_WHITE, rng, 0.1) if rng.uniform() < 0.4 else colour(rng)) if base is None else base
@@ -153,15 +156,21 @@ def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image
 
 
+@kind(metres=(0.3, 0.5), periodic=False)
 def news(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """A newspaper's page: a headline over three to five columns, some with a picture."""
     return page(rng, size, shade([0.62, 0.60, 0.55], rng, 0.08) if base is None else base, (3, 4, 5))
 
 
+@kind(metres=(0.2, 0.3), periodic=False)
 def page(
     rng: np.random.Generator, size: int, base: Array | None, layouts: tuple[int, ...] = (1, 1, 2, 3)
 ) -> Array:
-    """A page of text on paper, a letter or a page of a book; layouts: how many columns it may have."""
+    """A page of text on paper, a letter or a page of a book.
+
+    Args:
+        layouts: How many columns it may have.
+    """
     base = shade([0.80, 0.78, 0.72], rng, 0.08) if base is None else base
     image = np.empty((size, size, 3), np.float32)
     image[:] = base

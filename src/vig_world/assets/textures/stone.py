@@ -7,17 +7,20 @@ import numpy as np
 from vig_world.assets.textures.colours import colour, near, neutral, partner
 from vig_world.assets.textures.colours import shade as shaded
 from vig_world.assets.textures.fields import Array, cells, mix, noise
+from vig_world.assets.textures.kinds import kind
 
 _BRICKS = np.array(
     [[0.42, 0.14, 0.08], [0.55, 0.30, 0.18], [0.60, 0.57, 0.52], [0.25, 0.12, 0.09]], np.float32
 )
 
 
+@kind(metres=(0.6, 1.5), needs_base=True)
 def paint(rng: np.random.Generator, size: int, base: Array) -> Array:
     """One colour, a little uneven."""
     return base * (1 + rng.uniform(0.01, 0.05) * noise(rng, size, 1.6))[..., None]
 
 
+@kind(metres=(0.6, 1.5))
 def plaster(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Whitewash with the marks of the trowel."""
     if base is None:
@@ -27,6 +30,7 @@ def plaster(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     )
 
 
+@kind(metres=(0.8, 1.6))
 def concrete(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Cast concrete: clouds, and pores."""
     if base is None:
@@ -36,6 +40,7 @@ def concrete(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return base * np.where(grain > 2.6, 0.6 * shade, shade)[..., None]
 
 
+@kind(metres=(0.5, 1.2), needs_base=True)
 def tiles(rng: np.random.Generator, size: int, base: Array) -> Array:
     """Square tiles, all alike or in two colours, and grout."""
     n = int(rng.integers(2, 7))
@@ -48,6 +53,7 @@ def tiles(rng: np.random.Generator, size: int, base: Array) -> Array:
     return mix(image, grout, joint.astype(np.float32))
 
 
+@kind(metres=(0.7, 1.2))
 def brick(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """A brick wall in running bond, bare or painted over."""
     clay = shaded(_BRICKS[rng.integers(len(_BRICKS))], rng, 0.25) if base is None else base
@@ -59,6 +65,7 @@ def brick(rng: np.random.Generator, size: int, base: Array | None) -> Array:
                joint.astype(np.float32))  # fmt: skip
 
 
+@kind(metres=(0.5, 1.2))
 def marble(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Veined stone."""
     if base is None:
@@ -70,6 +77,7 @@ def marble(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return mix(base * (1 + 0.08 * field)[..., None], vein, np.clip(weight * 0.9, 0, 1))
 
 
+@kind(metres=(0.25, 0.5))
 def granite(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Stone of three kinds of grains."""
     if base is None:
@@ -79,6 +87,7 @@ def granite(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return mix(image, np.full(3, 0.04, np.float32), (grain > 1.2) * rng.uniform(0.4, 0.9))
 
 
+@kind(metres=(0.3, 0.7))
 def terrazzo(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Chips of several stones in a ground."""
     base = neutral(rng) if base is None else base
@@ -90,6 +99,7 @@ def terrazzo(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image
 
 
+@kind(metres=(0.2, 0.6), needs_base=True)
 def speckle(rng: np.random.Generator, size: int, base: Array) -> Array:
     """A colour broken up by grains of a near one, or a glaze with dark spots."""
     spotted = rng.uniform() < 0.5
@@ -100,6 +110,7 @@ def speckle(rng: np.random.Generator, size: int, base: Array) -> Array:
     return mix(base, near(base, rng, 0.6), np.clip(0.5 + rng.uniform(0.2, 0.6) * grain, 0, 1))
 
 
+@kind(metres=(0.4, 1.0))
 def linoleum(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Streaked flooring of two near tones, perhaps in large squares."""
     base = near(colour(rng) * 0.6 + 0.1, rng) if base is None else base
@@ -111,6 +122,7 @@ def linoleum(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return image
 
 
+@kind(metres=(0.3, 0.6))
 def cork(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Pressed cork: brown crumbs of many tones."""
     base = shaded([0.45, 0.27, 0.13], rng, 0.25) if base is None else base

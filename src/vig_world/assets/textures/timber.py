@@ -6,6 +6,7 @@ import numpy as np
 
 from vig_world.assets.textures.colours import shade as shaded
 from vig_world.assets.textures.fields import Array, grid, noise
+from vig_world.assets.textures.kinds import kind
 
 _WOODS = np.array(
     [[0.55, 0.33, 0.16], [0.32, 0.16, 0.07], [0.66, 0.48, 0.28], [0.14, 0.07, 0.035], [0.40, 0.18, 0.085],
@@ -19,6 +20,7 @@ def tone(rng: np.random.Generator) -> Array:
     return shaded(_WOODS[rng.integers(len(_WOODS))], rng, 0.25)
 
 
+@kind(metres=(0.3, 1.0))
 def wood(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """One to six boards side by side, the grain along v."""
     v, u = grid(size)
@@ -51,6 +53,7 @@ def _laid(
     return base * np.where(edge, 0.55 * shade, shade)[..., None]
 
 
+@kind(metres=(0.4, 0.9))
 def parquet(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Squares of four or five strips, turned from square to square."""
     v, u = grid(size)
@@ -66,6 +69,7 @@ def parquet(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return _laid(rng, size, base, along_v, strip, edge)
 
 
+@kind(metres=(0.6, 1.2))
 def herringbone(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     """Strips four times as long as wide, laid in steps."""
     v, u = grid(size)

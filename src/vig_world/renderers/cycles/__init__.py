@@ -1,4 +1,4 @@
-"""The path-traced tier: the scenes of `vig_world` by Blender's Cycles, in processes of its own."""
+"""The path-traced renderer: scenes by Blender's Cycles, in separate processes."""
 
 from vig_world.renderers.cycles.appearance import FINISHES, Finish
 from vig_world.renderers.cycles.renderer import CyclesRenderer, TracedPicture

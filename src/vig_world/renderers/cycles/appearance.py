@@ -72,8 +72,9 @@ def appearance(
 ) -> dict[str, Any]:
     """A thing's material as plain data: kind, roughness and emission of `vig_world.assets.props.Material`.
 
-    texture: name of the array that holds its albedo; None for a single `colour` (3,), linear. rng: draws
-    whether it is polished, always the same number of times.
+    Args:
+        texture: Name of the array that holds its albedo; None for a single `colour` (3,), linear.
+        rng: Draws whether it is polished, always the same number of times.
     """
     look = _KINDS.get(kind, _Look())
     chance, weight, gloss = rng.uniform(size=3)

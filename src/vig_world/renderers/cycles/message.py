@@ -1,4 +1,4 @@
-"""A scene as the message that `blender/worker.py` understands."""
+"""Encodes a scene as a message to `blender/worker.py`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
 def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Message:
-    """Header and arrays of everything in the scene; sampling settings are the renderer's to add.
+    """Header and arrays of everything in the scene; the renderer adds sampling settings.
 
     The header holds `things` (material, shell, target), `camera`, `angle`, `seed` and the probe's height;
     the arrays are `N_vertices` (V, 3), `N_normals` (V, 3), `N_faces` (F, 3) and, where thing N has a texture,
@@ -68,7 +68,7 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
 
 
 class _Scene:
-    """Things and arrays as they gather."""
+    """The things and arrays of a message under construction."""
 
     def __init__(self) -> None:
         self.things: list[dict[str, Any]] = []

@@ -1,4 +1,4 @@
-"""The process that Blender runs in, seen from vig's side."""
+"""The client of the process that Blender runs in."""
 
 from __future__ import annotations
 
@@ -23,17 +23,18 @@ _PYTHON_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCH
 
 
 class WorkerDiedError(Exception):
-    """The worker ended instead of answering; the message tells the last line that it left."""
+    """The worker ended without an answer; the message holds the last line of its log."""
 
 
 class Worker:
     """One process that answers `wire` messages; it ends with this one, even if that is killed.
 
-    command: what to run; a folder for temporary files is added as last argument. `hello`: the header that it
-    sent first. start_timeout: seconds until then.
+    Args:
+        command: What to run; a folder for temporary files is added as last argument.
+        start_timeout: Seconds until it has sent its first header, which is kept as `hello`.
 
     Raises:
-        WorkerDiedError: it ended or did not answer in time.
+        WorkerDiedError: When it ended or did not answer in time.
     """
 
     def __init__(self, command: Sequence[str], start_timeout: float = 60.0) -> None:
@@ -46,7 +47,7 @@ class Worker:
             stdout=subprocess.PIPE,
             stderr=self._log,
             env=environment,
-            start_new_session=True,  # Ctrl-C is for vig, which lets the scene at hand be finished
+            start_new_session=True,  # the parent handles Ctrl-C; a scene in progress is finished
         )
         self._end = weakref.finalize(self, _end, self._process, self._log, self._folder)
         self.hello = self._answer(start_timeout)[0]
@@ -59,7 +60,7 @@ class Worker:
         The header goes out with `timeout`, in whole seconds, for the worker's own alarm.
 
         Raises:
-            WorkerDiedError: no answer came; this worker is of no more use.
+            WorkerDiedError: When no answer came; this worker cannot be used again.
         """
         message = {**header, "timeout": int(np.ceil(timeout))}
         with self._limit(timeout + GRACE):
@@ -98,7 +99,7 @@ class Worker:
         lines = [line for line in self._log.read().decode(errors="replace").splitlines() if line.strip()]
         self.close()
         ended = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
-        raise WorkerDiedError(f"{ended}; its last words: {lines[-1].strip()}" if lines else ended)
+        raise WorkerDiedError(f"{ended}; last line of its log: {lines[-1].strip()}" if lines else ended)
 
 
 def _pipe(stream: Any) -> BinaryIO:

@@ -1,4 +1,4 @@
-"""The Cycles tier: a scene as an image, path traced by Blender in a process of its own."""
+"""The Cycles renderer: path traces scenes with Blender in a separate process."""
 
 from __future__ import annotations
 
@@ -30,16 +30,19 @@ WORKER = Path(__file__).parent / "blender" / "worker.py"
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
-"""Seconds for one scene, with so many more per path per pixel; then it is tried once more, and given up."""
+"""Time limit of one scene in seconds, and its increase per path per pixel; a scene is tried twice."""
 
 
 @dataclass(frozen=True)
 class TracedPicture(Picture):
-    """A path-traced sample: masks and depth are the raster tier's, the rest is Cycles's.
+    """A path-traced sample: masks and depth are the rasteriser's, the rest is from Cycles.
 
-    light: SH (9,) of the light that arrives at the object's place without the object, grey, L00 =
-    EXPOSURE_L00. linear: (H, W, 3) float32, what `image` encodes, not clipped. gain: (3,), by which the
-    panorama's radiance was multiplied in each channel to get there: exposure and white balance.
+    `light` is grey, of the light that arrives at the object's place without the object, L00 = EXPOSURE_L00.
+
+    Attributes:
+        linear: (H, W, 3) float32, what `image` encodes, not clipped.
+        gain: (3,), by which the panorama's radiance was multiplied in each channel to get there: exposure and
+            white balance.
     """
 
     linear: np.ndarray
@@ -49,16 +52,21 @@ class TracedPicture(Picture):
 class CyclesRenderer:
     """Renders scenes in one worker process, which is started when it is first needed.
 
-    library, object_class: what scenes are made of. python: an interpreter that can import bpy; None takes the
-    environment variable `VIG_BLENDER_PYTHON`, then the running one. samples: paths per pixel. threads: of the
-    worker. recycle: scenes after which the worker is replaced by a fresh one. finish: of the object:
-    `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat, `painted` also a painted
-    decoration.
-
     Use it as a context manager, or call `close`.
 
+    Args:
+        library: The assets of scenes.
+        object_class: The object's class.
+        python: An interpreter that can import bpy; None takes the environment variable `VIG_BLENDER_PYTHON`,
+            then the running one.
+        samples: Paths per pixel.
+        threads: Threads of the worker.
+        recycle: Scenes after which the worker is replaced by a fresh one.
+        finish: Finish of the object: `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat,
+            `painted` also a painted decoration.
+
     Raises:
-        UserError: no interpreter with bpy, or an argument out of range.
+        UserError: For a missing interpreter with bpy, or an argument out of range.
     """
 
     def __init__(
@@ -90,7 +98,7 @@ class CyclesRenderer:
         """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
-            UserError: Blender did not answer, twice.
+            UserError: When Blender failed to answer twice.
         """
         header, arrays = compose(self._library, spec, self._object_class, self._finish)
         header["samples"] = self._samples
@@ -128,7 +136,7 @@ class CyclesRenderer:
     def _ask(
         self, header: dict[str, Any], arrays: dict[str, np.ndarray], name: str
     ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """The worker's answer; a worker that dies is replaced once."""
+        """The worker's answer; a dead worker is replaced once."""
         why = ""
         for _ in range(2):
             if self._worker is None:
@@ -162,8 +170,10 @@ class CyclesRenderer:
 def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarray:
     """SH (9, 3) of the light at a probe, world frame.
 
-    probe: (h, 2h, 4), what it sees of the scene, with coverage. panorama: (H, 2H, 3), what it sees through
-    the gaps. Both have the panorama's columns, which are to be turned by `angle` radians about +Z.
+    Args:
+        probe: (h, 2h, 4), what it sees of the scene, with coverage.
+        panorama: (H, 2H, 3), what it sees through the gaps. Both have the panorama's columns, which are to be
+            turned by `angle` radians about +Z.
     """
     height, width = panorama.shape[:2]
     rows = (2 * np.arange(height) + 1) * len(probe) // (2 * height)
@@ -177,7 +187,7 @@ def find_python(python: str | None = None) -> str:
     """The interpreter for Blender: `python`, `VIG_BLENDER_PYTHON`, or the running one if it has bpy.
 
     Raises:
-        UserError: there is none, or what was named is not there.
+        UserError: When there is none, or the named one is missing.
     """
     named = python or os.environ.get(PYTHON_VARIABLE)
     if named:
@@ -189,6 +199,6 @@ def find_python(python: str | None = None) -> str:
     if importlib.util.find_spec("bpy"):
         return sys.executable
     raise UserError(
-        f"the Cycles tier needs Blender as a module. Install it in an environment of its own: {INSTALL};"
+        f"the Cycles renderer needs Blender as a module. Install it in an environment of its own: {INSTALL};"
         f" then set {PYTHON_VARIABLE} to blender/bin/python"
     )

@@ -1,6 +1,6 @@
-"""The raster tier: scenes as pictures, rasterised and shaded with nine light coefficients.
+"""The throughput rasteriser: scenes as pictures, shaded with nine light coefficients.
 
-mug = Packed.of(prop.parts)                      # once for each asset
+    mug = Packed.of(prop.parts)                      # once for each asset
 room = Packed.of(layout.parts)
 items = [
     Item(room, turn, shift, 0, {"wall": (Pyramid.of(texture), 0.6)}, is_support=True),

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vig.scene.colour import linear_from_srgb
 from vig.scene.light import COSINE_LOBE, Y1
 from vig_world.renderers.picture import CANVAS, Picture
-from vig_world.renderers.raster.encoding import srgb_tables
 from vig_world.renderers.raster.items import HARMONICS, Item, Target, item_table
 from vig_world.renderers.raster.native import workspace
 from vig_world.renderers.raster.packed import Packed
-from vig_world.renderers.raster.records import DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
-from vig_world.renderers.raster.shadow import cast_shadows
+from vig_world.renderers.raster.records import BINS, DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
+from vig_world.renderers.raster.shadows import cast_shadows
 from vig_world.renderers.view import View
 
 NEAR = 0.02
-"""Metres; what is nearer to the eye's plane is cut off."""
+"""Metres; anything nearer to the camera's plane is clipped."""
 SUN_SHARE = 0.2
-"""How much of the light's first degree shows in highlights."""
+"""Share of the light's first degree that shows in highlights."""
 _MARGIN = 16
 """Samples that must follow an image's last, as they are drawn eight at a time."""
 
@@ -42,8 +43,8 @@ def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
 def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) -> Picture:
     """The picture of an object and items, as the view's camera sees them, in SH light (9,).
 
-    The object shows its own vertices' light, and neither shadows nor gloss. Items are lit by the same light,
-    less what object and props, and what rooms keep from them, with a little gloss. Four samples a pixel,
+    The object shows its vertices' light without cast shadows or gloss. Items get the same light less shadows
+    of object and props and the ambient occlusion of rooms, with a little gloss. Four samples a pixel,
     averaged in linear light clipped to [0, 1].
     """
     camera, coefficients = view.camera, np.asarray(light, np.float64)
@@ -120,7 +121,7 @@ def silhouette(target: Target, view: View) -> np.ndarray:
 
 
 def _window(target: Target, view: View) -> tuple[slice, slice]:
-    """Rows and columns of the frame that can show the object, all of it in front of the eye."""
+    """Rows and columns of the frame that can show the object, all of it in front of the camera."""
     rotation, translation = view.rotation.astype(np.float32), view.translation.astype(np.float32)
     x, y, z = rotation @ target.vertices.T + translation[:, None]
     camera, less = view.camera, np.float32(view.camera.focal) / z
@@ -164,3 +165,13 @@ def _rasterise(
     )
     workspace.launch("draw", "task")
     return q[:size], ids[:size]
+
+
+@functools.cache
+def srgb_tables() -> tuple[np.ndarray, np.ndarray]:
+    """The 8-bit sRGB level of each bin's lower edge (BINS + 1,), and the lower bound of each level (257,)."""
+    thresholds = np.full(257, np.inf, np.float32)
+    thresholds[:256] = linear_from_srgb((np.arange(256) - 0.5) / 255)
+    thresholds[0] = 0
+    edges = np.arange(BINS + 1, dtype=np.float32) / BINS
+    return (np.searchsorted(thresholds, edges, side="right") - 1).astype(np.uint8), thresholds

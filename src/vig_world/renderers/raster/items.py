@@ -1,4 +1,4 @@
-"""What is in a picture: assets with their places, and the object."""
+"""The contents of a picture: assets with their poses, and the object."""
 
 from __future__ import annotations
 
@@ -25,10 +25,14 @@ HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
 class Item:
     """An asset in the world.
 
-    rotation (3, 3), translation (3,): world from the asset's frame, metres. owner: what `depth` calls its
-    pixels, 0 or more. finishes: texture and metres per repeat of each slot of the asset; slots without one
-    show their own texture. is_support: room and furniture, which cast no shadow map and count as support
-    where they hide the object; other items are props.
+    Attributes:
+        rotation: (3, 3), world from the asset's frame.
+        translation: (3,), metres.
+        owner: Number that `depth` gives its pixels, 0 or more.
+        finishes: Texture and metres per repeat of each slot of the asset; slots without one show their own
+            texture.
+        is_support: Room and furniture, which cast no shadow map and count as support where they hide the
+            object; other items are props.
     """
 
     packed: Packed
@@ -41,9 +45,12 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """The object that is to be explained, at the origin, shaded per vertex as the model does.
+    """The object at the origin, shaded per vertex as the model does.
 
-    packed: its geometry, with the irradiance of each vertex. vertices: (V, 3) float32 metres. albedo: (3,).
+    Attributes:
+        packed: Its geometry, with the irradiance of each vertex.
+        vertices: (V, 3) float32 metres.
+        albedo: (3,).
     """
 
     packed: Packed
@@ -61,7 +68,7 @@ class Target:
         """The object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
 
         Its colour at a vertex is albedo * max(0, sum_l L_l (A_l Y_l(n) + transfer_l)): with self-shadow and
-        bounces where the class knows them (`ObjectClass.transfer`).
+        interreflection where the class has them (`ObjectClass.transfer`).
         """
         template = _template(object_class)
         vertices = np.ascontiguousarray(vertices, np.float32)
@@ -103,7 +110,7 @@ _AT_ORIGIN = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def item_table(items: Sequence[Item], target: Target | None) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The ITEM records (N,) of a target, if any, and items; and what must be kept alive beside them."""
+    """The ITEM records (N,) of a target, if any, and items; and the arrays that must outlive them."""
     kept: list[np.ndarray] = []
     rows = [] if target is None else [_ROW.pack(*_AT_ORIGIN, target.packed.address, 0, 0, 1, 0, 0)]
     for item in items:

@@ -1,68 +1,68 @@
-"""The native functions as kernels, and each thread's scratch memory."""
+"""The native functions in the `.cc` files beside this one as kernels, and each thread's scratch memory."""
 
 from __future__ import annotations
 
 import functools
 import threading
 from collections.abc import Callable
-from types import SimpleNamespace
+from importlib import resources
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from vig.renderer.device import Prepared, initialise
-from vig_world.renderers.raster.encoding import encode_image
-from vig_world.renderers.raster.fragments import collect_fragments
-from vig_world.renderers.raster.records import address
-from vig_world.renderers.raster.shading import shade_samples
-from vig_world.renderers.raster.sweeping import strew_points, sweep_shadows
-from vig_world.renderers.raster.target import light_target
-from vig_world.renderers.raster.visibility import draw_faces
+from vig.renderer.raster import PIXEL_BOX
+from vig_world.renderers.raster.records import address, declarations
 
-MODULE = "vig_synthesis_raster"
+MODULE = "vig_world_raster"
+FUNCTIONS = {
+    "draw": "Task",
+    "collect": "Task",
+    "shade": "Task",
+    "encode": "Task",
+    "scatter": "Sweep",
+    "sweep": "Sweep",
+    "light": "Target",
+}
+"""Each native function, with the record that it works on: `NAME.cc` holds its body."""
 
 
-@functools.cache
-def kernels() -> SimpleNamespace:
-    """The kernels, compiled at first use; each takes the address of a record and runs on one thread."""
-    initialise()
-
-    @wp.kernel(module=MODULE)
-    def draw(task: wp.uint64):
-        draw_faces(task)
-
-    @wp.kernel(module=MODULE)
-    def collect(task: wp.uint64):
-        collect_fragments(task)
-
-    @wp.kernel(module=MODULE)
-    def shade(task: wp.uint64):
-        shade_samples(task)
-
-    @wp.kernel(module=MODULE)
-    def encode(task: wp.uint64):
-        encode_image(task)
-
-    @wp.kernel(module=MODULE)
-    def strew(sweep: wp.uint64):
-        strew_points(sweep)
-
-    @wp.kernel(module=MODULE)
-    def sweep(sweep: wp.uint64):
-        sweep_shadows(sweep)
-
-    @wp.kernel(module=MODULE)
-    def light(target: wp.uint64):
-        light_target(target)
-
-    return SimpleNamespace(
-        draw=draw, collect=collect, shade=shade, encode=encode, strew=strew, sweep=sweep, light=light
+def source(name: str) -> str:
+    """The text of a native function: declarations, `task`, body."""
+    record = FUNCTIONS[name]
+    body = resources.files(__package__).joinpath(f"{name}.cc").read_text("utf-8")
+    # Contraction: products and sums in one instruction.
+    return (
+        "#pragma clang fp contract(fast)\n"
+        + declarations()
+        + f"{record}* const task = ({record}*)address;\n"
+        + body.replace("#include <pixel_box>\n", PIXEL_BOX.read_text("utf-8"))
     )
 
 
+@functools.cache
+def kernels() -> dict[str, wp.Kernel]:
+    """The kernels by name, compiled at first use: functions of a record's address that run on one thread."""
+    initialise()
+    return {name: _kernel(name) for name in FUNCTIONS}
+
+
+def _kernel(name: str) -> wp.Kernel:
+    def function(address: wp.uint64): ...
+
+    function.__qualname__ = f"{name}_native"  # Warp identifies functions and kernels of a module by this
+    native = wp.func_native(snippet=source(name))(function)
+
+    def run(task: wp.uint64):
+        native(task)
+
+    run.__qualname__ = name
+    return wp.kernel(module=MODULE)(run)
+
+
 class Workspace(threading.local):
-    """What one thread needs again and again: records at fixed addresses, and buffers that only grow."""
+    """A thread's reusable memory: records at fixed addresses, and buffers that only grow."""
 
     def __init__(self) -> None:
         self._records: dict[str, np.ndarray] = {}
@@ -72,7 +72,7 @@ class Workspace(threading.local):
         self._launches: dict[tuple[str, str], Callable[[], object]] = {}
 
     def record(self, name: str, dtype: np.dtype) -> np.ndarray:
-        """The record (1,) of that name, holding what it held."""
+        """The record (1,) of that name, with its previous contents."""
         if name not in self._records:
             self._records[name] = np.zeros(1, dtype)
         return self._records[name]
@@ -85,7 +85,7 @@ class Workspace(threading.local):
         return self._fields[key]
 
     def buffer(self, name: str, count: int, dtype: Any) -> np.ndarray:
-        """An array of `count` or more elements, holding anything."""
+        """An array of at least `count` elements, with arbitrary contents."""
         held = self._buffers.get(name)
         if held is None or len(held) < count:
             held = self._buffers[name] = np.empty(count * 5 // 4 + 64, dtype)
@@ -102,7 +102,7 @@ class Workspace(threading.local):
         key = kernel, record
         if key not in self._launches:
             command = wp.launch(
-                getattr(kernels(), kernel),
+                kernels()[kernel],
                 dim=1,
                 inputs=[address(self._records[record])],
                 device="cpu",

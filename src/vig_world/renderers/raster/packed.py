@@ -1,4 +1,4 @@
-"""Assets and the object, compiled for the raster tier."""
+"""Assets and the object, packed for the raster renderer."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ import numpy as np
 
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh, vertex_normals
-from vig_world.renderers.raster.gloom import gloom_of
-from vig_world.renderers.raster.points import strewn
 from vig_world.renderers.raster.pyramid import Pyramid
 from vig_world.renderers.raster.records import HEADER, PART, address
+from vig_world.renderers.raster.shadows import ambient_occlusion, surface_points
 
 ROOM_SIZE = 1.2
-"""Metres; assets with a larger radius know how dim their corners are, smaller ones cast shadows."""
+"""Metres; assets of a larger radius get ambient occlusion, smaller ones cast shadows."""
 
 POINT_AREA = 1.2e-4
 """Square metres of surface for each point that stands for it in shadows."""
 
-# Kinds that hardly mirror. At roughness 1 nothing mirrors, whatever it is.
+# Kinds with little specular reflection. At roughness 1 nothing reflects specularly.
 MATT = ("cloth", "earth", "paper", "paint", "wallpaper", "brick")
 
 
@@ -29,8 +28,10 @@ MATT = ("cloth", "earth", "paper", "paint", "wallpaper", "brick")
 class Packed:
     """An asset as one block of memory that the native code reads; some 50 kB for a prop.
 
-    data: (N,) bytes, see `records.HEADER`. counts: of parts, vertices and faces. slots: names of the finishes
-    that its parts take, in their order.
+    Attributes:
+        data: (N,) bytes, see `records.HEADER`.
+        counts: Counts of parts, vertices and faces.
+        slots: Names of the finishes that its parts take, in their order.
     """
 
     data: np.ndarray
@@ -46,7 +47,10 @@ class Packed:
     def of(parts: Sequence[tuple[Mesh, Material]]) -> Packed:
         """Pack meshes with their materials, in a frame of their own, metres.
 
-        Meshes need texture coordinates, metres for materials with a slot. Raises ValueError without parts.
+        Meshes need texture coordinates, metres for materials with a slot.
+
+        Raises:
+            ValueError: Without parts.
         """
         if not parts:
             raise ValueError("an asset needs one part or more; got none")
@@ -86,11 +90,13 @@ class Packed:
             "positions": np.ascontiguousarray(everything.T),
             "attributes": np.concatenate(attributes).astype(np.float32),
             "corners": faces,
-            "points": np.zeros((0, 4), np.float32) if is_room else strewn(everything, faces, POINT_AREA),
+            "points": np.zeros((0, 4), np.float32)
+            if is_room
+            else surface_points(everything, faces, POINT_AREA),
             "texels": np.concatenate(texels),
         }
         if is_room:
-            blocks["gloom"] = gloom_of(everything, faces)
+            blocks["occlusion"] = ambient_occlusion(everything, faces)
         data = assembled(table, sphere, blocks)
         return Packed(data, (len(table), len(everything), len(faces)), tuple(slots))
 

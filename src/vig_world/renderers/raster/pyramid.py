@@ -14,11 +14,12 @@ MOST_TEXELS = 2 ** (MOST_LEVELS - 1)
 
 @dataclass(frozen=True, eq=False)
 class Pyramid:
-    """A texture for the raster tier.
+    """A texture for the rasteriser.
 
-    texels: (N,) uint32, all levels one after the other, the finest first, row 0 on top; red, green and blue
-    are the three lowest bytes, each 255 times the square root of the linear value. log_size: log2 of the
-    finest level's width and height.
+    Attributes:
+        texels: (N,) uint32, all levels one after the other, the finest first, row 0 on top; red, green and
+            blue are the three lowest bytes, each 255 times the square root of the linear value.
+        log_size: log2 of the finest level's width and height.
     """
 
     texels: np.ndarray
@@ -28,7 +29,7 @@ class Pyramid:
     def of(texture: np.ndarray) -> Pyramid:
         """The pyramid of (h, w, 3) linear values in [0, 1].
 
-        Sides become powers of two, at most 512, by averaging and linear interpolation round the edges: the
+        Sides become powers of two, at most 512, by averaging and linear interpolation across the edges: the
         texture repeats. Levels are box averages; the last is one texel wide or high.
         """
         level = np.asarray(texture, np.float32)

@@ -1,4 +1,4 @@
-"""What Python and the native code hand to each other: one layout of each record, given to both.
+"""The records and constants that Python and the native code share, each declared once.
 
 Addresses are of numpy arrays that the caller keeps alive during the call.
 """
@@ -9,8 +9,31 @@ import numpy as np
 
 SAMPLES = 2
 """Along a pixel's side, of a picture."""
+LANES = 16
+"""Faces, or fragments, that are worked on side by side."""
+SLACK = 4.8e-7
+"""A sample that lies beyond an edge by rounding only is covered, so that no gap opens between neighbours."""
 MOST_LEVELS = 10
 """Levels of a texture pyramid: up to 512 texels a side."""
+LEAST_LIGHT = 0.1
+"""Share of the irradiance that no shadow takes away."""
+MOST_LIGHT = 1.25
+"""Largest ratio of a place's light to the object's, which may be in a dim corner."""
+EVEN = 0.6
+"""Far from the object, this share of the irradiance is the mean of all directions; half of it at 1 m."""
+BINS = 4096
+"""Bins of linear light in the table of sRGB levels, each narrower than a level of 8-bit sRGB."""
+SWEEP_MARGIN = 8
+"""Cells round a plane that are never in shadow; no shadow moves further from plane to plane."""
+SWEEP_LANES = 16
+"""Cells that are swept side by side: the grid's width is a multiple of it."""
+MOST_DIRECTIONS = 32
+GROUND_DEPTH = 0.02
+"""Metres below the ground to which its shadows still reach."""
+# The constants above are declared in C++, too.
+_CONSTANTS = {
+    name: value for name, value in globals().items() if name.isupper() and isinstance(value, int | float)
+}
 
 PART = np.dtype(
     [
@@ -21,8 +44,8 @@ PART = np.dtype(
         ("log_size", "i4", 2),  # log2 of the texture's width and height
         ("slot", "i4"),  # into the item's finishes, -1 none
         ("roughness", "f4"),
-        ("mirror", "f4"),  # share of light thrown back at once, seen from the front
-        ("metal", "f4"),  # share of the albedo that mirrors instead of scattering
+        ("mirror", "f4"),  # specular reflectance at normal incidence
+        ("metal", "f4"),  # share of the albedo that reflects specularly
         ("emission", "f4"),
     ],
     align=True,
@@ -40,7 +63,7 @@ HEADER = np.dtype(
         ("attributes", "i8"),  # (vertex_count, 5) float32: unit normal and uv
         ("corners", "i8"),  # (face_count, 3) int32
         ("points", "i8"),  # (point_count, 4) float32: places on the surface and their areas
-        ("gloom", "i8"),  # see GRID; 0 none
+        ("occlusion", "i8"),  # ambient: see GRID; 0 none
     ],
     align=True,
 )
@@ -127,7 +150,7 @@ TASK = np.dtype(
         ("depth", "i8"),  # (pixels,) float32
         ("seen", "i8"),  # (pixels,) uint8: samples of the target
         ("support", "i8"),  # (pixels,) uint8: samples of items that are supports
-        ("encode", "i8"),  # see `encoding.srgb_tables`
+        ("encode", "i8"),  # see `draw.srgb_tables`
         ("thresholds", "i8"),
         ("shadow", "i8"),  # GRID, 0 none
         ("irradiance", "f4", 9),  # of a normal: constant, y, z, x, xy, yz, 3zz - 1, xz, xx - yy
@@ -177,40 +200,33 @@ def _declared(dtype: np.dtype, name: str) -> str:
     assert dtype.fields is not None
     for field, (kind, *_) in dtype.fields.items():
         base, shape = kind.subdtype or (kind, ())
-        word = "Grid" if base == GRID else _NAMES[base.str[1:]]
-        lines.append(f"{word} {field}{''.join(f'[{n}]' for n in shape)};")
-    return f"struct {name} {{ {' '.join(lines)} }};\n"
+        kind_name = "Grid" if base == GRID else _NAMES[base.str[1:]]
+        lines.append(f"{kind_name} {field}{''.join(f'[{n}]' for n in shape)};")
+    checked = f'static_assert(sizeof({name}) == {dtype.itemsize}, "{name}");'
+    return f"struct {name} {{ {' '.join(lines)} }};\n{checked}\n"
 
 
-STRUCTS = "".join(
-    _declared(dtype, name)
-    for dtype, name in (
-        (PART, "Part"),
-        (HEADER, "Header"),
-        (GRID, "Grid"),
-        (FINISH, "Finish"),
-        (ITEM, "Item"),
-        (VISIBLE_PART, "VisiblePart"),
-        (FRAGMENT, "Fragment"),
-        (TASK, "Task"),
-        (SWEEP, "Sweep"),
-        (TARGET, "Target"),
-    )
-)
-"""The records' declarations in C++, to stand at the beginning of a native function."""
+_STRUCTS = {
+    "Part": PART,
+    "Header": HEADER,
+    "Grid": GRID,
+    "Finish": FINISH,
+    "Item": ITEM,
+    "VisiblePart": VISIBLE_PART,
+    "Fragment": FRAGMENT,
+    "Task": TASK,
+    "Sweep": SWEEP,
+    "Target": TARGET,
+}
 
 
-def native(record: str, body: str, **constants: float) -> str:
-    """A native function's text: declarations of records and constants, `task` of type `record`, the body.
-
-    Products and sums go in one instruction.
-    """
-    lines = "".join(
+def declarations() -> str:
+    """The records and constants of this module in C++, for the beginning of a native function."""
+    constants = (
         f"constexpr {'int' if isinstance(value, int) else 'float'} {name} = {value!r};\n"
-        for name, value in constants.items()
+        for name, value in _CONSTANTS.items()
     )
-    task = f"{record}* const task = ({record}*)address;\n"
-    return "#pragma clang fp contract(fast)\n" + STRUCTS + lines + task + body
+    return "".join([*(_declared(dtype, name) for name, dtype in _STRUCTS.items()), *constants])
 
 
 def address(array: np.ndarray) -> int:

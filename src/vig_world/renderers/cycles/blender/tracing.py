@@ -13,7 +13,7 @@ import materials
 import numpy as np
 
 CLAMP = 10.0
-"""Most that one indirect path may bring, where 1 is white paper in the exposed picture."""
+"""Largest contribution of one indirect path, where 1 is white paper in the exposed picture."""
 SUN_MAP = 512
 """Columns of the map by which Cycles aims at the bright parts of the panorama."""
 
@@ -26,7 +26,7 @@ def version() -> str:
 def trace(
     header: dict[str, Any], arrays: dict[str, np.ndarray], threads: int, folder: Path
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Render a scene's `image` (H, W, 3) and `probe` (h, 2h, 4), linear; the header tells the seconds.
+    """Render a scene's `image` (H, W, 3) and `probe` (h, 2h, 4), linear; the header holds timings in seconds.
 
     The scene is built from nothing, so that it does not depend on what came before, and turned by minus
     `angle` about +Z instead of turning the panorama, which is looked up at every path's end. The probe's
@@ -63,13 +63,13 @@ def trace(
 
 
 def clear() -> None:
-    """Remove everything that a scene before left."""
+    """Remove everything of the previous scene."""
     for kind in ("objects", "meshes", "cameras", "materials", "images", "worlds"):
         bpy.data.batch_remove(list(getattr(bpy.data, kind)))
 
 
 def settle(scene: bpy.types.Scene, header: dict[str, Any], threads: int) -> None:
-    """Settings of the path tracer (docs/cycles.md tells what each costs)."""
+    """Set up the path tracer; docs/cycles.md lists the cost of each setting."""
     scene.render.engine = "CYCLES"
     scene.render.threads_mode, scene.render.threads = "FIXED", threads
     scene.render.resolution_percentage = 100
@@ -122,7 +122,7 @@ def add(
     arrays: dict[str, np.ndarray],
     pictures: dict[str, bpy.types.Image],
 ) -> bpy.types.Object:
-    """Thing `number` of the scene, with its normals and its material, seen by whom it is to be seen."""
+    """Thing `number` of the scene, with its normals and material and its ray-visibility flags set."""
     name = f"{number:04d}"
     vertices, faces = arrays[f"{number}_vertices"], arrays[f"{number}_faces"]
     mesh = bpy.data.meshes.new(name)
@@ -176,7 +176,7 @@ def probe(scene: bpy.types.Scene, about: dict[str, Any]) -> bpy.types.Object:
 
 
 def probe_settings(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
-    """The object is gone, so are the walls, which let light through; no denoising: what counts are sums."""
+    """Hide the object and the walls, which let light through; no denoising, as only sums matter."""
     for thing in scene.objects:
         thing.hide_render = not thing.get("in_probe", True)
     scene.cycles.samples = header["probe"]["samples"]

@@ -18,7 +18,7 @@ _LENGTH = struct.Struct("<Q")
 
 
 def send(stream: BinaryIO, header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    """Write one message. Raises BrokenPipeError when nobody reads any more."""
+    """Write one message. Raises BrokenPipeError when the other side has closed the pipe."""
     contiguous = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     listed = [[name, array.dtype.str, array.shape] for name, array in contiguous.items()]
     text = json.dumps({**header, "arrays": listed}).encode()
@@ -29,7 +29,7 @@ def send(stream: BinaryIO, header: dict[str, Any], arrays: dict[str, np.ndarray]
 
 
 def receive(stream: Readable) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read one message: its header and its arrays. Raises EOFError when the other side has gone."""
+    """Read one message: its header and its arrays. Raises EOFError when the other side has closed."""
     (length,) = _LENGTH.unpack(_exactly(stream, _LENGTH.size))
     header = json.loads(_exactly(stream, length))
     arrays = {}

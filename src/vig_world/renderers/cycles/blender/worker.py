@@ -1,8 +1,8 @@
 """Blender's process: `python worker.py THREADS FOLDER`, scenes on standard input, pictures on its output.
 
-Both are streams of `wire` messages; the first that goes out tells Blender's version. FOLDER holds temporary
-files and is removed at the end. The process ends when its input does or its parent has gone, also in the
-middle of a scene, and when a scene takes longer than the header's `timeout` seconds (SIGALRM, which ends it
+Both are streams of `wire` messages; the first one sent holds Blender's version. FOLDER holds temporary
+files and is removed at the end. The process ends when its input or its parent does, even during a
+scene, and when a scene takes longer than the header's `timeout` seconds (SIGALRM, which ends it
 whatever Blender is doing).
 """
 
@@ -24,7 +24,7 @@ from typing import BinaryIO
 import wire
 
 PATIENCE = 2.0
-"""Seconds between looks whether the parent is still there; its end of the pipe may live on in a fork."""
+"""Seconds between checks that the parent is alive; its end of the pipe may be held open by a fork."""
 
 
 def main() -> None:
@@ -33,7 +33,7 @@ def main() -> None:
     requests, replies = own_streams()
     threading.Thread(target=watch, args=(requests, parent, folder), daemon=True).start()
     with few_processors(threads):
-        import tracing  # from here on Blender writes to what it takes for standard output
+        import tracing  # Blender writes to standard output from here on
 
     try:
         wire.send(replies, {"blender": tracing.version()}, {})
@@ -73,7 +73,7 @@ def few_processors(count: int) -> Iterator[None]:
 
 
 def watch(requests: io.FileIO, parent: int, folder: Path) -> None:
-    """Leave as soon as nobody can send any more; Cycles lets other threads run while it renders."""
+    """Exit as soon as the pipe is closed; Cycles lets other threads run while it renders."""
     hung_up = select.poll()
     hung_up.register(requests, 0)
     while not hung_up.poll(1000 * PATIENCE) and os.getppid() == parent:
@@ -88,7 +88,7 @@ def leave(folder: Path) -> None:
 
 
 def serve(requests: io.FileIO, replies: BinaryIO, threads: int, folder: Path) -> None:
-    """Answer one scene: its arrays, or the error that it ended in."""
+    """Answer one scene: its arrays, or the error raised."""
     import tracing
 
     header, arrays = wire.receive(requests)

@@ -1,0 +1,52 @@
+"""Private interfaces of torch and Warp, all here: each function says what it does when one is gone."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import torch
+
+
+def has_bfloat16() -> bool:
+    """Whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when torch does not say."""
+    ask = getattr(torch.cpu, "_is_avx512_bf16_supported", None)
+    return bool(ask()) if ask is not None else False
+
+
+def type_parts(kind: Any) -> tuple[Any, tuple[int, ...]]:
+    """Scalar type and shape of a Warp type: (float32, (3,)) of a vector, () of a scalar.
+
+    TypeError for a vector or matrix whose parts this version of Warp does not tell.
+    """
+    scalar, shape = getattr(kind, "_wp_scalar_type_", None), getattr(kind, "_shape_", None)
+    if scalar is not None and shape is not None:
+        return scalar, tuple(shape)
+    if getattr(kind, "_length_", 1) > 1:
+        raise TypeError(f"this version of Warp does not tell the parts of {kind}; install another")
+    return kind, ()
+
+
+def group_fields(group: Any) -> tuple[str, ...]:
+    """Names of the fields of a Warp struct or of an instance of one, in their order."""
+    struct = getattr(group, "_cls", group)
+    fields = getattr(struct, "vars", None)
+    return tuple(fields if fields is not None else struct.cls.__annotations__)
+
+
+def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
+    """A recorded CPU launch as a call, and the C structure of its arguments `argument_0`, `argument_1`, ...
+
+    Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs; here they are
+    packed once. None on a GPU and where Warp has no such parts: `command.launch` does the same.
+    """
+    hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
+    forward = getattr(hooks, "forward", None)
+    if not command.device.is_cpu or forward is None or parameters is None:
+        return None
+    bounds, *arguments = parameters
+    fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
+    packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
+    structures = ctypes.byref(bounds), ctypes.byref(packed)
+    return lambda: forward(*structures), packed

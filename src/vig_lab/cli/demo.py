@@ -1,0 +1,104 @@
+"""`vig demo`: the packaged example photos explained, truth beside estimate."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+from rich.console import Console
+from rich.table import Table
+
+from vig.examples import Example, example_photos
+from vig.explainer import Explainer
+from vig.explanation import Explanation
+from vig.inference import ExplainSettings
+from vig.photo.images import write_png
+from vig.scene.designs import shape_vertices
+from vig_lab.cli.settings import Demo
+from vig_lab.evaluation.metrics import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
+
+
+def demo(settings: Demo) -> int:
+    """Explain every example into a folder and print a table, or JSON."""
+    out, as_json = settings.out, settings.json
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    started = time.monotonic()
+    explainer = Explainer("teapot", ExplainSettings(free_framing=False))
+    rows = []
+    for example in example_photos():
+        explanation = explainer.explain(example.photo)
+        explanation.save(out / example.name)
+        rows.append(_compared(example, explanation))
+        if not as_json:
+            console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)
+    seconds = time.monotonic() - started
+    write_overview(out, [example.photo for example in example_photos()], [row["photo"] for row in rows])
+    if as_json:
+        print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
+        return 0
+    table = Table(title="truth > estimate", title_justify="left")
+    for name in ("photo", "hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU", "verdict"):
+        table.add_column(name, justify="left" if name in ("photo", "verdict") else "right")
+    for row in rows:
+        table.add_row(
+            row["photo"],
+            f"{row['hidden'][0]:.0%} > {row['hidden'][1]:.0%}",
+            f"{row['azimuth_deg'][0]:.1f} > {row['azimuth_deg'][1]:.1f}",
+            f"{row['elevation_deg'][0]:.1f} > {row['elevation_deg'][1]:.1f}",
+            " > ".join(" ".join(f"{c:.2f}" for c in colour) for colour in row["albedo"]),
+            f"{row['shape_error_mm']:.1f} mm",
+            f"{row['segmentation_iou']:.2f}",
+            row["verdict"],
+        )
+    console.print(table)
+    console.print(
+        f"{len(rows)} photos in {seconds:.0f} s; median azimuth error"
+        f" {np.median([row['azimuth_error_deg'] for row in rows]):.1f} degrees, median IoU"
+        f" {np.median([row['segmentation_iou'] for row in rows]):.2f}",
+        highlight=False,
+    )
+    print(out)
+    return 0
+
+
+def write_overview(
+    out: Path, photos: list[Path], names: list[str], cell: int = 224, columns: int = 4
+) -> None:
+    """`out`/overview.png: every photo beside its overlay, `columns` pairs to a line."""
+    lines = math.ceil(len(photos) / columns)
+    sheet = Image.new("RGB", (columns * 2 * cell, lines * cell), "white")
+    for number, (photo, name) in enumerate(zip(photos, names, strict=True)):
+        left, top = number % columns * 2 * cell, number // columns * cell
+        for offset, path in ((0, photo), (cell, out / name / "overlay.png")):
+            with Image.open(path) as picture:
+                sheet.paste(picture.convert("RGB").resize((cell - 4, cell - 4)), (left + offset, top))
+    write_png(out / "overview.png", np.asarray(sheet))
+
+
+def _compared(example: Example, explanation: Explanation) -> dict[str, Any]:
+    """Truth and estimate of one example as plain numbers."""
+    truth, found, described = example.truth, explanation.latents, explanation.to_dict()
+    object_class = explanation.object_class
+    vertices = shape_vertices(truth.shape[0].numpy(), example.design, object_class)
+    shape_error = shape_error_mm(object_class.shape_model.vertices(found.shape), vertices[None])
+    visible = np.asarray(Image.open(example.visible_mask)) > 127
+    return {
+        "photo": example.name,
+        "hidden": [round(example.occlusion, 3), described["hidden_fraction"] or 0.0],
+        "azimuth_deg": [math.degrees(float(truth.azimuth)) % 360, described["azimuth_deg"]],
+        "elevation_deg": [math.degrees(float(truth.elevation)), described["elevation_deg"]],
+        "albedo": [truth.albedo[0].tolist(), described["albedo"]],
+        "azimuth_error_deg": float(angle_error_deg(found.azimuth, truth.azimuth)[0]),
+        "appearance_error": float(appearance_error(found.albedo, truth.albedo)[0]),
+        "shape_error_mm": float(shape_error[0]),
+        "segmentation_iou": float(segmentation_iou(explanation.mask[None], visible[None])[0]),
+        "verdict": described["verdict"],
+        "light": [truth.light[0].tolist(), torch.as_tensor(described["light"]).tolist()],
+    }

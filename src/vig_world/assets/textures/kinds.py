@@ -1,0 +1,44 @@
+"""The kinds of textures: each maker registers itself, with what is known about its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from vig_world.assets.textures.fields import Array
+
+Maker = TypeVar("Maker", bound=Callable[..., Array])
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of texture.
+
+    Attributes:
+        make: Function of (generator, size in pixels, base albedo (3,) or None) to an image (size, size, 3).
+        metres: Plausible metres per repeat: lowest, highest.
+        needs_base: Whether `make` cannot choose a base albedo itself.
+        periodic: Whether the texture tiles in both directions.
+    """
+
+    make: Callable[..., Array]
+    metres: tuple[float, float]
+    needs_base: bool
+    periodic: bool
+
+
+KINDS: dict[str, Kind] = {}
+"""Every kind of texture by name."""
+
+
+def kind(
+    metres: tuple[float, float], needs_base: bool = False, periodic: bool = True
+) -> Callable[[Maker], Maker]:
+    """Register the decorated function as the maker of a kind, named like the function; see `Kind`."""
+
+    def register(make: Maker) -> Maker:
+        KINDS[make.__name__.rstrip("_")] = Kind(make, metres, needs_base, periodic)
+        return make
+
+    return register

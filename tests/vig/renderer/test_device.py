@@ -1,0 +1,37 @@
+"""Native code behind its preamble."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import warp as wp
+
+import vig
+from vig.renderer.device import native_code
+
+
+def test_constants_stand_before_the_code_with_their_types(tmp_path: Path) -> None:
+    (tmp_path / "a.cc").write_text("real x = HALF;\n")
+    (tmp_path / "b.cc").write_text("return x;\n")
+    code = native_code(
+        tmp_path, "a.cc", "b.cc", real=wp.float64, HALF=0.5, COUNT=16, ON=True, BIG=(1 << 63) - 1
+    )
+    assert code.splitlines() == [
+        "typedef double real;",
+        "constexpr real HALF = real(0.5);",
+        "constexpr int COUNT = 16;",
+        "constexpr bool ON = true;",
+        "constexpr wp::int64 BIG = 9223372036854775807;",
+        "real x = HALF;",
+        "",
+        "return x;",
+    ]
+    assert native_code(tmp_path, "b.cc", real=wp.float32).startswith("typedef float real;")
+
+
+def test_no_native_code_stands_in_python_files_of_the_likelihood() -> None:
+    """It is read as it is, in .cc files that the package ships."""
+    folder = Path(vig.__file__).parent / "likelihood" / "kernels"
+    assert len(list(folder.glob("*.cc"))) >= 6
+    for file in folder.glob("*.py"):
+        assert "typedef" not in file.read_text() and "{{" not in file.read_text(), file.name

@@ -1,0 +1,107 @@
+"""Breaks the code in small ways, one at a time, and says which breakages no test notices.
+
+    python tools/mutations.py [--only TEXT] [--jobs 2] [--list FILE]
+
+tools/mutations.toml holds the mutations: a file, a text that occurs in it once, what takes its place, and the
+tests that should fail. Each is tried in a copy of the tree. Run by hand: it takes some 20 minutes. Exits 1
+when more than `MOST_SURVIVORS` survive, or when a text is not found once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import Queue
+
+ROOT = Path(__file__).parents[1]
+MOST_SURVIVORS = 3
+PATIENCE = 600
+"""Seconds that the tests of one mutation may take."""
+COPIED = ("src", "tests", "benchmarks", "pyproject.toml")
+
+
+def copy_of_tree() -> Path:
+    """A copy of what tests need."""
+    copy = Path(tempfile.mkdtemp(prefix="mutations-"))
+    for name in COPIED:
+        source = ROOT / name
+        shutil.copytree(source, copy / name) if source.is_dir() else shutil.copy(source, copy / name)
+    return copy
+
+
+def outcome(copy: Path, mutation: dict[str, str]) -> str:
+    """`killed`, `SURVIVED`, `SLOW` (no verdict in time) or what is wrong with the mutation itself."""
+    path = copy / "src" / mutation["file"]
+    whole = path.read_text() if path.is_file() else ""
+    if whole.count(mutation["old"]) != 1:
+        return f"INVALID: the text occurs {whole.count(mutation['old'])} times"
+    path.write_text(whole.replace(mutation["old"], mutation["new"]))
+    environment = os.environ | {"PYTHONPATH": "src", "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-x",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        *mutation["tests"].split(),
+    ]
+    try:
+        run = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        return "SLOW"
+    finally:
+        path.write_text(whole)
+    if run.returncode == 1 or (run.returncode == 2 and b"rror" in run.stdout):
+        return "killed"
+    return "SURVIVED" if run.returncode == 0 else f"INVALID: pytest ended with {run.returncode}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", default="", help="mutations whose file or text holds this")
+    parser.add_argument("--jobs", type=int, default=2, help="how many at a time")
+    parser.add_argument("--list", type=Path, help="write the outcomes here, too")
+    given = parser.parse_args()
+    every = tomllib.loads((ROOT / "tools" / "mutations.toml").read_text())["mutation"]
+    chosen = [each for each in every if given.only in each["file"] or given.only in each["old"]]
+    copies: Queue[Path] = Queue()
+    for _ in range(given.jobs):
+        copies.put(copy_of_tree())
+
+    def tried(mutation: dict[str, str]) -> str:
+        copy = copies.get()
+        try:
+            return outcome(copy, mutation)
+        finally:
+            copies.put(copy)
+
+    told, counts = [], dict.fromkeys(("killed", "SURVIVED", "SLOW", "INVALID"), 0)
+    with ThreadPoolExecutor(given.jobs) as pool:
+        for mutation, result in zip(chosen, pool.map(tried, chosen), strict=True):
+            counts[result.split(":")[0]] += 1
+            change = f"{mutation['old'].strip()[:60]!r} -> {mutation['new'].strip()[:60]!r}"
+            reason = f" ({mutation['reason']})" if "reason" in mutation else ""
+            told.append(f"{result:9} {mutation['file']}: {change}{reason}")
+            print(told[-1], flush=True)
+    told.append(", ".join(f"{count} {name}" for name, count in counts.items()))
+    print(told[-1])
+    if given.list:
+        given.list.write_text("\n".join(told) + "\n")
+    while not copies.empty():
+        shutil.rmtree(copies.get())
+    return int(counts["SURVIVED"] + counts["SLOW"] > MOST_SURVIVORS or counts["INVALID"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
