@@ -118,6 +118,7 @@ def test_numpy_alone_puts_the_mesh_on_the_photo(explanation: vig.Explanation, tm
     camera = json.loads((folder / "explanation.json").read_text())["camera"]
     x, y, z = glb_positions(folder / "object.glb").T
     in_object = np.stack([x, -z, y, np.ones_like(x)])  # glTF's Y is up, the object's Z
+    np.testing.assert_allclose(in_object[:3].T, explanation.vertices, atol=1e-6)
     seen = (np.array(camera["camera_from_object"]) @ in_object)[:3]
     column, row, depth = np.array(camera["K"]) @ seen
     column, row = column / depth, row / depth

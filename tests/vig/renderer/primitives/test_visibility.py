@@ -8,7 +8,8 @@ import torch
 
 from tests.vig.renderer.primitives import reference
 from vig.renderer.primitives import Visible, visible_faces
-from vig.renderer.raster import NEAR
+from vig.renderer.raster import NEAR, rasterize
+from vig.scene import Camera
 
 SIZE = (2, 24, 32)
 
@@ -38,6 +39,24 @@ def test_random_triangles_are_seen_as_by_the_reference(
         covered.append(((a >= 0).float() - (b >= 0).float()).mean().item())
         assert 0.2 < (b >= 0).float().mean() < 1  # something to see, and past
     assert max(different) <= flips and abs(np.mean(covered)) <= flips / 4
+
+
+def test_batches_are_drawn_as_single_meshes_are(triangles: Callable) -> None:
+    """The same kernel: each image of a batch shows what `rasterize` shows of its faces alone."""
+    rng = np.random.default_rng(2)
+    camera = Camera(32, 24, 40.0, 16.2, 11.9)
+    points, faces = triangles(rng, 100)
+    ahead = (points[:, 2][faces.long()] > NEAR).all(1)  # `rasterize` draws no others
+    faces, layer = faces[ahead], torch.from_numpy(rng.integers(0, 2, int(ahead.sum()))).int()
+    seen = faces_seen(visible_faces(points.float(), faces, layer, SIZE))
+    in_camera = points.numpy().copy()
+    in_camera[:, :2] = (in_camera[:, :2] - np.array([16.2, 11.9]) * in_camera[:, 2:]) / 40.0
+    for image in range(2):
+        own = (layer == image).nonzero().squeeze(1)
+        alone = rasterize(in_camera, faces[own].numpy(), np.eye(3), np.zeros(3), camera).face
+        expected = np.where(alone < 0, -1, own.numpy()[alone])
+        assert (expected >= 0).mean() > 0.2
+        assert (seen[image].numpy() != expected).mean() < 2e-3
 
 
 def test_what_lies_nearer_than_the_near_plane_is_cut_off_and_the_rest_is_drawn(triangles: Callable) -> None:
