@@ -123,7 +123,7 @@ def _inside(
 ) -> torch.Tensor:
     """Top of the parabola through low's value and slope and high's value, well within the bracket."""
     width = high - low
-    bend = at_low + slope * width - at_high
+    bend = value_low + slope * width - value_high
     share = (0.5 * slope * width / bend.clamp_min(1e-30)).nan_to_num(nan=0.5)
     return low + width * share.to(width.dtype).clamp(0.1, 0.9)
 
