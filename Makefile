@@ -1,11 +1,16 @@
-# make demo | test | check | clean: the first three make their environment (.venv) when it is missing.
+# make demo | test | check | wheel | clean: all but the last make their environment (.venv) when it is missing.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+PIP := $(BIN)/python -m pip
 
-.PHONY: demo test check clean
+# PyTorch's own index of CPU builds: on Linux a plain torch brings gigabytes of CUDA packages. Where it cannot be
+# reached, or is set to nothing (make TORCH_INDEX=), the default index serves torch.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+
+.PHONY: demo test check wheel clean
 
 demo: $(INSTALLED)
 	$(BIN)/vig demo
@@ -18,11 +23,15 @@ check: $(INSTALLED)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
+wheel: $(INSTALLED)
+	$(PIP) wheel --quiet --no-deps --wheel-dir dist .
+
 # Torch comes first and pinned, so that no later package can pull another build of it.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --constraint constraints.txt torch
-	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[dev]'
+	{ test -n "$(TORCH_INDEX)" && $(PIP) install --quiet --index-url "$(TORCH_INDEX)" --retries 0 --timeout 5 \
+		--constraint constraints.txt torch; } || $(PIP) install --constraint constraints.txt torch
+	$(PIP) install --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
 clean:

@@ -2,7 +2,7 @@
 
     python examples/fit_pose_and_light.py [--out DIRECTORY]
 
-The gradient comes through `vig.render`. The picture is drawn with 4 x 4 samples a pixel, and noise is
+The gradient comes through `vig.renderer`. The picture is drawn with 4 x 4 samples a pixel, and noise is
 added. The fit starts some 15 degrees and two centimetres off, under a flat grey light, and sees only the
 picture: the loss is the plain mean square of the difference in colour. Prints the errors before and after; a
 few seconds on one core.

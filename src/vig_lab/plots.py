@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 
 from vig.dataset import Dataset
+from vig.errors import optional_import
 from vig.files import atomic_write
 from vig.recognition import CalibrationResult, Epoch, TrainingSettings, calibrate_network, train
 from vig.recognition.calibration import WITHIN_90, azimuth_bins
@@ -58,7 +59,8 @@ class TrainingLog:
         self._plot(list(epoch.trained), list(epoch.errors))
 
     def _plot(self, parts: list[str], errors: list[str]) -> None:
-        from matplotlib.figure import Figure
+        with optional_import("world"):
+            from matplotlib.figure import Figure
 
         epochs = [int(row["epoch"]) for row in self.rows]
         figure = Figure(figsize=(3 * len(errors), 5), layout="constrained")
@@ -107,7 +109,8 @@ def describe_calibration(result: CalibrationResult) -> str:
 
 def plot_reliability(path: Path, result: CalibrationResult) -> None:
     """Observed against stated probability, before and after: azimuth's regions, intervals of each number."""
-    from matplotlib.figure import Figure
+    with optional_import("world"):
+        from matplotlib.figure import Figure
 
     made, errors = result.calibration, result.standard_errors
     figure = Figure(figsize=(9, 4.5), layout="constrained")

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from benchmarks import fit, photos, throughput
+from benchmarks.measuring import Time, timed
 from benchmarks.throughput import Fits, Rate, descent_budget, members, runs, table
-from benchmarks.timing import Time, timed
 from vig.inference import ExplainSettings, objective_of
 from vig.scene import ObjectClass, linear_from_srgb
 

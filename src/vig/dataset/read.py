@@ -11,9 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.parquet as pq
 from PIL import Image, UnidentifiedImageError
 
 from vig.checks import decode, inside, read_bytes, read_json, reading
@@ -30,22 +27,10 @@ from vig.dataset.format import (
     read_info,
 )
 from vig.dataset.spec import SceneSpec
-from vig.scene import IMAGE_SIZE, layout_of_width
+from vig.scene import IMAGE_SIZE
 
-MOST_TABLE = 1 << 30
-"""Bytes of the table's file."""
-MOST_IN_LIST, MOST_TEXT, MOST_SPEC, MOST_LABELS = 256, 16_384, 65_536, 4096
-"""Of each sample: entries of a list in the table, bytes of each text column, bytes of its
-spec, and of each of its labels."""
-
-_TYPES = {
-    **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),
-    **dict.fromkeys(("cause", "zone", "photo"), pa.string()),
-    **dict.fromkeys(("hidden_by", "assets"), pa.list_(pa.string())),
-    "truncated": pa.bool_(),
-}
-"""Types of the table's columns; the others are float64."""
-_TEXTS = ("hidden_by", "zone", "assets", "photo")
+MOST_SPEC, MOST_LABELS = 65_536, 4096
+"""Bytes of each sample's spec, and of each of its labels."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +108,8 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
     Raises UserError when there is no such dataset or split, it is not complete, or it is damaged.
     """
     root = Path(path)
+    from vig.dataset.table import read_table  # needs pyarrow
+
     split = complete_split(root, split)
     table = read_table(root, split, texts=False)
     with reading(root / split / TABLE, "the table of a dataset", REMEDY):
@@ -143,65 +130,6 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
         if not np.isfinite(dataset.latents).all():
             raise ValueError("latents must be finite")
     return dataset
-
-
-def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
-    """A split's latents.parquet; without `texts`, the columns that only checks and exports read are left out.
-
-    How many rows and values it says to have is checked before they are decoded: a small file can hold
-    gigabytes of repetitions. Raises UserError when it is missing or damaged.
-    """
-    count = read_info(root)["splits"][split]["count"]
-    path = inside(root, f"{split}/{TABLE}")
-    with reading(path, "the table of a dataset", REMEDY):
-        data = pa.py_buffer(read_bytes(path, MOST_TABLE))
-        file = pq.ParquetFile(pa.BufferReader(data))
-        metadata, held = file.metadata, file.schema_arrow.names
-        latents = [name for name in held if name not in COLUMNS]
-        if (
-            sorted(held) != sorted([*COLUMNS, *latents])
-            or tuple(latents) != layout_of_width(len(latents)).labels
-        ):
-            raise ValueError("its columns are not those of a dataset")
-        groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-        if metadata.num_rows != count or sum(group.num_rows for group in groups) != count:
-            raise ValueError(f"it has {metadata.num_rows} rows for {count} samples")
-        for group in groups:
-            chunks = [group.column(i) for i in range(group.num_columns)]
-            if any(chunk.num_values > MOST_IN_LIST * group.num_rows for chunk in chunks):
-                raise ValueError(f"a list in it has more than {MOST_IN_LIST} entries")
-        leaves = [metadata.schema.column(i) for i in range(metadata.num_columns)]
-        strings = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
-        file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=strings)
-        table = file.read([name for name in held if texts or name not in _TEXTS])
-        if len(table) != count:
-            raise ValueError(f"{len(table)} of its {count} rows could be read")
-        for place, name in enumerate(table.column_names):
-            table = table.set_column(place, name, _column(name, table[name]))
-    return table
-
-
-def _column(name: str, column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """A column of the table in its own type. ValueError when it has another, gaps, or very long texts."""
-    wanted = _TYPES.get(name, pa.float64())
-    texts = column
-    if pa.types.is_list(texts.type):
-        texts = pc.list_flatten(texts)
-    if pa.types.is_dictionary(texts.type):
-        lengths = sum(
-            int(pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0)
-            for chunk in texts.chunks
-        )
-        if lengths > MOST_TEXT * max(len(column), 1):
-            raise ValueError(f"{name} has more than {MOST_TEXT} bytes of text a row")
-    stored = texts.type.value_type if pa.types.is_dictionary(texts.type) else texts.type
-    expected = wanted.value_type if pa.types.is_list(column.type) and pa.types.is_list(wanted) else wanted
-    if stored != expected and not pa.types.is_null(stored):  # null: empty everywhere
-        raise ValueError(f"{name} must be {wanted}; it is {str(column.type)[:60]}")
-    plain = column.cast(wanted)
-    if plain.null_count and name != "photo":
-        raise ValueError(f"{name} is missing in {plain.null_count} rows")
-    return plain
 
 
 def read_specs(folder: Path, count: int) -> list[str]:
@@ -228,6 +156,8 @@ def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:
     """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
+    from vig.dataset.table import read_table  # needs pyarrow
+
     settings = read_info(Path(path))["splits"][split]
     occlusion = read_table(Path(path), split, texts=False)["occlusion"]
     counts, _ = np.histogram(occlusion.to_numpy(), 10, (0, 1))

@@ -10,7 +10,7 @@ from typing import Any
 
 from vig.checks import inside, read_bytes, reading
 from vig.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, read_info, refuse_used
-from vig.dataset.read import read_dataset, read_scene, read_table
+from vig.dataset.read import read_dataset, read_scene
 from vig.errors import UserError
 from vig.files import atomic_write
 
@@ -47,6 +47,8 @@ def export_webdataset(
 
 
 def _labels(root: Path, split: str) -> list[dict[str, Any]]:
+    from vig.dataset.table import read_table  # needs pyarrow
+
     rows = read_table(root, split).to_pylist()
     settings = read_info(root)["splits"][split]
     origin = {name: settings[name] for name in ("class", "tier", "seed")} | {"split": split}

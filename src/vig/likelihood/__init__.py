@@ -5,9 +5,14 @@ from vig.likelihood.kernels.assembly import load_kernels
 from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, mixture
 from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
 from vig.likelihood.surroundings import log_colour_density
+from vig.names import LikelihoodName
+
+LIKELIHOODS: dict[LikelihoodName, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
+"""The pixel models of a fit by name."""
 
 __all__ = [
     "GAUSSIAN",
+    "LIKELIHOODS",
     "NEVER",
     "ROBUST",
     "SPATIAL",

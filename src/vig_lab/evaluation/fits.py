@@ -1,4 +1,4 @@
-"""Fits of many photos, kept on disk in chunks, so that what was fitted stays fitted when a run is killed."""
+"""Fits of many photos, kept on disk in chunks, so that a run that was killed continues."""
 
 from __future__ import annotations
 
@@ -24,21 +24,26 @@ from vig.parallel.processes import map_in_processes
 from vig.parallel.threads import map_on_threads
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
-from vig_world.generation.describe import class_fingerprint
 
 CHUNK = 50
-"""Photos to a file."""
-LEAST_APART = 150
-"""Photos that are worth processes of their own, which take seconds to start."""
+"""Photos per file."""
+LEAST_FOR_PROCESSES = 150
+"""Photos from which on processes are used, since these take seconds to start."""
 
 
 @dataclass(frozen=True)
 class Fits:
-    """N photos explained.
+    """Fits of N photos.
 
-    latents, deviation (N, P) float32. masks, masks_by_pixel (N, H, W) bool: the visible pixels, and what each
-    by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues
-    (N, C), confidence (N,): see `vig.inference.Fit`. verdicts: N names.
+    Attributes:
+        latents: (N, P) float32.
+        deviation: (N, P) float32, of each latent.
+        masks: (N, H, W) bool, the visible pixels; the whole silhouette under a likelihood without outliers,
+            as in the paper.
+        masks_by_pixel: (N, H, W) bool, the same with each pixel decided independently.
+        confidence_features: (N, C), see `vig.inference.Fit`.
+        confidence: (N,), see there.
+        verdicts: N names.
     """
 
     latents: np.ndarray
@@ -51,7 +56,7 @@ class Fits:
 
     @staticmethod
     def of(fits: list[Fit], whole: bool) -> Fits:
-        """The same of explanations; whole: the silhouette is the mask."""
+        """Stack single fits; whole: the silhouette is the mask."""
         return Fits(
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
             np.stack([fit.deviation.float().numpy() for fit in fits]),
@@ -64,7 +69,7 @@ class Fits:
 
     @staticmethod
     def joined(parts: list[Fits]) -> Fits:
-        """One after another."""
+        """Concatenate."""
         return Fits(
             np.concatenate([part.latents for part in parts]),
             np.concatenate([part.deviation for part in parts]),
@@ -88,12 +93,21 @@ def fit_all(
     key: str = "",
     processes: bool = False,
 ) -> Fits:
-    """Fit photos (N, H, W, 3) linear RGB from their prediction, `workers` at a time.
+    """Fit photos from their prediction. After Ctrl-C, fits that were not begun are not waited for.
 
-    images: the same, uint8 sRGB. folder: keeps fits, chunk by chunk; a chunk is taken from there when its
-    `key` (see `key_of`) and its images are the same, and fitted again otherwise. After Ctrl-C nobody waits
-    for fits that were not begun. processes: workers may be processes, see `map_in_processes`, which are
-    quicker than threads where there are photos enough, and give the same fits.
+    Args:
+        images: The photos as uint8 sRGB (N, H, W, 3).
+        photos: The same as linear RGB.
+        prediction: Of the N photos.
+        object_class: Of the object.
+        settings: Of the fits.
+        workers: Fits at a time.
+        advance: Called with the number of fits made, or read, since its last call.
+        folder: Keeps fits, chunk by chunk. A chunk is read from there when its `key` and its images are the
+            same, and fitted again otherwise.
+        key: See `key_of`.
+        processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
+            the same fits.
     """
     load_kernels(torch.float32, object_class.shape_model.modes)
     chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
@@ -103,8 +117,8 @@ def fit_all(
     missing = [number for number, part in enumerate(parts) if part is None]
     todo = [index for number in missing for index in chunks[number]]
     advance(len(images) - len(todo))
-    apart = processes and workers > 1 and len(todo) >= LEAST_APART
-    fitted = (_fitted_apart if apart else _fitted_here)(
+    separate = processes and workers > 1 and len(todo) >= LEAST_FOR_PROCESSES
+    fitted = (_fitted_in_processes if separate else _fitted_on_threads)(
         [(photos[i], prediction[i : i + 1]) for i in todo], object_class, settings, workers
     )
     with closing(fitted):
@@ -124,10 +138,11 @@ Photo = tuple[torch.Tensor, Prediction]
 Arrays = tuple[np.ndarray, ...]
 """A photo and the parts of its prediction."""
 Shared = tuple[ObjectClass, ExplainSettings]
+"""What all fits of a run have in common."""
 
 
 def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
-    """The function that fits one photo, from its prediction, in any process."""
+    """The function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
     load_kernels(torch.float32, object_class.shape_model.modes)
 
@@ -137,7 +152,7 @@ def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
     return one
 
 
-def _fitted_here(
+def _fitted_on_threads(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> Generator[Fits]:
     before = torch.get_num_threads()
@@ -148,7 +163,7 @@ def _fitted_here(
         torch.set_num_threads(before)
 
 
-def _fitted_apart(
+def _fitted_in_processes(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> Generator[Fits]:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
@@ -160,7 +175,7 @@ def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
 
 
 def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
-    """`_fitting` of what can be sent to another process."""
+    """`_fitting` of arrays, which can be sent to another process."""
     fitted = _fitting(shared)
 
     def one(arrays: Arrays) -> Fits:
@@ -171,10 +186,10 @@ def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
 
 
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
-    """A hash of all that a fit depends on but its photo and the code: weights, class, settings, version."""
+    """Hash of everything that a fit depends on, but for its photo and the code."""
     plain = replace(settings, calibration=None)
     digest = hashlib.sha256(
-        f"{__version__} {class_fingerprint(object_class)} {plain!r} {CONFIDENCE_FEATURES}".encode()
+        f"{__version__} {object_class.fingerprint} {plain!r} {CONFIDENCE_FEATURES}".encode()
     )
     own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
     own |= recognizer.calibration.tensors()
@@ -191,30 +206,30 @@ def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainS
 
 
 def _read(path: Path, key: str) -> Fits | None:
-    """A chunk of that key; None when there is none, or one of another key or unreadable."""
+    """Read a chunk; None when it is missing, unreadable or of another key."""
     try:
-        held, told = read_tensors(path, finite=False)
-        if told["key"] != key:
+        tensors, metadata = read_tensors(path, finite=False)
+        if metadata["key"] != key:
             return None
-        size = decode(tuple[int, int, int], parse_json(told["size"]))
+        size = decode(tuple[int, int, int], parse_json(metadata["size"]))
         row = -(-size[1] * size[2] // 8)
         bits, floats = ("uint8", (size[0], row)), "float32 float64"
         rows: dict[str, tuple[str, tuple[int | str, ...]]]
         rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
         rows |= {"confidence_features": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
-        check_arrays(held, rows | {"masks": bits, "masks_by_pixel": bits})
+        check_arrays(tensors, rows | {"masks": bits, "masks_by_pixel": bits})
         masks, by_pixel = (
-            np.unpackbits(held[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
+            np.unpackbits(tensors[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
             for name in ("masks", "masks_by_pixel")
         )
         return Fits(
-            held["latents"],
-            held["deviation"],
+            tensors["latents"],
+            tensors["deviation"],
             masks,
             by_pixel,
-            held["confidence_features"],
-            held["confidence"],
-            decode(tuple[str, ...], parse_json(told["verdicts"])),
+            tensors["confidence_features"],
+            tensors["confidence"],
+            decode(tuple[str, ...], parse_json(metadata["verdicts"])),
         )
     except (OSError, KeyError, TypeError, ValueError, SafetensorError):
         return None
@@ -229,6 +244,6 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "confidence_features": fits.confidence_features,
         "confidence": fits.confidence,
     }
-    told = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
+    metadata = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
     with atomic_write(path) as temporary:
-        save_file(tensors, temporary, told)
+        save_file(tensors, temporary, metadata)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig.photo.images import HDR_MAGIC, check_size, existing_file, head_of, refuse
 
 UNDERSHOOT = 0.05
@@ -43,7 +43,8 @@ def read_panorama(path: str | Path) -> np.ndarray:
 
 def _radiance(path: Path) -> np.ndarray:
     """Decode an HDR file, (H, 2 H, 3) float32; values are not checked. OSError when it is damaged."""
-    import OpenImageIO as oiio  # 80 ms that only panoramas need to spend
+    with optional_import("world"):  # 80 ms that only panoramas need to spend
+        import OpenImageIO as oiio
 
     source = oiio.ImageInput.open(str(path))
     if source is None:

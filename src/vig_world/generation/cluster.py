@@ -7,7 +7,7 @@ from collections import Counter, deque
 from pathlib import Path
 from typing import Any
 
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig_world.generation.job import Advance, Job, Maker, store
 
 CHUNK = 8
@@ -51,12 +51,8 @@ def make_on_ray(job: Job, folder: Path, missing: list[int], address: str, advanc
 
 def require_ray() -> None:
     """Raise UserError when Ray is not installed."""
-    try:
+    with optional_import("cluster"):
         import ray  # noqa: F401
-    except ImportError as error:
-        raise UserError(
-            "--ray needs Ray, which is not installed; install it with `pip install 'vig[cluster]'`."
-        ) from error
 
 
 def _check_answers(address: str) -> None:

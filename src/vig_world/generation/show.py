@@ -9,8 +9,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from vig.dataset.format import REMEDY, read_info
-from vig.dataset.read import Dataset, read_table
-from vig.errors import UserError
+from vig.dataset.read import Dataset
+from vig.dataset.table import read_table
+from vig.errors import UserError, optional_import
 from vig.files import atomic_write
 
 if TYPE_CHECKING:
@@ -71,8 +72,9 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     Raises:
         UserError: When the split cannot be read or the file cannot be written.
     """
-    from matplotlib.figure import Figure  # 0.2 s that worker processes need not spend
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
+    with optional_import("world"):  # 0.2 s that worker processes need not spend
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     light = tuple(f"light_1_{order}" for order in (-1, 0, 1))
     shown = ("occlusion", "target_occlusion", "azimuth", "elevation", "size", "light_0_0", *light, "cause")

@@ -17,8 +17,6 @@ try:
 except ImportError:  # Windows: simultaneous runs are not detected there
     fcntl = None  # type: ignore[assignment]
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vig.checks import inside, read_json, reading
 from vig.dataset.format import (
@@ -34,7 +32,7 @@ from vig.dataset.format import (
     write_json,
 )
 from vig.dataset.spec import SPLITS, WORLD_VERSION
-from vig.errors import UserError
+from vig.errors import UserError, optional_import
 from vig.files import atomic_write
 from vig.scene import ObjectClass
 from vig_world.generation import bop
@@ -43,6 +41,10 @@ from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_here, make_in_processes
 from vig_world.generation.progress import Meter
 from vig_world.library import OwnAssets
+
+with optional_import("world"):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 _TEMPORARY = re.compile(r"\.[0-9a-f]{12}(\.\w+)?")
 

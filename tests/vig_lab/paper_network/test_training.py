@@ -76,7 +76,7 @@ def test_the_pose_is_learned_and_every_loss_stands_in_the_log(trained: tuple[Pat
         assert factor != "pose" or losses[-1] < 0.8 * losses[0]  # the others have little to see
 
 
-def test_the_stated_deviations_are_those_of_the_held_out_images(
+def test_the_predicted_deviations_are_those_of_the_held_out_images(
     trained: tuple[Path, list[str]], dataset: Dataset
 ) -> None:
     recognizer = PaperRecognizer(trained[0])

@@ -32,7 +32,7 @@ def test_without_ray_the_remedy_is_told(
 
     def no_ray(name: str, *rest: Any) -> Any:
         if name == "ray":
-            raise ImportError(name)
+            raise ModuleNotFoundError(name=name)
         return load(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", no_ray)
