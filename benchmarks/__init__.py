@@ -2,5 +2,5 @@
 
 import os
 
-# Read when numpy is imported, so it has to be said before: one thread, unless the caller says otherwise.
+# Read when numpy is imported, so it must be set before: one thread, unless the caller sets it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

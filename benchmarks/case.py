@@ -1,4 +1,7 @@
-"""What every renderer is given: a mesh before a camera, guesses a little apart, and a photo to explain."""
+"""The problem of all renderers, and our side of the comparison.
+
+A mesh before a camera, guesses a little apart, and a photo to explain.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from vig.likelihood import ROBUST, Likelihood, Photos
+from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.renderer import rasterize
+from vig.renderer.explained import render_latents
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel
 
 SIZES = (75, 150, 300)
@@ -24,17 +28,16 @@ BACKDROP_CELLS = 15
 
 @dataclass(frozen=True)
 class Case:
-    """One mesh at one image size.
-
-    truth: the latents (B = 1) behind the photo. guesses: latents of `GUESSES` valuations in a row, float32.
-    photo: (H, W, 3) float64 linear RGB, the teapot in front of clutter and behind an occluder.
-    """
+    """One mesh at one image size."""
 
     model: ShapeModel
     camera: Camera
     truth: Latents
+    """Of the photo (B = 1)."""
     guesses: tuple[Latents, ...]
+    """`GUESSES` latents that are evaluated in turn, float32."""
     photo: np.ndarray
+    """(H, W, 3) float64 linear RGB, the teapot in front of clutter and behind an occluder."""
 
     @property
     def label(self) -> str:
@@ -42,7 +45,7 @@ class Case:
         return f"{len(self.model.faces)} faces, {self.camera.width} x {self.camera.height}"
 
     def points(self) -> list[np.ndarray]:
-        """Vertices (V, 3) of each guess in the camera's frame, metres, float64: what a peer is given."""
+        """Vertices (V, 3) of each guess in the camera's frame, metres, float64, as peers get them."""
         placed = []
         for guess in self.guesses:
             rotation, translation = self.camera.pose(guess.azimuth.double(), guess.elevation.double())
@@ -51,7 +54,7 @@ class Case:
         return placed
 
     def covered(self) -> int:
-        """Pixels whose centre lies on the object at the first guess."""
+        """Pixels whose centre the object covers at the first guess."""
         still, origin = np.eye(3), np.zeros(3)
         fragments = rasterize(self.points()[0], self.model.faces, still, origin, self.camera, cull=True)
         return int((fragments.face >= 0).sum())
@@ -76,30 +79,26 @@ def make_case(size: int, subdivisions: int = 0, seed: int = 0) -> Case:
         camera,
         Latents.from_vector(truth),
         tuple(Latents.from_vector(guess[None].float()) for guess in guesses),
-        _photo(model, camera, Latents.from_vector(truth), rng),
+        _photo(replace(teapot, shape_model=model, transfer=None), camera, Latents.from_vector(truth), rng),
     )
 
 
-def _photo(model: ShapeModel, camera: Camera, truth: Latents, rng: np.random.Generator) -> np.ndarray:
+def _photo(object_class: ObjectClass, camera: Camera, truth: Latents, rng: np.random.Generator) -> np.ndarray:
     """The truth in front of coloured blocks, a fifth of the width hidden by others, with a little noise."""
-    blank = torch.zeros(1, camera.height, camera.width, 3, dtype=torch.float64)
-    photos = Photos(blank, ROBUST.log_prior(camera.height, camera.width)[None])
-    likelihood = Likelihood(Geometry(model, torch.float64), camera, photos)
-    framing, photo = torch.zeros(1, 3, dtype=torch.float64), torch.zeros(1, dtype=torch.int32)
-    sigma = torch.tensor([ROBUST.sigma], dtype=torch.float64)
-    seen = likelihood(truth, framing, photo, sigma, derivatives=False)
-    colour = (seen.irradiance[0, ..., None] * truth.albedo[0]).numpy()
+    drawn = render_latents(truth, object_class, camera, self_shadow=False)
+    coverage = drawn.coverage[0, ..., None].numpy()
+    colour = drawn.rgb[0].numpy() / coverage.clip(1e-3)  # it was blended with black
     block = np.ones((camera.height // BACKDROP_CELLS, camera.width // BACKDROP_CELLS, 1))
     cells = rng.uniform(0.1, 0.9, (2, BACKDROP_CELLS, BACKDROP_CELLS, 3))
     behind, before = np.kron(cells[0], block), np.kron(cells[1], block)
-    image = np.where(seen.coverage[0, ..., None].numpy() > 0.5, colour, behind)
+    image = np.where(coverage > 0.5, colour, behind)
     hidden = slice(camera.width * 3 // 10, camera.width // 2)
     image[camera.height * 4 // 10 :, hidden] = before[camera.height * 4 // 10 :, hidden]
     return (image + rng.normal(0, 0.01, image.shape)).clip(0, 1)
 
 
 def subdivided(model: ShapeModel) -> ShapeModel:
-    """The same surface with every face split in four at its edges' midpoints; modes and parts go along."""
+    """The same surface with every face split in four at its edges' midpoints; with its modes and parts."""
     corners = np.concatenate([model.faces[:, [0, 1]], model.faces[:, [1, 2]], model.faces[:, [2, 0]]])
     edges, place = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
     count = len(model.mean)
@@ -115,3 +114,44 @@ def subdivided(model: ShapeModel) -> ShapeModel:
         faces=np.concatenate([np.stack(quarter, axis=1) for quarter in quarters]),
         parts=np.concatenate([model.parts, model.parts[edges[:, 0]]]),
     )
+
+
+def set_threads(count: int) -> None:
+    """Set the number of threads that we use."""
+    torch.set_num_threads(count)
+
+
+class Ours:
+    """Eq. 4 of one photo on the CPU in float32: the value alone, or with gradient and normal matrix."""
+
+    def __init__(self, case: Case):
+        height, width = case.photo.shape[:2]
+        photos = Photos(torch.from_numpy(case.photo)[None], ROBUST.log_prior(height, width)[None])
+        self.case, self.likelihood = case, Likelihood(Geometry(case.model), case.camera, photos)
+        self._rest = (torch.zeros(1, 3), torch.zeros(1, dtype=torch.int32), torch.tensor([ROBUST.sigma]))
+
+    def forward(self, index: int) -> Evaluation:
+        """The objective at a guess."""
+        return self._evaluate(index, derivatives=False)
+
+    def gradient(self, index: int) -> Evaluation:
+        """Objective and gradient of the 24 latents and 3 numbers of framing."""
+        return self._evaluate(index, derivatives=True, curvature=False)
+
+    def full(self, index: int) -> Evaluation:
+        """Objective, gradient and normal matrix of the 24 latents and 3 numbers of framing."""
+        return self._evaluate(index, derivatives=True)
+
+    def covered(self) -> int:
+        """Area of the first guess's silhouette, in pixels, rounded."""
+        coverage = self.images().coverage
+        assert coverage is not None
+        return round(float(coverage.sum()))
+
+    def images(self) -> Evaluation:
+        """The first guess with its posterior, coverage and irradiance."""
+        return self.likelihood(self.case.guesses[0], *self._rest, derivatives=False)
+
+    def _evaluate(self, index: int, derivatives: bool, curvature: bool = True) -> Evaluation:
+        guess = self.case.guesses[index % len(self.case.guesses)]
+        return self.likelihood(guess, *self._rest, derivatives=derivatives, images=False, curvature=curvature)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import metric, report, write
+from benchmarks.measuring import metric, report, write
 from vig.dataset.format import image_paths
 from vig_world.generation.write import make_dataset
 
@@ -56,18 +56,18 @@ def main() -> None:
 
 
 class Run:
-    """One dataset made. whole, steady: samples per second. memory: MiB over time, all processes together."""
+    """One generated dataset. whole, steady: samples per second; memory: MiB over time, of all processes."""
 
     def __init__(self, whole: float, steady: float, memory: np.ndarray) -> None:
         self.whole, self.steady, self.memory = whole, steady, memory
 
     @staticmethod
-    def of(tier: str, count: int, workers: int, seed: int) -> Run:
-        """Make `count` samples of a tier."""
+    def of(renderer: str, count: int, workers: int, seed: int) -> Run:
+        """Make `count` samples with a renderer, "raster" or "cycles"."""
         with tempfile.TemporaryDirectory() as folder, Memory() as memory:
             out = Path(folder) / "dataset"
             started = time.perf_counter()
-            make_dataset(out, count, seed, tier=tier, workers=workers, progress=False)
+            make_dataset(out, count, seed, tier=renderer, workers=workers, progress=False)
             whole = count / (time.perf_counter() - started)
             written = [image_paths(out / "train", i)["rgb"].stat().st_mtime for i in range(count)]
         late = np.sort(written)[count // 4 :]

@@ -17,14 +17,13 @@ from typing import Any
 import torch
 
 from benchmarks import photos
-from benchmarks.report import metric, report, write
+from benchmarks.measuring import Time, metric, report, timed, write
 from benchmarks.throughput import BATCHES, QUICK_BATCHES, Fits, descent_budget, table, throughput
-from benchmarks.timing import Time, timed
 from vig.inference import explain_one, objective_of
 from vig.scene import ObjectClass
 
 BAR_MS, AIM_MS = 50.0, 5.0
-"""What one start may take on one core, and what it should."""
+"""Bar and aim for one start on one core."""
 
 
 @dataclass

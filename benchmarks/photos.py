@@ -1,4 +1,4 @@
-"""The photos that benchmarks of fits explain: made from a seed, or the last ones of a dataset."""
+"""Photos for benchmarks of fits: rendered from a seed, or the last ones of a dataset."""
 
 from __future__ import annotations
 

@@ -12,8 +12,7 @@ from pathlib import Path
 import torch
 
 from benchmarks import photos
-from benchmarks.report import metric, report, write
-from benchmarks.timing import timed
+from benchmarks.measuring import metric, report, timed, write
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import ours, report
-from benchmarks.case import SIZES, STANDARD_SIZE, Case, make_case
+from benchmarks import measuring
+from benchmarks.case import SIZES, STANDARD_SIZE, Case, Ours, make_case, set_threads
+from benchmarks.measuring import interleaved
 from benchmarks.peers import DEODR, MITSUBA, Peer
-from benchmarks.timing import interleaved
 
 SUBDIVISIONS = (0, 1)
 SECOND_THREADS = 2
@@ -43,20 +43,20 @@ RATIOS = {
 """Their time over ours: above 1 we are faster."""
 
 BARS = {"full_evaluation_vs_deodr": 5.0, "full_evaluation_vs_mitsuba": 100.0}
-"""What the project asks of the standard case."""
+"""The project's bars for the standard case."""
 
 Calls = dict[str, Callable[[int], object]]
 Metric = dict[str, Any]
 
 
 def contenders(case: Case, peers: tuple[Peer, ...], threads: int) -> Calls:
-    """What is timed, checked: every side covers the same pixels and has a gradient that is not zero."""
-    ours.set_threads(threads)
-    mine = ours.Ours(case)
+    """The timed functions, checked: all cover the same pixels and have a gradient that is not zero."""
+    set_threads(threads)
+    mine = Ours(case)
     calls: Calls = {"forward": mine.forward, "gradient": mine.gradient, FULL: mine.full}
     gradients: dict[str, Any] = {FULL: mine.full(0).gradient}
     pixels = {FULL: mine.covered()}
-    if DEODR in peers and threads == 1:  # it knows no threads
+    if DEODR in peers and threads == 1:  # it has no threads
         adapter = DEODR.load()
         whole, core = adapter.Deodr(case), adapter.DeodrRasterizer(case)
         calls |= {
@@ -90,23 +90,23 @@ def check(expected: int, pixels: Mapping[str, int], gradients: Mapping[str, Any]
 
 
 def suffix(case: Case, threads: int) -> str:
-    """What is appended to a metric's name; nothing for the standard case on one thread."""
+    """Suffix of a metric's name; empty for the standard case on one thread."""
     standard = case.camera.width == STANDARD_SIZE and len(case.model.faces) == standard_faces()
     place = "" if standard else f"_{len(case.model.faces)}_faces_{case.camera.width}_px"
     return place + ("" if threads == 1 else f"_{threads}_threads")
 
 
 def standard_faces() -> int:
-    """How many faces the packaged teapot has."""
+    """Number of faces of the packaged teapot."""
     return len(make_case(STANDARD_SIZE).model.faces)
 
 
 def metrics_of(times: Mapping[str, np.ndarray], ending: str) -> list[Metric]:
     """Times, and ratios of the rounds' pairs, of one case; `ending` is appended to the names."""
-    found = [report.metric(f"{name}_ms{ending}", values, "ms") for name, values in times.items()]
+    found = [measuring.metric(f"{name}_ms{ending}", values, "ms") for name, values in times.items()]
     for name, (theirs, mine) in RATIOS.items():
         if theirs in times and mine in times:
-            found.append(report.metric(name + ending, times[theirs] / times[mine], "x", "higher"))
+            found.append(measuring.metric(name + ending, times[theirs] / times[mine], "x", "higher"))
     return found
 
 
@@ -154,12 +154,12 @@ def measure(peers: tuple[Peer, ...], rounds: int) -> list[Metric]:
                 print(table(case, threads, found, ending), end="\n\n", flush=True)
                 everything += found
                 if not ending:
-                    everything.append(report.metric("object_pixels", [case.covered()], "pixels", "higher"))
+                    everything.append(measuring.metric("object_pixels", [case.covered()], "pixels", "higher"))
     return everything
 
 
 def main() -> None:
-    """Measure, print, say where we lose, and write JSON where asked."""
+    """Measure, print, list where we are slower, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--repeats", type=int, default=15)
@@ -169,7 +169,7 @@ def main() -> None:
         print(reason)
     peers = tuple(peer for peer, reason in reasons.items() if reason is None)
     metrics = measure(peers, arguments.repeats)
-    found = report.report(metrics, 1, [peer.package for peer in peers])
+    found = measuring.report(metrics, 1, [peer.package for peer in peers])
     if MITSUBA in peers:
         found["versions"]["llvm"] = MITSUBA.load().compiler()
     print("where we lose:")
@@ -178,7 +178,7 @@ def main() -> None:
         print(f"  {line}")
     print(", ".join(f"{name} {version}" for name, version in found["versions"].items()))
     if arguments.json:
-        report.write(found, arguments.json)
+        measuring.write(found, arguments.json)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""Verdicts on photos of a camera that was rolled about its axis, which the model does not know of.
+"""Verdicts on photos of a rolled camera, which the model does not represent.
 
     python -m benchmarks.rolled --dataset D [--split test] [--count 200] [--json FILE]
 
-Of the first `--count` photos those are taken whose eye is below 50 degrees of elevation: from above, a roll
-is a turn of the object. What comes in at the corners is the photo mirrored.
+Of the first `--count` photos those with an elevation below 50 degrees are used: from above, a roll equals a
+change of azimuth. Corners are filled with the mirrored photo.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmarks.report import metric, report, write
+from benchmarks.measuring import metric, report, write
 from vig.dataset import read_dataset
-from vig.dataset.metrics import angle_error_deg
 from vig.inference import Verdict, explain
 from vig.recognition import Recognizer
-from vig.scene import ObjectClass, linear_from_srgb
+from vig.scene import ObjectClass, layout_of_width, linear_from_srgb
 from vig_lab.calibration import low, rolled
+from vig_lab.evaluation.metrics import angle_error_deg
 from vig_lab.evaluation.statistics import NEAR_DEG
 
 ANGLES = (0, 5, 10, 20, 30, 45, 90, 135, 180)
@@ -38,7 +38,7 @@ def main() -> None:
     recognizer = Recognizer.of_class(teapot)
     dataset = read_dataset(arguments.dataset, arguments.split).first(arguments.count)
     chosen = low(dataset)
-    truth = torch.from_numpy(dataset.latents[chosen, dataset.latents.shape[1] - 14])
+    truth = torch.from_numpy(dataset.latents[chosen, layout_of_width(dataset.latents.shape[1]).at("azimuth")])
     print(
         f"{len(chosen)} photos\n roll  trusted  within {NEAR_DEG:.0f} degrees of azimuth: all, of the trusted"
     )

@@ -9,8 +9,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.report import metric
-from benchmarks.timing import timed
+from benchmarks.measuring import metric, timed
 from vig.inference import ExplainSettings, Fit, Objective, explain, geometry_of
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
@@ -33,13 +32,13 @@ def descent_budget(settings: ExplainSettings) -> Budget:
 
 
 class Fits:
-    """Photos (N, H, W, 3) linear RGB, what the class's recognizer says of them, and the default settings."""
+    """Photos (N, H, W, 3) linear RGB, their predictions, and the default settings."""
 
     def __init__(self, object_class: ObjectClass, photos: torch.Tensor):
         self.object_class, self.photos, self.settings = object_class, photos, ExplainSettings()
         self.recognizer = Recognizer.of_class(object_class)
         self.prediction = self.recognizer(photos)
-        self.guesses = self.prediction.best().to_vector()
+        self.guesses = self.prediction.best()
         self.log_prior = torch.stack(
             [
                 pixel_prior(photo, mask, self.settings)
@@ -50,16 +49,14 @@ class Fits:
     def together(self, which: torch.Tensor) -> tuple[Objective, torch.Tensor]:
         """One objective of photos `which` (B,), may repeat, and a start for each: points (B, P').
 
-        Its prior is the class's alone: the recognition model's word on the latents is about one photo.
+        Its prior is the class's alone: the recognition model's prediction is of one photo.
         """
         photos = Photos(self.photos[which], self.log_prior[which])
         camera = Camera.standard(self.photos.shape[1], self.object_class.target_height)
         geometry = geometry_of(self.object_class, self.settings.self_shadow)
         likelihood = Likelihood(geometry, camera, photos, self.settings.silhouette)
         objective = Objective(likelihood, self.object_class, prior_weight=self.settings.prior_weight)
-        framing = torch.zeros(len(which), objective.size - self.guesses.shape[1])
-        starts = torch.cat([self.guesses[which], framing], 1)
-        return objective, starts.clamp(objective.lower, objective.upper)
+        return objective, objective.point(self.guesses[which])
 
     def whole(self, which: torch.Tensor) -> list[Fit]:
         """Explain photos `which` (B,), from the recognition model on."""
@@ -86,7 +83,7 @@ class Rate:
 
 
 def members(run: int, batch: int, count: int) -> torch.Tensor:
-    """Which of `count` photos are in the `run`th batch: on from where the last one ended, round and round."""
+    """Which of `count` photos are in the `run`th batch: each goes on where the last one ended, cyclically."""
     return (torch.arange(batch) + run * batch) % count
 
 
@@ -96,7 +93,7 @@ def runs(batch: int, count: int) -> int:
 
 
 def throughput(fits: Fits, batches: Iterable[int]) -> list[Rate]:
-    """Time all kinds of batches, their order turning from run to run so that slow spells hit all."""
+    """Time all kinds of batches; their order rotates so that slow periods of the machine affect all."""
     before, rates = torch.get_num_threads(), []
     try:
         for batch in batches:

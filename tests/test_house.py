@@ -12,13 +12,14 @@ SOURCE = Path(__file__).parents[1] / "src"
 # Who may import whom, from the ground up. Modules at the top of vig are importable by every room above them.
 ROOMS = {
     "vig.errors": set(),
+    "vig.names": set(),
     "vig.checks": {"vig.errors"},
     "vig.files": {"vig.errors", "vig.checks"},
     "vig.parallel": {"vig.errors"},
     "vig.scene": {"vig.errors", "vig.checks", "vig.files"},
     "vig.photo": {"vig.errors", "vig.checks", "vig.files", "vig.scene"},
 }
-HELPERS = {"vig.errors", "vig.checks", "vig.files", "vig.parallel"}
+HELPERS = {"vig.errors", "vig.names", "vig.checks", "vig.files", "vig.parallel"}
 BELOW = {
     "vig.renderer": {"vig.scene"},
     "vig.likelihood": {"vig.scene", "vig.renderer"},
@@ -61,8 +62,10 @@ WORLD = {
 for name in ("composition", "packs", "renderers", "generation", "cli"):
     WORLD[f"vig_world.{name}"] = set(WORLD)
 LAB = {
+    "vig_lab.names": set(),
+    "vig_lab.plots": set(),
     "vig_lab.paper_network": set(),
-    "vig_lab.evaluation": {"vig_lab.paper_network"},
+    "vig_lab.evaluation": {"vig_lab.names", "vig_lab.paper_network"},
     "vig_lab.calibration": {"vig_lab.evaluation", "vig_lab.paper_network"},
     "vig_lab.ablation": {"vig_lab.evaluation", "vig_lab.paper_network"},
     "vig_lab.figures": {"vig_lab.evaluation", "vig_lab.calibration", "vig_lab.paper_network"},

@@ -16,30 +16,29 @@ INSTALL = "pip install -r benchmarks/requirements.txt"
 
 @dataclass(frozen=True)
 class Peer:
-    """One other renderer.
-
-    package: as it is installed and imported. module: our adapter, imported only where the package is there.
-    hint: what to try when it is installed but does not run.
-    """
+    """One other renderer."""
 
     title: str
     package: str
+    """As it is installed and imported."""
     module: str
+    """Our adapter, imported only where the package is installed."""
     hint: str = INSTALL
+    """What to try when it is installed but does not run."""
 
     def available(self) -> str | None:
-        """None when it runs on this machine, else one line saying what to do.
+        """None when it runs on this machine, else one line that says what to do.
 
-        Tried in a process of its own: a compiler that does not know the processor aborts the process.
+        Tried in a process of its own: a compiler that does not support the processor aborts the process.
         """
         if util.find_spec(self.package) is None:
             return f"{self.title} is not installed; to compare with it: {INSTALL}"
         trial = subprocess.run([sys.executable, "-m", self.module], capture_output=True, text=True)
         if trial.returncode == 0:
             return None
-        said = trial.stderr.strip().splitlines() or ["no message"]
+        lines = trial.stderr.strip().splitlines() or ["no message"]
         aborted = trial.returncode < 0  # then the message comes first, else the exception comes last
-        why = said[0] if aborted else said[-1]
+        why = lines[0] if aborted else lines[-1]
         return f"{self.title} is installed but does not run here ({why}); try: {self.hint}"
 
     def version(self) -> str:

@@ -1,4 +1,4 @@
-"""Ablations: the default fit with one thing after another switched off, on the same photos."""
+"""Ablations: the default fit with one part of the method switched off at a time, on the same photos."""
 
 from __future__ import annotations
 
@@ -14,17 +14,16 @@ import torch
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.inference import ExplainSettings, Stage, explain_one
-from vig.likelihood import ROBUST
-from vig.optimizers.bfgs import BFGS
+from vig.likelihood import LIKELIHOODS, ROBUST
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
-from vig.optimizers.lbfgs import LBFGS
 from vig.optimizers.optimizer import Optimizer
+from vig.optimizers.quasi_newton import BFGS, LBFGS
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.evaluation.presentation import Block
-from vig_lab.evaluation.protocol import LIKELIHOODS, evaluate
+from vig_lab.evaluation.protocol import evaluate
 from vig_lab.evaluation.results import MethodResult
 from vig_lab.evaluation.statistics import FAR_DEG, failure, paired, resampled, summary
 from vig_lab.evaluation.table import METRICS
@@ -38,19 +37,21 @@ _LEAST_P = 1e-4
 
 @dataclass(frozen=True)
 class Ablation:
-    """One thing switched off. title: of its row in the table. change: from the default's settings."""
+    """One part of the method switched off."""
 
     title: str
+    """Of its row in the table."""
     change: Callable[[ExplainSettings], ExplainSettings]
+    """From the default's settings."""
 
 
 def _in_each_stage(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
-    """Settings with every stage changed."""
+    """The change of every stage of the settings."""
     return lambda settings: replace(settings, stages=tuple(change(stage) for stage in settings.stages))
 
 
 def _by(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
-    """Another optimiser from the same starts; patience: its steps for each of the default's."""
+    """Another optimiser from the same starts; patience: its iterations for each of the default's."""
 
     def change(settings: ExplainSettings) -> ExplainSettings:
         longer = _in_each_stage(
@@ -66,8 +67,8 @@ def _by(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
 ABLATIONS: dict[str, Ablation] = {
     "silhouettes": Ablation("constant silhouettes", lambda s: replace(s, silhouette="paper")),
     "priors": Ablation(
-        "no word of the recognition model on latents, the class's counted once",
-        lambda s: replace(s, belief_weight=0.0, view_weight=0.0, prior_weight=1.0),
+        "no prior on latents from the recognition model, the class's counted once",
+        lambda s: replace(s, recognition_weight=0.0, view_weight=0.0, prior_weight=1.0),
     ),
     "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
     "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),
@@ -90,7 +91,10 @@ def variants(
 ) -> dict[str, ExplainSettings]:
     """The default's settings, and those of each ablation (of `names` only), by name.
 
-    An ablation that changes nothing is left out: what it switches off is off. UserError for unknown names.
+    An ablation that changes nothing is left out: its part is off already.
+
+    Raises:
+        UserError: An unknown name.
     """
     settings = settings or ExplainSettings()
     wanted = list(ABLATIONS if names is None else names)
@@ -111,14 +115,24 @@ def run_ablations(
     advance: Callable[[int], None] = lambda done: None,
     settings: ExplainSettings | None = None,
 ) -> dict[str, Any]:
-    """Fit every photo by the default (`settings`) and by each ablation of it; compare them photo by photo.
+    """Fit every photo by the default and by each ablation of it; compare them photo by photo.
 
-    cache, workers, advance: see `evaluate`; names: see `variants`. Fits are timed on their own, since those
-    in the cache took their time in another run.
+    Fits are timed separately, since those in the cache were made in another run.
 
-    Returns plain numbers, ready for JSON: "count", "max_occlusion", and "variants": name to "title",
-    "metrics" (metric to `statistics.summary`), "failure" (`statistics.failure`), "milliseconds" (`timed`),
-    and, but for the default, "against_default": metric to `statistics.paired`, the variant less the default.
+    Args:
+        dataset: Of this class.
+        object_class: Of the objects.
+        recognizer: Its prediction is where fits start.
+        cache: See `evaluate`, as for workers and advance.
+        names: See `variants`.
+        workers: Fits at a time.
+        advance: Called with the number of fits made.
+        settings: The default.
+
+    Returns:
+        Plain numbers, ready for JSON: "count", "max_occlusion", and "variants": name to "title", "metrics"
+        (metric to `statistics.summary`), "failure" (`statistics.failure`), "milliseconds" (`timed`), and, but
+        for the default, "against_default": metric to `statistics.paired`, the variant less the default.
     """
     chosen = variants(settings, names)
     results: dict[str, MethodResult] = {}
@@ -155,7 +169,7 @@ def timed(
     """Milliseconds of a fit by each variant on one thread, kernels warm: means of the first `count` photos.
 
     Processor time, which is wall time where nothing else runs. The variants take turns on each photo, so
-    that a slow spell of the machine hits all.
+    that a slow period of the machine affects all.
     """
     images = dataset.images[:count].astype(np.float32) / 255
     photos = torch.from_numpy(linear_from_srgb(images)).float()
@@ -177,12 +191,12 @@ def timed(
 
 
 def ablation_markdown(table: Mapping[str, Any]) -> str:
-    """What `run_ablations` found, in Markdown."""
+    """The table of `run_ablations` in Markdown."""
     return "\n".join(block.markdown() for block in ablation_blocks(table))
 
 
 def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
-    """What `run_ablations` found: a table of errors, and one of differences to the default."""
+    """The table of `run_ablations`: a block of errors, and one of differences to the default."""
     rows = table["variants"]
     metrics = list(rows[DEFAULT]["metrics"])
     titles = [METRICS[metric] for metric in metrics]
@@ -202,7 +216,7 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
     ]
     images = f"{table['count']} images, at most {table['max_occlusion']:.0%} hidden"
     header = ["", *titles, f"azimuth off by > {FAR_DEG:.0f}", "ms per fit"]
-    blocks = [Block(f"The default fit and what it is without: {images}; median (mean)", header, errors)]
+    blocks = [Block(f"The default fit and its ablations: {images}; median (mean)", header, errors)]
     if differences:
         title = "Less the default: difference of medians, its paired 95 % interval; p of Wilcoxon's test"
         blocks.append(Block(title, ["", *titles], differences))

@@ -1,4 +1,4 @@
-"""Learns on validation photos when fits are right and how far they are off: `vig.inference.Calibration`."""
+"""Learns a `vig.inference.FitCalibration` on validation photos: when fits are right, how far they are off."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from vig.dataset import Dataset
-from vig.inference import Calibration, ExplainSettings
-from vig.inference.calibration import CLUES, KIND, faded, residual
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
+from vig.inference.calibration import faded, residual
 from vig.recognition import Recognizer
+from vig.recognition.calibration import WITHIN_90
 from vig.scene import ObjectClass, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 
@@ -26,18 +27,33 @@ RIGHT = math.radians(15.0)
 """A view is right within this."""
 PRECISION = 0.98
 """Of trusted fits, at least this share is to be right; 0.95 is what is promised."""
-WITHIN_90 = 1.6449
-AGAINST = ("hidden", "misfit", "height", "spread", "elevation_doubt", "shape_doubt", "roll")
-SIGNS = tuple(-1 if clue in AGAINST else 1 for clue in CLUES)
-"""Which way each clue may speak: trust must not grow with a worse fit, whatever a sample of photos says."""
+AGAINST = (
+    "hidden_fraction",
+    "log_residual",
+    "sine_elevation",
+    "log_azimuth_entropy",
+    "log_elevation_deviation",
+    "shape_deviation",
+    "roll_gain",
+)
+SIGNS = tuple(-1 if name in AGAINST else 1 for name in CONFIDENCE_FEATURES)
+"""Sign of each feature's weight: confidence must not grow with a worse fit, whatever the samples say."""
+IN_DISTRIBUTION_FEATURES = (
+    "mask_log_probability",
+    "log_azimuth_entropy",
+    "log_elevation_deviation",
+    "shape_deviation",
+    "roll_gain",
+)
+"""Those that tell whether a photo is in distribution."""
 FOLDS = 5
 LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
-LEAST = 40
-"""Fits below which a group is not told apart from all."""
+LEAST_GROUP = 40
+"""Fits below which a group takes the deviations of all."""
 ALWAYS = 20.0
-"""Log odds of a photo being of the known kind where no other kind was seen."""
+"""Log odds of a photo being in distribution where no others were seen."""
 ROLLED_EVERY = 2
-"""Of the photos that can be, one in so many is rolled, too: a photo of an unknown kind."""
+"""Of the photos that can be, one in so many is also rolled: a photo out of distribution."""
 HIGHEST_ROLLED = math.radians(50.0)
 """Elevation of the eye up to which a rolled photo is wrong: from above, it is one of another azimuth."""
 LEAST_ROLL = 20.0
@@ -46,27 +62,34 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True)
-class Lessons:
-    """Fits of validation photos: clues (N, C), right (N,) bool, errors and deviations (N, P), weight (N,).
+class CalibrationSamples:
+    """Fits of N validation photos, and of M that were rolled.
 
-    strange (M, C): clues of fits of photos of an unknown kind, there being none when M is 0. fold (N,),
-    strange_fold (M,): of the `FOLDS`; a photo made of another is in the other's.
+    Attributes:
+        features: (N, C) confidence features.
+        right: (N,) bool, whether the view is.
+        error: (N, P) of the latents.
+        deviation: (N, P), from the curvature.
+        weight: (N,).
+        fold: (N,), of the `FOLDS`.
+        out_of_distribution: (M, C) confidence features of the rolled photos; M may be 0.
+        out_of_distribution_fold: (M,), the fold of the photo that was rolled.
     """
 
-    clues: np.ndarray
+    features: np.ndarray
     right: np.ndarray
     error: np.ndarray
     deviation: np.ndarray
     weight: np.ndarray
     fold: np.ndarray
-    strange: np.ndarray
-    strange_fold: np.ndarray
+    out_of_distribution: np.ndarray
+    out_of_distribution_fold: np.ndarray
 
-    def without(self, fold: int) -> Lessons:
+    def without(self, fold: int) -> CalibrationSamples:
         """The same less a fold."""
-        kept, kept_strange = self.fold != fold, self.strange_fold != fold
-        return Lessons(
-            **{n: a[kept_strange if n.startswith("strange") else kept] for n, a in vars(self).items()}
+        kept, kept_outside = self.fold != fold, self.out_of_distribution_fold != fold
+        return CalibrationSamples(
+            **{n: a[kept_outside if n.startswith("out") else kept] for n, a in vars(self).items()}
         )
 
 
@@ -79,10 +102,21 @@ def calibrate_fits(
     advance: Callable[[int], None] = lambda done: None,
     cache: Path | None = None,
     processes: bool = False,
-) -> tuple[Calibration, Lessons]:
-    """Fit all photos of datasets, each of which counts alike whatever its size, and learn from them.
+) -> tuple[FitCalibration, CalibrationSamples]:
+    """Fit all photos of datasets, each of which weighs the same whatever its size, and learn from the fits.
 
-    workers, cache, processes: see `vig_lab.evaluation.evaluate`.
+    Args:
+        datasets: Of the validation split.
+        object_class: What they show.
+        recognizer: Its network, calibrated.
+        settings: Of the fits, which are made without calibration.
+        workers: See `vig_lab.evaluation.evaluate`, as for cache and processes.
+        advance: Is called with the number of fits made since the last call.
+        cache: Folder that keeps fits, so that a run that is stopped does not begin anew.
+        processes: Whether workers are processes.
+
+    Returns:
+        The calibration, and the samples that it was learned on.
     """
     plain = replace(settings or ExplainSettings(), calibrated=False)
     workers = workers or os.cpu_count() or 1
@@ -91,29 +125,30 @@ def calibrate_fits(
     def fitted(images: np.ndarray, name: str) -> Fits:
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         folder = None if cache is None else cache / name
-        said = recognizer(photos)
-        return fit_all(images, photos, said, object_class, plain, workers, advance, folder, key, processes)
+        predicted = recognizer(photos)
+        return fit_all(
+            images, photos, predicted, object_class, plain, workers, advance, folder, key, processes
+        )
 
     parts = []
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         fits, origin = fitted(dataset.images, name), to_roll(dataset)
-        strange = fits.clues[:0]
+        rolled_features = fits.confidence_features[:0]
         if len(origin):
             photos = rolled(dataset.images[origin], roll_angles(len(origin)))
-            strange = fitted(photos, name + "_rolled").clues
-        parts.append(lessons_of(fits, dataset, origin, strange))
-    lessons = Lessons(
+            rolled_features = fitted(photos, name + "_rolled").confidence_features
+        parts.append(samples_of(fits, dataset, origin, rolled_features))
+    samples = CalibrationSamples(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
-    return learn(lessons), lessons
+    return learn(samples), samples
 
 
 def low(dataset: Dataset) -> np.ndarray:
     """Indices of the photos of a dataset from below `HIGHEST_ROLLED`."""
-    return np.flatnonzero(
-        dataset.latents[:, layout_of_width(dataset.latents.shape[1]).at("elevation")] < HIGHEST_ROLLED
-    )
+    elevation = dataset.latents[:, layout_of_width(dataset.latents.shape[1]).at("elevation")]
+    return np.flatnonzero(elevation < HIGHEST_ROLLED)
 
 
 def to_roll(dataset: Dataset) -> np.ndarray:
@@ -140,10 +175,16 @@ def fits_of(dataset: Dataset) -> int:
     return len(dataset) + len(to_roll(dataset))
 
 
-def lessons_of(fits: Fits, dataset: Dataset, origin: np.ndarray, strange: np.ndarray) -> Lessons:
-    """What fits of a whole dataset, not calibrated, teach.
+def samples_of(
+    fits: Fits, dataset: Dataset, origin: np.ndarray, rolled_features: np.ndarray
+) -> CalibrationSamples:
+    """The samples of fits of a whole dataset, made without calibration.
 
-    strange (M, C): clues of photos that were rolled; origin (M,): indices of these photos.
+    Args:
+        fits: Of the photos of the dataset.
+        dataset: Holds the truth.
+        origin: (M,) indices of the photos that were rolled.
+        rolled_features: (M, C) confidence features of their fits.
     """
     error = fits.latents.astype(np.float64) - dataset.latents
     azimuth = layout_of_width(error.shape[1]).at("azimuth")
@@ -151,89 +192,96 @@ def lessons_of(fits: Fits, dataset: Dataset, origin: np.ndarray, strange: np.nda
     right = np.abs(error[:, azimuth]) < RIGHT
     weight = np.full(len(right), 1 / len(right))
     deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
-    return Lessons(fits.clues, right, error, deviation, weight, fold, strange, origin % FOLDS)
+    features = fits.confidence_features
+    return CalibrationSamples(
+        features, right, error, deviation, weight, fold, rolled_features, origin % FOLDS
+    )
 
 
-def learn(fits: Lessons) -> Calibration:
-    """The calibration that holds on fits; the threshold is chosen out of sample, by folds."""
-    weights, bias = logistic(fits.clues, fits.right, fits.weight)
-    kind_weights, kind_bias = _kind(fits)
-    confidence, _ = out_of_fold(fits)
-    threshold = least_threshold(confidence, fits.right, fits.weight)
+def learn(samples: CalibrationSamples) -> FitCalibration:
+    """The calibration that holds on samples; the threshold is chosen out of sample, by folds."""
+    weights, bias = logistic(samples.features, samples.right, samples.weight)
+    in_distribution_weights, in_distribution_bias = _in_distribution(samples)
+    confidence, _ = out_of_fold(samples)
+    threshold = least_threshold(confidence, samples.right, samples.weight)
     trusted = confidence >= threshold
-    noise = residual(torch.from_numpy(fits.clues)).numpy()
-    scale, floor = np.empty((2, 2, fits.error.shape[1]))
+    noise = residual(torch.from_numpy(samples.features)).numpy()
+    scale, floor = np.empty((2, 2, samples.error.shape[1]))
     for row, group in enumerate((trusted, ~trusted)):
-        chosen = group if group.sum() >= LEAST else np.ones_like(group)
-        for latent in range(fits.error.shape[1]):
-            error, deviation = fits.error[chosen, latent] / noise[chosen], fits.deviation[chosen, latent]
-            scale[row, latent], floor[row, latent] = widening(error, deviation, fits.weight[chosen])
-    return Calibration(
+        chosen = group if group.sum() >= LEAST_GROUP else np.ones_like(group)
+        for latent in range(samples.error.shape[1]):
+            error = samples.error[chosen, latent] / noise[chosen]
+            deviation, weight = samples.deviation[chosen, latent], samples.weight[chosen]
+            scale[row, latent], floor[row, latent] = widening(error, deviation, weight)
+    return FitCalibration(
         torch.from_numpy(weights),
         bias,
-        torch.from_numpy(kind_weights),
-        kind_bias,
+        torch.from_numpy(in_distribution_weights),
+        in_distribution_bias,
         threshold,
         torch.from_numpy(scale),
         torch.from_numpy(floor),
     )
 
 
-def out_of_fold(fits: Lessons) -> tuple[np.ndarray, np.ndarray]:
-    """Confidence in each fit (N,), and in each of a strange photo (M,), by what the other folds teach."""
-    found = np.empty(len(fits.clues)), np.empty(len(fits.strange))
+def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray]:
+    """Confidence in each fit (N,) and each of a rolled photo (M,), by a calibration on the other folds."""
+    found = np.empty(len(samples.features)), np.empty(len(samples.out_of_distribution))
     for fold in range(FOLDS):
-        others = fits.without(fold)
-        (w, b), (k, c) = logistic(others.clues, others.right, others.weight), _kind(others)
-        groups = (fits.clues, fits.fold == fold), (fits.strange, fits.strange_fold == fold)
-        for confidence, (clues, here) in zip(found, groups, strict=True):
-            view, known = (torch.from_numpy(expit(clues[here] @ x + y)) for x, y in ((w, b), (k, c)))
+        others = samples.without(fold)
+        (w, b), (k, c) = logistic(others.features, others.right, others.weight), _in_distribution(others)
+        groups = (
+            (samples.features, samples.fold == fold),
+            (samples.out_of_distribution, samples.out_of_distribution_fold == fold),
+        )
+        for confidence, (features, here) in zip(found, groups, strict=True):
+            view, known = (torch.from_numpy(expit(features[here] @ x + y)) for x, y in ((w, b), (k, c)))
             confidence[here] = faded(view, known).numpy()
     return found
 
 
-def _kind(fits: Lessons) -> tuple[np.ndarray, float]:
-    """Weights (C,) and bias for a photo being of the known kind; either kind counts alike."""
-    weights = np.zeros(len(CLUES))
-    if not len(fits.strange):
+def _in_distribution(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+    """Weights (C,) and bias for a photo being in distribution; both groups weigh the same."""
+    weights = np.zeros(len(CONFIDENCE_FEATURES))
+    if not len(samples.out_of_distribution):
         return weights, ALWAYS
-    used = [CLUES.index(clue) for clue in KIND]
-    clues = np.concatenate([fits.clues, fits.strange])[:, used]
-    known = np.arange(len(clues)) < len(fits.clues)
-    share = np.full(len(fits.strange), 1 / len(fits.strange))
-    weight = np.concatenate([fits.weight / fits.weight.sum(), share])
-    weights[used], bias = logistic(clues, known, weight, [SIGNS[index] for index in used])
+    used = [CONFIDENCE_FEATURES.index(name) for name in IN_DISTRIBUTION_FEATURES]
+    features = np.concatenate([samples.features, samples.out_of_distribution])[:, used]
+    known = np.arange(len(features)) < len(samples.features)
+    share = np.full(len(samples.out_of_distribution), 1 / len(samples.out_of_distribution))
+    weight = np.concatenate([samples.weight / samples.weight.sum(), share])
+    weights[used], bias = logistic(features, known, weight, [SIGNS[index] for index in used])
     return weights, bias
 
 
-def describe(calibration: Calibration, lessons: Lessons) -> list[str]:
-    """Lines on what was learned, of each photo by what the others teach."""
-    confidence, strange = out_of_fold(lessons)
+def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[str]:
+    """Lines on how confidence holds, of each fit by a calibration on the other folds."""
+    confidence, rolled_confidence = out_of_fold(samples)
     trusted = confidence >= calibration.threshold
-    right = f", of which {lessons.right[trusted].mean():.1%} are right" if trusted.any() else ""
+    right = f", of which {samples.right[trusted].mean():.1%} are right" if trusted.any() else ""
     lines = [
-        f"{len(trusted)} fits, {lessons.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
+        f"{len(trusted)} fits, {samples.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
         f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
     ]
-    if len(strange):
-        share = (strange >= calibration.threshold).mean()
-        lines.append(f"{len(strange)} fits of rolled photos, of which {share:.1%} are trusted")
+    if len(rolled_confidence):
+        share = (rolled_confidence >= calibration.threshold).mean()
+        lines.append(f"{len(rolled_confidence)} fits of rolled photos, of which {share:.1%} are trusted")
     for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
         here = (confidence >= low) & (confidence < high)
         if here.any():
             lines.append(
                 f"confidence {low:.2f} to {min(high, 1.0):.2f}: {here.sum()} fits, mean"
-                f" {confidence[here].mean():.3f}, right {lessons.right[here].mean():.3f}"
+                f" {confidence[here].mean():.3f}, right {samples.right[here].mean():.3f}"
             )
     return lines
 
 
 def logistic(
-    clues: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
+    features: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
 ) -> tuple[np.ndarray, float]:
-    """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on clues."""
-    mean, deviation = clues.mean(0), clues.std(0) + 1e-6
-    standard, sign = (clues - mean) / deviation, np.where(right, 1.0, -1.0)
+    """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on features."""
+    mean, deviation = features.mean(0), features.std(0) + 1e-6
+    standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)
 
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
         margin = sign * (standard @ parameters[:-1] + parameters[-1])
@@ -243,7 +291,7 @@ def logistic(
         return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
 
     bounds = [(0.0, None) if side > 0 else (None, 0.0) for side in signs] + [(None, None)]
-    found = minimize(loss, np.zeros(clues.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
+    found = minimize(loss, np.zeros(features.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
     weights = found[:-1] / deviation
     return weights, float(found[-1] - weights @ mean)
 

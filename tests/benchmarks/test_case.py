@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.case import GUESSES, make_case, subdivided
-from benchmarks.ours import Ours
+from benchmarks.case import GUESSES, Ours, make_case, subdivided
 from vig.scene import ObjectClass, face_normals
 
 

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from benchmarks import fit, photos, throughput
+from benchmarks.measuring import Time, timed
 from benchmarks.throughput import Fits, Rate, descent_budget, members, runs, table
-from benchmarks.timing import Time, timed
 from vig.inference import ExplainSettings, objective_of
 from vig.scene import ObjectClass, linear_from_srgb
 
@@ -69,7 +69,7 @@ def test_a_batch_of_photos_is_valued_and_fitted_as_one_by_one(fits: Fits) -> Non
         of_photo = fits.prediction[index : index + 1]
         # Alone, without the recognition model's word on the latents, which a batch has not.
         alone = objective_of(
-            fits.photos[index], of_photo, fits.object_class, ExplainSettings(belief_weight=0)
+            fits.photos[index], of_photo, fits.object_class, ExplainSettings(recognition_weight=0)
         )
         zero, start = torch.zeros(1, dtype=torch.int32), alone.point(of_photo.best())
         torch.testing.assert_close(starts[at : at + 1], start)

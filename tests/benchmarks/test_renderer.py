@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks import renderer
 from benchmarks.case import make_case
+from benchmarks.measuring import interleaved
 from benchmarks.peers import INSTALL, Peer
-from benchmarks.timing import interleaved
 
 
 def test_a_ratio_is_the_median_of_the_rounds_ratios() -> None:
@@ -22,7 +22,7 @@ def test_a_ratio_is_the_median_of_the_rounds_ratios() -> None:
     assert found["full_evaluation_vs_deodr_x"]["better"] == "higher"
 
 
-def test_where_we_lose_is_said() -> None:
+def test_where_we_lose_is_listed() -> None:
     def ratio(name: str, value: float) -> dict:
         return {"name": name, "value": value, "unit": "x", "better": "higher", "iqr": 0.0}
 
@@ -32,7 +32,7 @@ def test_where_we_lose_is_said() -> None:
         ratio("full_evaluation_vs_deodr_5252_faces_300_px", 4.0),
         ratio("forward_vs_mitsuba", 0.5),
         ratio("full_evaluation_vs_mitsuba", 120.0),
-        *(renderer.report.metric(f"full_evaluation_ms{end}", [ms], "ms") for end, ms in times.items()),
+        *(renderer.measuring.metric(f"full_evaluation_ms{end}", [ms], "ms") for end, ms in times.items()),
     ]
     assert renderer.losses(rows) == [
         "slower than the peer: forward_vs_mitsuba = 0.5",

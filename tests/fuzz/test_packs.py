@@ -17,15 +17,16 @@ from safetensors.numpy import load_file, save_file
 
 from tests.fuzz.mutations import damaged_json, damaged_tensors, outcomes
 from vig.errors import UserError
-from vig.inference.calibration import CLUES, Calibration, calibration_of
+from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
-from vig.recognition.checkpoint import save_weights
+from vig.recognition.checkpoint import FORMAT, save_weights
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
 from vig.renderer.raster import rasterize
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_lab.paper_network.network import PaperNetworks, PaperSettings
+from vig_lab.paper_network.recognizer import PaperRecognizer
 
 CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)], np.float32)
 CUBE_FACES = np.array(
@@ -44,7 +45,7 @@ def pack(tmp_path: Path) -> Path:
     mean = np.array([2.0, *[0.1] * 8])
     ObjectClass("box", model, 0.05, mean, np.eye(9)).save(tmp_path / "pack")
     save_file({"transfer": np.zeros((3, 8, 9), np.float16)}, tmp_path / "pack" / TRANSFER_FILE)
-    calibration = Calibration.load(PACKAGED / "teapot" / "calibration.json")
+    calibration = FitCalibration.load(PACKAGED / "teapot" / "calibration.json")
     rows = torch.ones(2, 16, dtype=torch.float64)
     replace(calibration, scale=rows, floor=rows).save(tmp_path / "pack" / "calibration.json")
     torch.manual_seed(0)
@@ -106,20 +107,20 @@ def test_damaged_weights_of_the_papers_networks(tmp_path: Path) -> None:
     path = tmp_path / "recognition.safetensors"
     tensors = {f"network.{k}": v.numpy() for k, v in networks.state_dict().items()}
     settings = '{"modes": 2, "azimuth_bins": 8, "filters": [1, 1, 1], "dense": [2, 2], "dropout": 0.5}'
-    save_file(tensors, path, {"net": "paper", "settings": settings})
-    Recognizer(path)
-    counts = outcomes(mutants(path, damaged_tensors, 100, 3), Recognizer)
+    save_file(tensors, path, {"net": "paper", "format": FORMAT, "settings": settings})
+    PaperRecognizer(path)
+    counts = outcomes(mutants(path, damaged_tensors, 100, 3), PaperRecognizer)
     assert counts.total() == 100 and counts["refused"] > 30
 
 
 def test_damaged_calibrations(pack: Path) -> None:
     path = pack / "calibration.json"
-    clues = torch.zeros(len(CLUES), dtype=torch.float64)
+    features = torch.zeros(len(CONFIDENCE_FEATURES), dtype=torch.float64)
 
     def used(path: Path) -> None:
-        calibration = Calibration.load(path)
-        assert 0 <= calibration.confidence(clues) <= 1
-        assert calibration.widened(torch.ones(calibration.scale.shape[1]), clues, True).isfinite().all()
+        calibration = FitCalibration.load(path)
+        assert 0 <= calibration.confidence(features) <= 1
+        assert calibration.widened(torch.ones(calibration.scale.shape[1]), features, True).isfinite().all()
 
     used(path)
     counts = outcomes(mutants(path, damaged_json, 400, 4), used)

@@ -17,7 +17,7 @@ from PIL import Image
 from vig import Explanation
 from vig.errors import UserError
 from vig.inference import Fit, Verdict
-from vig.inference.calibration import CLUES
+from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.photo.window import Window
 from vig.report.files import write_glb
 from vig.scene import Latents, ObjectClass
@@ -56,7 +56,7 @@ def fit() -> Fit:
         verdict=Verdict.TRUSTED,
         reason=Verdict.TRUSTED.value,
         confidence=0.9,
-        clues=torch.zeros(len(CLUES)),
+        confidence_features=torch.zeros(len(CONFIDENCE_FEATURES)),
         evidence=123.456789,
         start_evidence=-1.0,
         evaluations=77,

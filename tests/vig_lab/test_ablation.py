@@ -37,7 +37,7 @@ def changed(name: str) -> dict[str, Any]:
     ("name", "expected"),
     [
         ("silhouettes", {"silhouette": "paper"}),
-        ("priors", {"belief_weight": 0.0, "view_weight": 0.0, "prior_weight": 1.0}),
+        ("priors", {"recognition_weight": 0.0, "view_weight": 0.0, "prior_weight": 1.0}),
         ("prior-weight", {"prior_weight": 1.0}),
         ("spatial", {"likelihood": ROBUST}),
         ("annealing", {"stages": tuple(replace(stage, sigma=1.0) for stage in WITH_SHADOW.stages)}),

@@ -1,4 +1,4 @@
-"""Trust is learned from clues, and deviations are widened until nine in ten intervals hold."""
+"""Trust is learned from features, and deviations are widened until nine in ten intervals hold."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ import torch
 from vig.cli.main import main
 from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.inference import Calibration, ExplainSettings, explain_one
-from vig.inference.calibration import CLUES
+from vig.inference import ExplainSettings, FitCalibration, explain_one
+from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.calibration import (
     PRECISION,
-    Lessons,
+    CalibrationSamples,
     calibrate_fits,
     describe,
     fits_of,
     learn,
     least_threshold,
-    lessons_of,
     logistic,
     out_of_fold,
     roll_angles,
     rolled,
+    samples_of,
     to_roll,
     widening,
 )
@@ -42,78 +42,80 @@ ALIKE = np.full(4000, 1 / 4000)
 
 
 @pytest.fixture(scope="module")
-def lessons() -> Lessons:
+def samples() -> CalibrationSamples:
     """Fits whose view is right as one clue says, and whose errors are thrice what the curvature states."""
     rng = np.random.default_rng(0)
-    clues = rng.normal(size=(4000, len(CLUES)))
-    right = rng.random(4000) < 1 / (1 + np.exp(-3 * clues[:, 0] - 2))
+    features = rng.normal(size=(4000, len(CONFIDENCE_FEATURES)))
+    right = rng.random(4000) < 1 / (1 + np.exp(-3 * features[:, 0] - 2))
     deviation = np.exp(rng.normal(0, 0.5, (4000, 5)))
-    noise = np.exp(clues[:, [CLUES.index("misfit")]])
+    noise = np.exp(features[:, [CONFIDENCE_FEATURES.index("log_residual")]])
     error = 3 * noise * deviation * rng.normal(size=(4000, 5))
     fold = np.arange(4000) % 5
-    return Lessons(clues, right, error, deviation, ALIKE, fold, clues[:0], fold[:0])
+    return CalibrationSamples(features, right, error, deviation, ALIKE, fold, features[:0], fold[:0])
 
 
-def strange(lessons: Lessons, off: float) -> Lessons:
+def with_others(samples: CalibrationSamples, off: float) -> CalibrationSamples:
     """The same, and photos of another kind, about which the recognition model is more in doubt."""
-    clues = lessons.clues[:1000].copy()
-    clues[:, CLUES.index("shape_doubt")] += off
-    return replace(lessons, strange=clues, strange_fold=lessons.fold[:1000])
+    features = samples.features[:1000].copy()
+    features[:, CONFIDENCE_FEATURES.index("shape_deviation")] += off
+    return replace(samples, out_of_distribution=features, out_of_distribution_fold=samples.fold[:1000])
 
 
-def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(lessons: Lessons) -> None:
-    learned = learn(lessons)
-    assert learned.weights[0] == pytest.approx(3, rel=0.15)
-    assert learned.weights[1:].abs().max() < 0.2
-    confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
+def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(samples: CalibrationSamples) -> None:
+    learned = learn(samples)
+    assert learned.view_weights[0] == pytest.approx(3, rel=0.15)
+    assert learned.view_weights[1:].abs().max() < 0.2
+    confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.8, 0.95)):
         here = (confidence > low) & (confidence < high)
-        assert lessons.right[here].mean() == pytest.approx(confidence[here].mean(), abs=0.06)
+        assert samples.right[here].mean() == pytest.approx(confidence[here].mean(), abs=0.06)
 
 
-def test_photos_of_another_kind_are_not_trusted(lessons: Lessons) -> None:
-    given = strange(lessons, off=6.0)
+def test_photos_of_another_kind_are_not_trusted(samples: CalibrationSamples) -> None:
+    given = with_others(samples, off=6.0)
     learned = learn(given)
-    assert learned.kind_weights[CLUES.index("shape_doubt")] < 0
-    assert learned.kind_weights[CLUES.index("lead")] == 0, "says nothing of the kind of photo"
-    known = np.array([learned.known(clues) for clues in torch.from_numpy(given.clues)])
-    other = np.array([learned.known(clues) for clues in torch.from_numpy(given.strange)])
+    assert learned.in_distribution_weights[CONFIDENCE_FEATURES.index("shape_deviation")] < 0
+    assert learned.in_distribution_weights[CONFIDENCE_FEATURES.index("evidence_gap")] == 0, (
+        "says nothing of the kind of photo"
+    )
+    known = np.array([learned.in_distribution(row) for row in torch.from_numpy(given.features)])
+    other = np.array([learned.in_distribution(row) for row in torch.from_numpy(given.out_of_distribution)])
     assert (known > 0.5).mean() > 0.99 and (other < 0.5).mean() > 0.99
-    confidence = [learned.confidence(clues) for clues in torch.from_numpy(given.strange)]
+    confidence = [learned.confidence(row) for row in torch.from_numpy(given.out_of_distribution)]
     assert np.mean(np.array(confidence) >= learned.threshold) < 0.01
     assert "fits of rolled photos, of which 0" in describe(learned, given)[1]
 
 
-def test_without_photos_of_another_kind_all_are_of_the_known_one(lessons: Lessons) -> None:
-    learned = learn(lessons)
-    assert all(learned.known(clues) > 0.999 for clues in torch.from_numpy(lessons.clues[:50]))
+def test_without_photos_of_another_kind_all_are_of_the_known_one(samples: CalibrationSamples) -> None:
+    learned = learn(samples)
+    assert all(learned.in_distribution(row) > 0.999 for row in torch.from_numpy(samples.features[:50]))
 
 
 def test_a_worse_fit_is_never_trusted_more() -> None:
     rng = np.random.default_rng(2)
-    clues = rng.normal(size=(2000, len(CLUES)))
-    right = rng.random(2000) < 1 / (1 + np.exp(-3 * clues[:, CLUES.index("misfit")]))
-    weights, _ = logistic(clues, right, np.full(2000, 1 / 2000))
-    assert weights[CLUES.index("misfit")] == 0
+    features = rng.normal(size=(2000, len(CONFIDENCE_FEATURES)))
+    right = rng.random(2000) < 1 / (1 + np.exp(-3 * features[:, CONFIDENCE_FEATURES.index("log_residual")]))
+    weights, _ = logistic(features, right, np.full(2000, 1 / 2000))
+    assert weights[CONFIDENCE_FEATURES.index("log_residual")] == 0
 
 
-def test_what_is_trusted_is_as_often_right_as_was_asked(lessons: Lessons) -> None:
-    learned = learn(lessons)
-    confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
+def test_what_is_trusted_is_as_often_right_as_was_asked(samples: CalibrationSamples) -> None:
+    learned = learn(samples)
+    confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
     trusted = confidence >= learned.threshold
     assert 0.3 < trusted.mean() < 0.8
-    assert lessons.right[trusted].mean() == pytest.approx(PRECISION, abs=0.01)
-    assert "are right" in describe(learned, lessons)[0]
+    assert samples.right[trusted].mean() == pytest.approx(PRECISION, abs=0.01)
+    assert "are right" in describe(learned, samples)[0]
 
 
-def test_nine_in_ten_intervals_hold_in_either_group(lessons: Lessons) -> None:
-    learned = learn(lessons)
-    confidence = np.array([learned.confidence(clues) for clues in torch.from_numpy(lessons.clues)])
+def test_nine_in_ten_intervals_hold_in_either_group(samples: CalibrationSamples) -> None:
+    learned = learn(samples)
+    confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
     for trusted in (True, False):
         group = (confidence >= learned.threshold) == trusted
-        pairs = zip(lessons.deviation[group], lessons.clues[group], strict=True)
+        pairs = zip(samples.deviation[group], samples.features[group], strict=True)
         wide = torch.stack([learned.widened(*map(torch.from_numpy, pair), trusted) for pair in pairs])
-        held = np.abs(lessons.error[group]) <= 1.6449 * wide.numpy()
+        held = np.abs(samples.error[group]) <= 1.6449 * wide.numpy()
         assert held.mean(0) == pytest.approx(0.9, abs=0.02)
 
 
@@ -134,26 +136,26 @@ def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     assert least_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
 
 
-def test_a_calibration_is_read_as_it_was_written(lessons: Lessons, tmp_path: Path) -> None:
-    learned = learn(lessons)
+def test_a_calibration_is_read_as_it_was_written(samples: CalibrationSamples, tmp_path: Path) -> None:
+    learned = learn(samples)
     learned.save(tmp_path / "calibration.json")
-    read = Calibration.load(tmp_path / "calibration.json")
+    read = FitCalibration.load(tmp_path / "calibration.json")
     assert read.threshold == learned.threshold and torch.equal(read.scale, learned.scale)
-    assert torch.equal(read.weights, learned.weights) and read.to_json() == learned.to_json()
+    assert torch.equal(read.view_weights, learned.view_weights) and read.to_json() == learned.to_json()
 
 
-def test_a_calibration_of_an_older_format_is_told(lessons: Lessons, tmp_path: Path) -> None:
+def test_a_calibration_of_an_older_format_is_told(samples: CalibrationSamples, tmp_path: Path) -> None:
     path = tmp_path / "calibration.json"
-    path.write_text(learn(lessons).to_json().replace('"format": 3', '"format": 1'))
-    with pytest.raises(UserError, match="got one of format 1, where this vig reads 3. Make it again"):
-        Calibration.load(path)
+    path.write_text(learn(samples).to_json().replace('"format": 4', '"format": 1'))
+    with pytest.raises(UserError, match="it is of format 1, where this vig reads 4.* Make it again"):
+        FitCalibration.load(path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"clues": ["lead"]}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"features": ["lead"]}'])
 def test_a_calibration_of_no_use_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "calibration.json").write_text(text)
     with pytest.raises(UserError, match="expected a calibration at"):
-        Calibration.load(tmp_path / "calibration.json")
+        FitCalibration.load(tmp_path / "calibration.json")
 
 
 def test_photos_are_rolled_but_those_from_above() -> None:
@@ -177,11 +179,11 @@ def test_a_rolled_photo_is_the_photo_turned_by_a_good_angle_about_its_centre() -
     assert np.histogram(to % 360, bins=8, range=(0, 360))[0].min() >= 2, "all round"
 
 
-def test_a_rolled_photo_is_in_the_fold_of_the_photo_it_was(lessons: Lessons) -> None:
-    given = strange(lessons, off=1.0)
+def test_a_rolled_photo_is_in_the_fold_of_the_photo_it_was(samples: CalibrationSamples) -> None:
+    given = with_others(samples, off=1.0)
     left = given.without(2)
-    assert set(left.fold) == set(left.strange_fold) == {0, 1, 3, 4}
-    assert len(left.strange) == 800 and len(left.clues) == len(left.weight) == 3200
+    assert set(left.fold) == set(left.out_of_distribution_fold) == {0, 1, 3, 4}
+    assert len(left.out_of_distribution) == 800 and len(left.features) == len(left.weight) == 3200
 
 
 def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset]:
@@ -192,56 +194,62 @@ def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset]:
     found = truth + np.float32(0.1)
     found[:, 10] = np.remainder(truth[:, 10] + np.radians(azimuth_off), 2 * np.pi)
     masks = np.zeros((count, 2, 2), bool)
-    clues = np.arange(count * len(CLUES), dtype=np.float64).reshape(count, -1)
-    fits = Fits(found, np.full((count, 24), 0.2), masks, masks, clues, np.ones(count), ("trusted",) * count)
+    features = np.arange(count * len(CONFIDENCE_FEATURES), dtype=np.float64).reshape(count, -1)
+    fits = Fits(
+        found, np.full((count, 24), 0.2), masks, masks, features, np.ones(count), ("trusted",) * count
+    )
     return fits, cast(Dataset, SimpleNamespace(latents=truth))
 
 
 def test_a_view_is_right_within_15_degrees_and_errors_go_round_the_circle() -> None:
     off = np.array([0.0, 14.5, -14.5, 15.5, -15.5, 59.0, 180.0])
     fits, dataset = hand_made(off)
-    learned = lessons_of(fits, dataset, np.array([2, 6]), fits.clues[:2])
+    learned = samples_of(fits, dataset, np.array([2, 6]), fits.confidence_features[:2])
     assert learned.right.tolist() == [True] * 3 + [False] * 4
     np.testing.assert_allclose(np.abs(np.degrees(learned.error[:, 10])), np.abs(off), atol=1e-3)
     np.testing.assert_allclose(np.delete(learned.error, 10, 1), 0.1, atol=1e-6)
-    np.testing.assert_array_equal(learned.clues, fits.clues)
+    np.testing.assert_array_equal(learned.features, fits.confidence_features)
     np.testing.assert_array_equal(learned.deviation, fits.deviation)
     assert learned.weight.sum() == pytest.approx(1), "a dataset counts alike whatever its size"
     assert learned.fold.tolist() == [0, 1, 2, 3, 4, 0, 1]
-    assert learned.strange_fold.tolist() == [2, 1], "that of the photo that was rolled"
+    assert learned.out_of_distribution_fold.tolist() == [2, 1], "that of the photo that was rolled"
 
 
-def test_nothing_is_learned_from_a_fit_for_the_confidence_in_itself(lessons: Lessons) -> None:
+def test_nothing_is_learned_from_a_fit_for_the_confidence_in_itself(samples: CalibrationSamples) -> None:
     """Were a fold's fits all wrong, confidence in those of the other folds would fall, in its own not."""
-    some = Lessons(**{name: array[:400] for name, array in vars(strange(lessons, off=1.0)).items()})
+    some = CalibrationSamples(
+        **{name: array[:400] for name, array in vars(with_others(samples, off=1.0)).items()}
+    )
     here = some.fold == 1
     wrong = replace(some, right=some.right & ~here)
     (before, strange_before), (after, strange_after) = out_of_fold(some), out_of_fold(wrong)
     np.testing.assert_array_equal(before[here], after[here])
     np.testing.assert_array_equal(
-        strange_before[some.strange_fold == 1], strange_after[some.strange_fold == 1]
+        strange_before[some.out_of_distribution_fold == 1], strange_after[some.out_of_distribution_fold == 1]
     )
     assert (np.abs(before - after)[~here] > 1e-3).mean() > 0.9
 
 
-def test_the_threshold_is_learned_out_of_sample(lessons: Lessons) -> None:
-    """60 fits whose clues say nothing: in sample, thirteen numbers find some that are all right."""
+def test_the_threshold_is_learned_out_of_sample(samples: CalibrationSamples) -> None:
+    """60 fits whose features say nothing: in sample, thirteen numbers find some that are all right."""
     rng = np.random.default_rng(0)
-    clues = rng.normal(size=(60, len(CLUES)))
-    some = {name: array[:60] for name, array in vars(lessons).items()}
-    none = Lessons(**some | {"clues": clues, "right": rng.random(60) < 0.5, "strange": clues[:0]})
+    features = rng.normal(size=(60, len(CONFIDENCE_FEATURES)))
+    some = {name: array[:60] for name, array in vars(samples).items()}
+    none = CalibrationSamples(
+        **some | {"features": features, "right": rng.random(60) < 0.5, "out_of_distribution": features[:0]}
+    )
     learned = learn(none)
-    in_sample = np.array([learned.confidence(row) for row in torch.from_numpy(clues)])
+    in_sample = np.array([learned.confidence(row) for row in torch.from_numpy(features)])
     assert learned.threshold == least_threshold(out_of_fold(none)[0], none.right, none.weight)
     assert learned.threshold != least_threshold(in_sample, none.right, none.weight)
 
 
 @pytest.fixture(scope="module")
-def boastful() -> Calibration:
+def boastful() -> FitCalibration:
     """What says of each fit that it is surely right, and widens all deviations to 7 times the residual."""
-    nothing = torch.zeros(len(CLUES)).double()
+    nothing = torch.zeros(len(CONFIDENCE_FEATURES)).double()
     scale = torch.zeros(2, 24).double()
-    return Calibration(nothing, 9.0, nothing, 9.0, 0.0, scale, torch.full_like(scale, 7.0))
+    return FitCalibration(nothing, 9.0, nothing, 9.0, 0.0, scale, torch.full_like(scale, 7.0))
 
 
 def test_fits_are_calibrated_from_what_they_say_uncalibrated(
@@ -251,7 +259,7 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     given = replace(quick, calibration=boastful)
     two = [dataset, dataset.first(2)]
 
-    def made() -> tuple[Calibration, Lessons]:
+    def made() -> tuple[FitCalibration, CalibrationSamples]:
         return calibrate_fits(two, teapot, recognizer, given, 1, told.append, tmp_path)
 
     learned, found = made()
@@ -263,19 +271,21 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     ]
     twice = [*plain, *plain[:2]]  # both datasets, one after the other
     np.testing.assert_allclose(found.deviation, np.stack([fit.deviation for fit in twice]), rtol=1e-5)
-    np.testing.assert_allclose(found.clues, np.stack([fit.clues for fit in twice]), rtol=1e-5)
+    np.testing.assert_allclose(
+        found.features, np.stack([fit.confidence_features for fit in twice]), rtol=1e-5
+    )
     np.testing.assert_allclose(found.weight, [1 / 4] * 4 + [1 / 2] * 2)
     truth = np.concatenate([dataset.latents, dataset.latents[:2]])
     off = np.stack([fit.latents.to_vector()[0] for fit in twice])[:, 10] - truth[:, 10]
     assert found.right.tolist() == (np.abs(np.degrees((off + np.pi) % (2 * np.pi) - np.pi)) < 15).tolist()
     origin = np.concatenate([to_roll(each) for each in two])
-    assert len(found.strange) == len(origin) > 0
-    np.testing.assert_array_equal(found.strange_fold, origin % 5)
+    assert len(found.out_of_distribution) == len(origin) > 0
+    np.testing.assert_array_equal(found.out_of_distribution_fold, origin % 5)
     first = to_roll(dataset)[:1]
     turned = rolled(dataset.images[first], roll_angles(len(to_roll(dataset)))[:1])
     turned_photo = torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()
     fit = explain_one(turned_photo[0], recognizer(turned_photo), teapot, replace(quick, calibrated=False))
-    np.testing.assert_allclose(found.strange[0], fit.clues, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(found.out_of_distribution[0], fit.confidence_features, rtol=1e-4, atol=1e-6)
     again, _ = made()  # from the fits that were kept
     assert again.to_json() == learned.to_json()
     assert len(list(tmp_path.iterdir())) == 4, "photos and rolled photos of either dataset"
@@ -305,7 +315,7 @@ def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_
     after = Recognizer(weights)
     assert not torch.equal(before.calibration.deviation, after.calibration.deviation)
     assert torch.equal(before.network.azimuth.weight, after.network.azimuth.weight)
-    learned = Calibration.load(tmp_path / "calibration.json")
+    learned = FitCalibration.load(tmp_path / "calibration.json")
     assert learned.scale.shape == (2, 24) and torch.isfinite(learned.scale).all()
     assert {path.name for path in tmp_path.iterdir()} == {
         "recognition.safetensors",

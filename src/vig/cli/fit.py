@@ -12,26 +12,9 @@ from vig.errors import UserError
 from vig.explainer import Box, Explainer, checked_box
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL
-from vig.optimizers import (
-    BFGS,
-    LBFGS,
-    ConjugateGradient,
-    Dogleg,
-    GradientDescent,
-    LevenbergMarquardt,
-    Optimizer,
-)
+from vig.likelihood import LIKELIHOODS
+from vig.optimizers import OPTIMIZERS
 
-OPTIMIZERS: dict[str, Optimizer] = {
-    "lm": LevenbergMarquardt(),
-    "dogleg": Dogleg(),
-    "lbfgs": LBFGS(),
-    "bfgs": BFGS(),
-    "cg": ConjugateGradient(),
-    "gd": GradientDescent(),
-}
-LIKELIHOODS = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 

@@ -8,12 +8,11 @@ from typing import Any
 
 import tyro
 
-from vig.cli.settings import Demo, Doctor, Fit
+from vig.cli.settings import Doctor, Fit
 from vig.cli.verb import Verb, verbs_of_packages
 from vig.errors import UserError
 
 VERBS = (
-    Verb("demo", Demo, "vig.cli.demo:demo"),
     Verb("fit", Fit, "vig.cli.fit:fit"),
     Verb("doctor", Doctor, "vig.cli.doctor:run_doctor"),
 )

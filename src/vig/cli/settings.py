@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from vig.names import LikelihoodName, OptimizerName
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -20,30 +22,20 @@ class Fit:
     for each. The whole photo by default."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
-    likelihood: Literal["robust", "gaussian", "spatial"] = "spatial"
+    likelihood: LikelihoodName = "spatial"
     """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
     hidden or visible together; gaussian takes all of the object as visible."""
-    optimizer: Literal["lm", "dogleg", "lbfgs", "bfgs", "cg", "gd"] = "lm"
+    optimizer: OptimizerName = "lm"
     """Levenberg-Marquardt, Powell's dogleg, L-BFGS, BFGS, nonlinear conjugate gradient, gradient descent with
     momentum; docs/choosing.md compares them."""
     no_self_shadow: bool = False
-    """Shade without what the object's parts take from and throw upon each other; docs/self_shadow.md."""
+    """Shade without self-shadowing and interreflection; docs/self_shadow.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"
     """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     json: bool = False
     """Print one JSON object instead of lines."""
-
-
-@dataclass(frozen=True)
-class Demo:
-    """Explain the packaged example photos and print truth beside estimate."""
-
-    out: Path = Path("vig-demo")
-    """Folder for the results."""
-    json: bool = False
-    """Print one JSON object instead of a table."""
 
 
 @dataclass(frozen=True)

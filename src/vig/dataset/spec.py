@@ -10,14 +10,13 @@ from typing import Literal
 import numpy as np
 
 from vig.checks import decode, parse_json
+from vig.names import SPLITS as SPLITS
+from vig.names import Split as Split
 from vig.scene.rotations import about_z, matrix_of
 
 WORLD_VERSION = 2
 """Goes up whenever the same seed and index would give another scene."""
 
-Split = Literal["train", "test", "validation"]
-SPLITS: tuple[Split, ...] = ("train", "test", "validation")
-"""In this order for good: a split's place is part of the seed of all that is made for it."""
 Role = Literal["occluder", "holder", "clutter"]
 
 

@@ -1,20 +1,20 @@
-"""From a first guess to an explanation: objective, optimisers, verdict."""
+"""From a prediction to a fit: objective, starts, refinement, selection, confidence."""
 
-from vig.inference.calibration import Calibration, calibration_of
+from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one
 from vig.inference.fit import Fit, Verdict
-from vig.inference.objective import Objective, Valuation
+from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
-from vig.inference.prior import Belief
+from vig.inference.refinement import starts
 from vig.inference.settings import ExplainSettings, Stage
-from vig.inference.starts import starts
 
 __all__ = [
-    "Belief",
-    "Calibration",
+    "CONFIDENCE_FEATURES",
     "ExplainSettings",
     "Fit",
+    "FitCalibration",
     "Objective",
+    "RecognitionPrior",
     "Stage",
     "Valuation",
     "Verdict",

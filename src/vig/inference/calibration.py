@@ -1,11 +1,10 @@
-"""What was learned on validation photos about when fits are right, and how far they are off.
+"""The calibration of fits, learned on validation photos: how likely a fit is right, and how far it is off.
 
-A fit leaves clues: how far other views lie behind, what the recognition model thinks of the view, how much
-is seen. A logistic regression turns them into the probability that the view is right; another, which knows
-photos rolled about their centre, into the probability that the photo is of the known kind, without which the
-first means nothing. The curvature at the fit states deviations as if the model were exact and
-pixels independent; for each latent they are widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root
-mean square, apart for fits that are trusted and for others, so that 90 % intervals hold.
+One logistic regression on a fit's confidence features gives the probability that its view is right; another,
+learned with rolled photos beside others, that the photo is in distribution, without which the first means
+nothing. The curvature at the fit gives deviations as if the model were exact and pixels independent; each is
+widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, scale and floor being apart for
+trusted fits and for others, so that 90 % intervals hold.
 """
 
 from __future__ import annotations
@@ -21,86 +20,81 @@ import torch
 from vig.checks import check_number, decode, read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, latent_layout
 
 FILE = "calibration.json"
-FORMAT = 3
-"""2 knew fewer clues."""
-CLUES = (
-    "lead",
-    "support",
-    "agreement",
-    "hidden",
-    "seen",
-    "misfit",
-    "height",
-    "accord",
-    "spread",
-    "elevation_doubt",
-    "shape_doubt",
-    "roll",
+FORMAT = 4
+"""3 had other names for the same numbers."""
+
+CONFIDENCE_FEATURES = (
+    "evidence_gap",  # log (1 + nats by which the best fit of another view lies behind), 0 for a reverted fit
+    "view_log_probability",  # that the network gives to the fit's view
+    "network_agrees",  # 1 when the network's most probable view is the fit's
+    "hidden_fraction",  # of the object's pixels
+    "log_visible_pixels",  # log (1 + their number)
+    "log_residual",  # log of the residual's root mean square where the object is visible
+    "sine_elevation",
+    "mask_log_probability",  # mean that the network gives to the fit's classes of the object's pixels
+    "log_azimuth_entropy",  # of the network's view probabilities
+    "log_elevation_deviation",  # as the network states it
+    "shape_deviation",  # mean over the components, as the network states them
+    "roll_gain",  # log likelihood a pixel gained by a small roll of the rendering in the image
 )
-"""lead: log nats to the best fit of another view; support: log probability of the view; agreement: 1 when the
-recognition model's best guess is of the same view; hidden: share of the object; seen: log pixels; misfit: log
-of the residual's root mean square where the object is seen; height: sine of the elevation; accord: mean log
-probability that the recognition model gives to what the fit says of the object's pixels; spread: log entropy
-of its azimuth; elevation_doubt, shape_doubt: log of its deviation of elevation, mean of those of shape;
-roll: nats a pixel that the fit would gain if it were rolled a little in the image."""
-
-KIND = ("accord", "spread", "elevation_doubt", "shape_doubt", "roll")
-"""Clues to a photo's being of the known kind."""
-
+"""What is measured of a fit to judge it by, in this order."""
 
 LEAST_DEVIATION = 1e-3
-"""Of any latent: what never varies, as L00 at a set exposure, is not known infinitely well."""
+"""Of any latent: one that never varied, such as L00 at a set exposure, is not known infinitely well."""
 
 
-def residual(clues: torch.Tensor) -> torch.Tensor:
-    """Root mean square (...) of the residual where the object is seen, from clues (..., C)."""
-    return clues[..., CLUES.index("misfit")].exp()
+def residual(features: torch.Tensor) -> torch.Tensor:
+    """Root mean square (...) of the residual where the object is visible, from features (..., C)."""
+    return features[..., CONFIDENCE_FEATURES.index("log_residual")].exp()
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """What to make of clues and curvature; K modes, P = K + 14 latents.
+class FitCalibration:
+    """Turns confidence features (C,) and curvature into a confidence and deviations of P latents.
 
-    weights (C,), bias: of the logistic regression on the clues for the view; kind_weights (C,), kind_bias:
-    for the kind of photo. threshold: confidence from which a fit is trusted. scale, floor (2, P): of
-    deviations, row 0 for fits that are trusted, 1 for others.
+    Attributes:
+        view_weights: (C,) of the logistic regression for the view being right.
+        view_bias: Its bias.
+        in_distribution_weights: (C,) of that for the photo being in distribution.
+        in_distribution_bias: Its bias.
+        threshold: Confidence from which a fit is trusted.
+        scale: (2, P) factors of deviations, row 0 for trusted fits, 1 for others.
+        floor: (2, P) in units of the residual, likewise.
     """
 
-    weights: torch.Tensor
-    bias: float
-    kind_weights: torch.Tensor
-    kind_bias: float
+    view_weights: torch.Tensor
+    view_bias: float
+    in_distribution_weights: torch.Tensor
+    in_distribution_bias: float
     threshold: float
     scale: torch.Tensor
     floor: torch.Tensor
 
-    def confidence(self, clues: torch.Tensor) -> float:
-        """Probability that the view of a fit with clues (C,) is right.
+    def confidence(self, features: torch.Tensor) -> float:
+        """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""
+        view = _logistic(self.view_weights, self.view_bias, features)
+        return float(faded(view, self._in_distribution(features)))
 
-        Where the photo is as likely of another kind as of the known one, or likelier, it fades to zero.
-        """
-        return float(faded(_logistic(self.weights, self.bias, clues), self._known(clues)))
+    def in_distribution(self, features: torch.Tensor) -> float:
+        """Probability that a photo is of the distribution this was learned on, 1 / 2 a priori."""
+        return float(self._in_distribution(features))
 
-    def known(self, clues: torch.Tensor) -> float:
-        """Probability that a photo with clues (C,) is of the kind this was learned on, 1 / 2 a priori."""
-        return float(self._known(clues))
+    def _in_distribution(self, features: torch.Tensor) -> torch.Tensor:
+        return _logistic(self.in_distribution_weights, self.in_distribution_bias, features)
 
-    def _known(self, clues: torch.Tensor) -> torch.Tensor:
-        return _logistic(self.kind_weights, self.kind_bias, clues)
-
-    def widened(self, deviation: torch.Tensor, clues: torch.Tensor, trusted: bool) -> torch.Tensor:
-        """Standard deviations (P,) from those of the curvature, for a fit with clues (C,)."""
+    def widened(self, deviation: torch.Tensor, features: torch.Tensor, trusted: bool) -> torch.Tensor:
+        """Standard deviations (P,) from those of the curvature."""
         row = 0 if trusted else 1
         wide = torch.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
-        return (residual(clues) * wide).clamp_min(LEAST_DEVIATION)
+        return (residual(features) * wide).clamp_min(LEAST_DEVIATION)
 
     def to_json(self) -> str:
-        """As it is written."""
-        told = {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in vars(self).items()}
-        return json.dumps({"format": FORMAT, "clues": CLUES} | told, indent=1) + "\n"
+        """The text of the file."""
+        values = {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in vars(self).items()}
+        return json.dumps({"format": FORMAT, "features": CONFIDENCE_FEATURES} | values, indent=1) + "\n"
 
     def save(self, path: Path) -> None:
         """Write as JSON."""
@@ -108,49 +102,48 @@ class Calibration:
             Path(temporary).write_text(self.to_json())
 
     @staticmethod
-    def load(path: Path) -> Calibration:
-        """Read what `save` wrote. Raises UserError when there is none or it is of no use."""
+    def load(path: Path) -> FitCalibration:
+        """Read what `save` wrote. Raises UserError when there is none or it is invalid."""
         with reading(path, "a calibration", "Make it again with `vig calibrate`."):
-            told = decode(dict[str, Any], read_json(path))
-            if told["format"] != FORMAT or decode(tuple[str, ...], told["clues"]) != CLUES:
-                raise ValueError(f"it is of format {told['format']!s:.20}, where this vig reads {FORMAT}")
+            values = decode(dict[str, Any], read_json(path))
+            if values["format"] != FORMAT:
+                raise ValueError(f"it is of format {values['format']!s:.20}, where this vig reads {FORMAT}")
+            if decode(tuple[str, ...], values["features"]) != CONFIDENCE_FEATURES:
+                raise ValueError("it is of other confidence features")
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
-            kinds = {"weights": row, "kind_weights": row, "scale": rows, "floor": rows}
+            kinds = {"view_weights": row, "in_distribution_weights": row, "scale": rows, "floor": rows}
             tensors = {
-                name: torch.tensor(decode(kind, told[name]), dtype=torch.float64)
+                name: torch.tensor(decode(kind, values[name]), dtype=torch.float64)
                 for name, kind in kinds.items()
             }
-            shapes = {tuple(tensors[name].shape) for name in ("weights", "kind_weights")}
+            shapes = {tuple(tensors[name].shape) for name, kind in kinds.items() if kind is row}
             size = tensors["scale"].shape
-            if shapes != {(len(CLUES),)} or size != tensors["floor"].shape or size[0] != 2:
+            if shapes != {(len(CONFIDENCE_FEATURES),)} or size != tensors["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
             if (tensors["scale"] < 0).any() or (tensors["floor"] < 0).any():
                 raise ValueError("scale and floor must not be negative")
-            made = Calibration(
-                bias=check_number("bias", told["bias"], -1e6, 1e6),
-                kind_bias=check_number("kind_bias", told["kind_bias"], -1e6, 1e6),
-                threshold=check_number("threshold", told["threshold"], -1.0, 2.0),
-                **tensors,
-            )
-        return made
+            limits = {"view_bias": 1e6, "in_distribution_bias": 1e6, "threshold": 2.0}
+            numbers = {name: check_number(name, values[name], -most, most) for name, most in limits.items()}
+            checked: dict[str, Any] = {**tensors, **numbers}
+            return FitCalibration(**checked)
 
 
-def faded(view: torch.Tensor, known: torch.Tensor) -> torch.Tensor:
-    """Confidence from the probabilities that the view is right and that the photo is of the known kind."""
-    return view * (2 * known).clamp_max(1)
+def faded(view: torch.Tensor, in_distribution: torch.Tensor) -> torch.Tensor:
+    """Confidence from the probabilities that the view is right and that the photo is in distribution."""
+    return view * (2 * in_distribution).clamp_max(1)
 
 
-def _logistic(weights: torch.Tensor, bias: float, clues: torch.Tensor) -> torch.Tensor:
-    return torch.sigmoid(clues.double() @ weights + bias)
+def _logistic(weights: torch.Tensor, bias: float, features: torch.Tensor) -> torch.Tensor:
+    return torch.sigmoid(features.double() @ weights + bias)
 
 
 @functools.lru_cache(maxsize=8)
-def calibration_of(object_class: ObjectClass) -> Calibration | None:
+def calibration_of(object_class: ObjectClass) -> FitCalibration | None:
     """A class's own calibration; None when it has none."""
     path = (object_class.folder or Path()) / FILE
     if not object_class.folder or not path.exists():
         return None
-    calibration, count = Calibration.load(path), object_class.shape_model.modes + 14
+    calibration, count = FitCalibration.load(path), latent_layout(object_class.shape_model.modes).size
     if calibration.scale.shape[1] != count:
         raise UserError(
             f"expected a calibration of the {count} latents of class '{object_class.name}';"

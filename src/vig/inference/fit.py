@@ -1,4 +1,4 @@
-"""What is answered for a photo."""
+"""The result of fitting one photo."""
 
 from __future__ import annotations
 
@@ -21,17 +21,25 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Fit:
-    """One photo explained.
+    """One photo (H, W) explained.
 
-    latents: one (B = 1). framing (3,): shift of the image in widths and log magnification. deviation (P,):
-    one standard deviation of each latent, from the curvature at the fit, widened by the class's calibration;
-    without one optimistic, as the noise of neighbouring pixels is taken as independent. confidence:
-    probability that the view is right, NaN without a calibration; clues (C,): what it is judged by, see
-    `calibration.CLUES`. visible (H, W): posterior of each pixel showing the object;
-    mask, amodal (H, W) bool: its visible pixels, and all that it covers; mask_by_pixel: as the
-    paper's robust model has the visible ones, each pixel by itself. evidence, start_evidence: log
-    posterior in nats at the fit and at the recognition model's guess. reason: one sentence. alternative: when
-    ambiguous, the other explanation (B = 1). evaluations: of the objective, all starts together.
+    Attributes:
+        latents: One (B = 1).
+        framing: (3,) shift of the image in widths, right and down, and log magnification.
+        deviation: (P,) standard deviations, from the curvature at the fit, widened by a calibration;
+            without one too small, as the noise of neighbouring pixels is taken as independent.
+        visible: (H, W) posterior probability that a pixel shows the object.
+        mask: (H, W) bool, the object's visible pixels.
+        mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.
+        amodal: (H, W) bool, all pixels that the object covers.
+        verdict: How far to believe it.
+        reason: One sentence why.
+        confidence: Probability that the view is right; NaN without a calibration.
+        confidence_features: (C,) float64, what the confidence follows from; see `CONFIDENCE_FEATURES`.
+        evidence: Log posterior at the fit, nats.
+        start_evidence: Log posterior at the recognition model's guess, nats.
+        evaluations: Of the objective, by all starts together.
+        alternative: The other explanation (B = 1) when ambiguous.
     """
 
     latents: Latents
@@ -44,7 +52,7 @@ class Fit:
     verdict: Verdict
     reason: str
     confidence: float
-    clues: torch.Tensor
+    confidence_features: torch.Tensor
     evidence: float
     start_evidence: float
     evaluations: int

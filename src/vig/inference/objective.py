@@ -7,9 +7,86 @@ from typing import Any
 
 import torch
 
-from vig.inference.prior import Belief, Prior
 from vig.likelihood import Evaluation, Likelihood
-from vig.scene import Latents, ObjectClass, latent_layout
+from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotations_z, turn_rate_z
+from vig.scene.layout import FRAMING
+
+
+@dataclass(frozen=True)
+class RecognitionPrior:
+    """The network's Gaussian for one photo's latents, as `latent_layout` orders them.
+
+    Attributes:
+        mean: (P,), the light's in the heading frame, which turns along as a point's azimuth changes.
+        precision: (P,), one over the variance; 0 for what the network has no Gaussian of.
+    """
+
+    mean: torch.Tensor
+    precision: torch.Tensor
+
+
+class Prior:
+    """log p(z) of points (B, P') up to a constant, and its derivatives.
+
+    Blocks have the Gaussian that the layout states, light the class's in the world frame; a recognition prior
+    multiplies these. All but those of blocks that are not `weighted` are raised to the power `weight`.
+    """
+
+    def __init__(
+        self,
+        layout: LatentLayout,
+        object_class: ObjectClass,
+        recognition: RecognitionPrior | None,
+        place: dict[str, Any],
+        weight: float = 1.0,
+    ):
+        mean = torch.zeros(layout.size, dtype=torch.float64)
+        precision = torch.zeros(layout.size, layout.size, dtype=torch.float64)
+        for name, (deviation, weighted) in layout.prior_deviations().items():
+            factor = weight if weighted else 1.0
+            numbers = layout.indices(name)
+            precision[numbers, numbers] = factor * torch.tensor(deviation, dtype=torch.float64) ** -2
+        self.azimuth, self.light = layout.at("azimuth"), layout["light"]
+        mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
+        covariance = torch.from_numpy(object_class.light_prior_covariance)
+        precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
+        self.heading_mean: torch.Tensor | None = None
+        if recognition is not None:
+            whole = latent_layout(layout.count("shape"))
+            names = [block.name for block in whole.blocks if block.name != "light" and block.name in layout]
+            here, there = layout.indices(*names), whole.indices(*names)
+            added = weight * recognition.precision[there].double()
+            total = precision.diagonal()[here] + added
+            mean[here] = added * recognition.mean[there].double() / total.clamp_min(1e-12)
+            precision[here, here] = total
+            self.heading_mean = recognition.mean[whole["light"]].to(**place)
+            self.heading_precision = (weight * recognition.precision[whole["light"]]).to(**place)
+        self.mean, self.precision = mean.to(**place), precision.to(**place)
+        self._places = torch.tensor(layout.indices("azimuth", "light"), device=place.get("device"))
+
+    def value(self, points: torch.Tensor) -> torch.Tensor:
+        """log p(z): (B, P') to (B,) float64."""
+        return self.with_derivatives(points)[0]
+
+    def with_derivatives(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """log p(z) (B,) float64, its gradient (B, P') and Gauss-Newton matrix of -log p (B, P', P')."""
+        off = self.mean - points
+        gradient = off @ self.precision
+        value = -0.5 * (off * gradient).sum(1)
+        normal = self.precision.expand(len(points), -1, -1)
+        if self.heading_mean is not None:
+            rotation = rotations_z(-points[:, self.azimuth])
+            heading = (rotation @ points[:, self.light, None])[:, :, 0]
+            miss = self.heading_mean - heading
+            pull = miss * self.heading_precision
+            value = value - 0.5 * (miss * pull).sum(1)
+            # jacobian[b, :, i]: d heading / d latent i, first azimuth, then the light in the world frame.
+            jacobian = torch.cat([-turn_rate_z(heading)[:, :, None], rotation], dim=2)
+            gradient = gradient.index_add(1, self._places, (pull[:, None] @ jacobian)[:, 0])
+            normal = normal.clone()
+            curved = (jacobian * self.heading_precision[:, None]).mT @ jacobian
+            normal[:, self._places[:, None], self._places] += curved
+        return value.double(), gradient, normal
 
 
 @dataclass(frozen=True)
@@ -25,8 +102,7 @@ class Valuation:
 class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
-    What a point's numbers are, and within which bounds they stay, says the likelihood's `layout`; its framing
-    is held at 0 unless it is free. The prior is `Prior`.
+    The likelihood's `layout` says what a point's numbers are and within which bounds they stay.
     """
 
     def __init__(
@@ -34,24 +110,32 @@ class Objective:
         likelihood: Likelihood,
         object_class: ObjectClass,
         free_framing: bool = False,
-        belief: Belief | None = None,
+        recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
     ):
-        self.likelihood, self.free_framing = likelihood, free_framing
+        """Put an objective together.
+
+        Args:
+            likelihood: Of the photos.
+            object_class: States the light's prior.
+            free_framing: Whether the framing moves, else it is held at 0.
+            recognition: A further factor of the prior.
+            prior_weight: Power of the prior; see `Prior`.
+        """
+        self.likelihood = likelihood
         layout = likelihood.layout
         if not free_framing and "framing" in layout:
             layout = layout.with_blocks(layout.block("framing").held())
         self.layout = layout
-        names = [block.name for block in latent_layout(layout.count("shape")).blocks]
-        self._latents = layout.indices(*names)
+        self._latents = layout.indices(*(block.name for block in latent_layout(layout.count("shape")).blocks))
         geometry = likelihood.geometry
         self.dtype, self.device = geometry.dtype, geometry.device
         place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
-        self.prior = Prior(layout, object_class, belief, place, prior_weight)
+        self.prior = Prior(layout, object_class, recognition, place, prior_weight)
         self.lower, self.upper = (torch.tensor(bound, **place) for bound in layout.bounds())
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
-        """Points (B, P') within the bounds from latents and framing (B, 3), zero by default."""
+        """Points (B, P') within the bounds from latents and framing (B, 3); all else is 0."""
         vector = latents.to_vector().to(self.device, self.dtype)
         if not torch.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
@@ -68,7 +152,9 @@ class Objective:
         return Latents.from_vector(points[:, self._latents])
 
     def framing(self, points: torch.Tensor) -> torch.Tensor:
-        """The framing (B, 3) of points (B, P')."""
+        """The framing (B, 3) of points (B, P'), 0 where the layout has none."""
+        if "framing" not in self.layout:
+            return points.new_zeros(len(points), FRAMING.size)
         return points[:, self.layout["framing"]]
 
     def __call__(

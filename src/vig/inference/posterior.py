@@ -1,4 +1,4 @@
-"""The log posterior of one photo: its pixels' priors, the recognition model's word, the class's renderer."""
+"""The log posterior of one photo: its pixels' priors, the network's prediction, the class's renderer."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from collections.abc import Iterable
 
 import torch
 
-from vig.inference.objective import Objective
-from vig.inference.prior import Belief
+from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.settings import ExplainSettings
-from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density, log_prior_of
+from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
 from vig.scene import Camera, ObjectClass, latent_layout
@@ -28,10 +27,10 @@ def objective_of(
     prediction: Prediction,
     object_class: ObjectClass,
     settings: ExplainSettings,
-    known: torch.Tensor | None = None,
+    valid: torch.Tensor | None = None,
 ) -> Objective:
-    """The log posterior of one photo (150, 150, 3); `known` as in `explain`."""
-    return objectives_of(photo, prediction, object_class, settings, (1.0,), known)[1.0]
+    """The log posterior of one photo (150, 150, 3); `valid` as in `explain`."""
+    return objectives_of(photo, prediction, object_class, settings, (1.0,), valid)[1.0]
 
 
 def objectives_of(
@@ -40,35 +39,35 @@ def objectives_of(
     object_class: ObjectClass,
     settings: ExplainSettings,
     scales: Iterable[float],
-    known: torch.Tensor | None = None,
+    valid: torch.Tensor | None = None,
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
     camera = Camera.standard(photo.shape[1], object_class.target_height)
-    log_prior = pixel_prior(photo, prediction.mask[0], settings, known)
-    if known is not None:
+    log_prior = pixel_prior(photo, prediction.mask[0], settings, valid)
+    if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
-        log_prior = torch.where(known[:, :, None], log_prior, unknown)
-    geometry, belief = geometry_of(object_class, settings.self_shadow), belief_of(prediction, settings)
+        log_prior = torch.where(valid[:, :, None], log_prior, unknown)
+    geometry, predicted = geometry_of(object_class, settings.self_shadow), prior_of(prediction, settings)
     objectives = {}
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
         objectives[scale] = Objective(
-            likelihood, object_class, bool(settings.free_framing), belief, settings.prior_weight
+            likelihood, object_class, bool(settings.free_framing), predicted, settings.prior_weight
         )
     return objectives
 
 
-def belief_of(prediction: Prediction, settings: ExplainSettings) -> Belief | None:
-    """What one photo's prediction says of every latent but azimuth, as a factor of the prior."""
-    if settings.belief_weight == 0:
+def prior_of(prediction: Prediction, settings: ExplainSettings) -> RecognitionPrior | None:
+    """One photo's predicted Gaussians of every latent but azimuth, as a factor of the prior."""
+    if settings.recognition_weight == 0:
         return None
     layout, regressed = latent_layout(prediction.layout.count("shape")), prediction.numbers[0]
     places = layout.indices(*(block.name for block in prediction.layout.blocks))
     mean, precision = regressed.new_zeros(2, layout.size)
     mean[places] = regressed
-    precision[places] = settings.belief_weight / prediction.deviation[0] ** 2
-    return Belief(mean, precision)
+    precision[places] = settings.recognition_weight / prediction.deviation[0] ** 2
+    return RecognitionPrior(mean, precision)
 
 
 def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
@@ -80,23 +79,21 @@ def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
 
 
 def pixel_prior(
-    photo: torch.Tensor, mask: torch.Tensor, settings: ExplainSettings, known: torch.Tensor | None = None
+    photo: torch.Tensor, mask: torch.Tensor, settings: ExplainSettings, valid: torch.Tensor | None = None
 ) -> torch.Tensor:
     """Log prior (H, W, 3) of a pixel visible, hidden, background: the pixel model's, made the photo's own.
 
     mask (H, W, 3): predicted probabilities of the same three, each at least 2 % so that no pixel is decided
     beforehand. With `surroundings` the uniform density of what is not the object becomes that of the
-    photo's colours outside the predicted object, where the photo is `known`. The Gaussian model, without
+    photo's colours outside the predicted object, where the photo is `valid`. The Gaussian model, without
     outliers, stays as it is.
     """
     base = settings.likelihood.log_prior(*mask.shape[:2])
     if settings.likelihood.alpha == 1:
         return base
-    if settings.visible_prior is not None:
-        base = log_prior_of(settings.visible_prior)
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
     if settings.surroundings > 0:
-        outside = 1 - mask[..., 0] if known is None else (1 - mask[..., 0]) * known
+        outside = 1 - mask[..., 0] if valid is None else (1 - mask[..., 0]) * valid
         density = settings.surroundings * log_colour_density(photo, outside)
         prior[..., 1] += density
         prior[..., 2] += density

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import torch
-
-from vig.inference.calibration import Calibration
+from vig.inference.calibration import FitCalibration
 from vig.likelihood import SPATIAL, PixelModel
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget, Optimizer
@@ -14,9 +12,14 @@ from vig.optimizers.optimizer import Budget, Optimizer
 
 @dataclass(frozen=True)
 class Stage:
-    """One round of descents: how many of the best starts go on, for how many steps at most, under which
-    multiple of the pixel model's sigma (a wide basin is searched first), on the photo at which scale, and
-    until a step gains how few nats.
+    """One round of descents.
+
+    Attributes:
+        starts: How many of the best points enter it.
+        iterations: Steps of each descent, at most.
+        sigma: Multiple of the pixel model's sigma; a wide basin is searched first.
+        scale: Of the photo.
+        tolerance: Nats; a descent ends when a step gains less.
     """
 
     starts: int
@@ -35,28 +38,28 @@ class Stage:
 class ExplainSettings:
     """How to fit.
 
-    likelihood: the pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, in whose mask neighbouring pixels agree.
-    visible_prior: a map (H, W) of each pixel's prior of being visible where it is covered, in place of the
-    pixel model's alpha. stages: in turn, see `Stage`. optimizer: runs them, within their budgets.
-    mask_weight: how far the recognition model's word on each pixel (object, occluder, neither) enters the
-    likelihood's prior; 0 is the paper's constant alpha, 1 takes it fully.
-    surroundings: how far the photo's own colours outside the object replace the uniform density, 0 to 1.
-    belief_weight: how far the recognition model's word on all latents but azimuth enters the prior; 1 takes
-    the variances that it states.
-    prior_weight: power to which the prior of all latents is raised, the recognition model's word included:
-    evidence counts pixels as independent, which they are not.
-    view_weight: nats for each nat of the recognition model's log probability of a view (azimuth) when ends of
-    descents are compared, for the same reason.
-    self_shadow: shade with the class's transfer table, where it has one: what its parts take from and throw
-    upon each other.
-    free_framing: also fit the image's shift and magnification, for photos that were cropped by hand; None is
-    False, unless an `Explainer` knows better.
-    calibrated: whether verdict and deviations are what `calibration` makes of them, the class's by default.
-    silhouette: "exact", or "paper" for the authors' constant mask.
+    Attributes:
+        likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
+        stages: In turn; the last one's evidence decides.
+        mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
+            paper's constant alpha, 1 takes them fully.
+        surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
+        recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
+            them out.
+        prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
+            independent, which they are not.
+        view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
+            same reason.
+        self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
+        free_framing: Also fit shift and magnification, for photos cropped by hand; None is False, unless an
+            `Explainer` chooses.
+        optimizer: Runs the stages, within their budgets.
+        silhouette: "exact", or "paper" for the authors' constant mask.
+        calibrated: Whether verdict and deviations follow from a calibration.
+        calibration: In place of the class's own.
     """
 
     likelihood: PixelModel = SPATIAL
-    visible_prior: torch.Tensor | None = field(default=None, compare=False, kw_only=True)
     stages: tuple[Stage, ...] = (
         Stage(8, 5, sigma=4.0, scale=0.5, tolerance=40.0),
         Stage(4, 6, sigma=4.0, scale=0.5, tolerance=20.0),
@@ -65,7 +68,7 @@ class ExplainSettings:
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
-    belief_weight: float = 1.0
+    recognition_weight: float = 1.0
     prior_weight: float = 100.0
     view_weight: float = 1000.0
     self_shadow: bool = True
@@ -73,7 +76,7 @@ class ExplainSettings:
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
     calibrated: bool = True
-    calibration: Calibration | None = field(default=None, compare=False, kw_only=True)
+    calibration: FitCalibration | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.stages or (self.stages[-1].sigma, self.stages[-1].scale) != (1.0, 1.0):

@@ -27,9 +27,11 @@ FREE_POINTS = 64
 
 @dataclass(frozen=True)
 class Photos:
-    """N photos of one size and what is believed of their pixels before any fit.
+    """N photos of one size and the prior of their pixels.
 
-    linear (N, H, W, 3): linear RGB in [0, 1]. log_prior (N, H, W, 3): see `pixel.PixelModel.log_prior`.
+    Attributes:
+        linear: (N, H, W, 3) linear RGB in [0, 1].
+        log_prior: (N, H, W, 3), see `pixel.PixelModel.log_prior`.
     """
 
     linear: torch.Tensor
@@ -66,12 +68,15 @@ class Photos:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Eq. 4 at B guesses. P' = P + 3: the latents in their order, then the framing.
+    """Eq. 4 at B points of P' numbers each: latents, then framing. What was not asked for is None.
 
-    value (B,): log-likelihood in nats, float64. gradient (B, P'), normal (B, P', P'): its derivative and its
-    negative Gauss-Newton Hessian; None when not asked for. posterior (B, H, W): of a covered pixel being
-    visible. coverage (B, H, W): of the silhouette, in [0, 1]. irradiance (B, H, W): rendered colour is
-    albedo times this. The three images are None when not asked for.
+    Attributes:
+        value: (B,) log-likelihood in nats, float64.
+        gradient: (B, P') its derivative.
+        normal: (B, P', P') its negative Gauss-Newton Hessian.
+        posterior: (B, H, W) of a covered pixel being visible.
+        coverage: (B, H, W) of the silhouette, in [0, 1].
+        irradiance: (B, H, W); the rendered colour is albedo times this.
     """
 
     value: torch.Tensor
@@ -85,10 +90,17 @@ class Evaluation:
 class Likelihood:
     """Eq. 4 for a set of photos, a class's geometry and a camera, on one device and in one precision.
 
-    silhouette: "exact" moves the objective with the silhouette, "paper" keeps the mask constant within an
-    evaluation as the authors' gradient does. stride: every stride-th pixel of every stride-th line stands
-    for its square in the normal matrix, by default as many as make about 75 x 75 of any image; value and
-    gradient always take every pixel.
+    Args:
+        geometry: The class's mesh and shape components.
+        camera: Of the photos; their size.
+        photos: What is explained.
+        silhouette: "exact" moves the objective with the silhouette, "paper" keeps the mask constant within an
+            evaluation as the authors' gradient does.
+        stride: Every stride-th pixel of every stride-th line stands for its square in the normal matrix, by
+            default as many as make about 75 x 75 of any image; value and gradient always take every pixel.
+
+    Attributes:
+        layout: The blocks of a point, latents then framing.
     """
 
     def __init__(
@@ -134,7 +146,7 @@ class Likelihood:
         images: bool = True,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int says which photo each explains, sigma (B,) its noise."""
+        """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise."""
         return self.at(
             torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images, curvature
         )
@@ -221,9 +233,9 @@ class Likelihood:
 
     @contextmanager
     def _pass(self, count: int) -> Iterator[Pass]:
-        """A pass over `count` points that nobody else has: one of ours, one of other photos, or a new one.
+        """An idle pass over `count` points: one of these photos, one of others, or a new one.
 
-        To record launches takes longer than to run them all once, so passes outlive a likelihood.
+        Recording launches takes longer than running them all once, so passes outlive a likelihood.
         """
         free = self.geometry.kept.setdefault("passes", [])
         kind = count, self.camera, self.silhouette, self.stride

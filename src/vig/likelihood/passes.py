@@ -124,7 +124,7 @@ class Pass:
     def look_at(self, likelihood: Likelihood) -> None:
         """Take the photos of a likelihood, which differs from the one before in nothing else.
 
-        They are the likelihood's to keep: a pass that outlives it holds none of them.
+        The likelihood keeps them: a pass that outlives it refers to none of them.
         """
         self._likelihood = weakref.ref(likelihood)
         for launch, names in self._launches:
@@ -135,14 +135,12 @@ class Pass:
         return self._likelihood() is likelihood
 
     def _exchange(self, launch: Prepared, arguments: dict[str, Any], likelihood: Likelihood) -> None:
-        arrays = likelihood.photo_arrays
+        arrays, groups = likelihood.photo_arrays, self._kernels.groups
         for index, (name, argument) in enumerate(arguments.items()):
             if name in arrays:
                 launch.exchange(index, arrays[name])
-            elif name in self._kernels.groups:
-                known = {field: getattr(argument, field) for field in group_fields(argument)}
-                if known.keys() & arrays.keys():
-                    launch.exchange(index, self._group(name, known | arrays))
+            elif name in groups and not arrays.keys().isdisjoint(fields := group_fields(argument)):
+                launch.exchange(index, self._group(name, {f: getattr(argument, f) for f in fields} | arrays))
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: int, images: bool

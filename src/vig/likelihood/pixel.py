@@ -3,7 +3,7 @@
 At a pixel that the object covers: log(visible N(c; mu, s^2 I) + hidden U), with U = 1 on the unit cube of
 linear RGB and N the product over the three channels. At any other pixel: log(background U). The three
 prior weights are (alpha, 1 - alpha, 1) in the paper's robust model, (1, 0, 1) in its Gaussian one; with a
-recognition model's word for where object, occluder and background are, they may differ from pixel to pixel.
+recognition model's class probabilities of each pixel, they may differ from pixel to pixel.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ LOG_UNIT = 3 * math.log(math.sqrt(2 * math.pi))
 class PixelModel:
     """Settings of the pixel likelihood.
 
-    sigma: standard deviation of the noise, linear RGB. alpha: prior of an object's pixel being visible, in
-    (0, 1]; 1 is the Gaussian model.
+    Attributes:
+        sigma: Standard deviation of the noise, linear RGB.
+        alpha: Prior of an object's pixel being visible, in (0, 1]; 1 is the Gaussian model.
     """
 
     sigma: float
@@ -62,6 +63,6 @@ def mixture(
     (...). The plain reference of what the kernels compute.
     """
     square = ((observed - rendered) ** 2).sum(-1)
-    inlier = log_prior[..., 0] - square / (2 * sigma**2) - 3 * math.log(sigma) - LOG_UNIT
+    inlier = log_prior[..., 0] - square / (2 * sigma**2) - 3 * math.log(sigma * math.sqrt(2 * math.pi))
     both = torch.stack([inlier, log_prior[..., 1]], dim=-1)
     return both.logsumexp(-1), both.softmax(-1)[..., 0]

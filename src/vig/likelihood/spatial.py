@@ -47,9 +47,11 @@ DAMPING = 0.5
 class SpatialModel(PixelModel):
     """The robust pixel model, and in the mask of the fit neighbours that agree.
 
-    coupling: nats that two alike neighbours lose where one is visible and the other hidden. rim: the same for
-    a visible pixel beside one beyond the silhouette. contrast: distance of colours in sRGB, a standard
-    deviation, over which the coupling fades. sweeps: updates of all pixels.
+    Attributes:
+        coupling: Nats lost where of two pixels of one colour one is visible and the other hidden.
+        rim: The same for a visible pixel beside one beyond the silhouette.
+        contrast: Standard deviation, a distance of colours in sRGB, over which the coupling fades.
+        sweeps: Updates of all pixels.
     """
 
     coupling: float = 10.0
@@ -163,7 +165,7 @@ def spatial_posterior(
     """Posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the silhouette.
 
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
-    (N, H, W) bool. A log prior of `NEVER` for visible says that a pixel was not photographed: it ties no
+    (N, H, W) bool. A log prior of `NEVER` for visible means that a pixel was not photographed: it ties no
     others. The mean field starts at the most probable h, the best of its optima. Only the window that holds
     what is covered is worked on.
     """

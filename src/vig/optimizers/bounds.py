@@ -1,4 +1,4 @@
-"""Steps that meet bounds by themselves, and the scale of a problem's parameters."""
+"""Steps within bounds by an active set, and the scale of a problem's parameters."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from collections.abc import Callable
 import torch
 
 from vig.optimizers.optimizer import Problem
-
-ROUNDS = 4
-"""How often a step is solved again with the parameters that would pass a bound resting on it."""
 
 
 def held_by_bounds(points: torch.Tensor, gradient: torch.Tensor, problem: Problem) -> torch.Tensor:
@@ -34,31 +31,43 @@ def bounded_step(
     gradient: torch.Tensor,
     normal: torch.Tensor,
     problem: Problem,
-    held: torch.Tensor,
     solve: Callable[[torch.Tensor, torch.Tensor, torch.Tensor], torch.Tensor],
+    damping: torch.Tensor | float = 0.0,
+    rounds: int = 4,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """A step (B, P') within the bounds, and the gain that the quadratic model promises (B,).
+    """A step within the bounds; what would pass a bound rests on it, and the others are solved again.
 
-    solve(right (B, P'), matrix (B, P', P'), free (B, P') bool) is the step without bounds, 0 where it is not
-    free; right and matrix are zero there, but for the matrix's diagonal, which is 1. `held` (B, P') do not
-    move. What would pass a bound rests on it, and the others are solved again.
+    Args:
+        points: (B, P').
+        gradient: (B, P') there.
+        normal: (B, P', P') there.
+        problem: States the bounds.
+        solve: From the right side (B, P'), the matrix (B, P', P') and what is free (B, P') bool to the step
+            without bounds. Both are zero where nothing is free, but for the matrix's diagonal, which is 1.
+        damping: (B, P') added to the diagonal of what is free.
+        rounds: How often the others are solved again, at most, the first time included.
+
+    Returns:
+        The step (B, P'), and the gain (B,) float64 that the quadratic model promises.
     """
-    lower, upper = problem.lower, problem.upper
-    step = torch.zeros_like(points)
-    for _ in range(ROUNDS):
-        free = ~held
-        number = free.to(points.dtype)
-        matrix = normal * number[:, :, None] * number[:, None, :] + torch.diag_embed(1 - number)
-        right = (gradient - torch.einsum("bij,bj->bi", normal, step * held)) * number
-        step = torch.where(held, step, solve(right, matrix, free))
-        over = ((points + step < lower) | (points + step > upper)) & free
+    lower, upper, step = problem.lower, problem.upper, torch.zeros_like(points)
+    held = held_by_bounds(points, gradient, problem)
+    for _ in range(rounds):
+        free = (~held).to(points.dtype)
+        matrix = normal * (free[:, :, None] * free[:, None, :])
+        torch.diagonal(matrix, dim1=1, dim2=2).add_(torch.where(held, 1.0, damping))
+        right = (gradient - (normal @ (step * held)[:, :, None])[:, :, 0]) * free
+        step = torch.where(held, step, solve(right, matrix, ~held))
+        reached = points + step
+        bounded = reached.clamp(lower, upper)
+        over = (bounded != reached) & ~held
         if not over.any():
             break
-        step = torch.where(over, (points + step).clamp(lower, upper) - points, step)
+        step = torch.where(over, bounded - points, step)
         held = held | over
     step = (points + step).clamp(lower, upper) - points
-    gain = (gradient * step).sum(1) - 0.5 * torch.einsum("bi,bij,bj->b", step, normal, step)
-    return step, gain
+    curved = (normal @ step[:, :, None])[:, :, 0]
+    return step, ((gradient - 0.5 * curved) * step).sum(1).double()
 
 
 def newton(right: torch.Tensor, matrix: torch.Tensor, free: torch.Tensor) -> torch.Tensor:

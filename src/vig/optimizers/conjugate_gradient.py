@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from vig.optimizers.bounds import held_by_bounds, scales
-from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
 
 SUFFICIENT, CURVATURE = 1e-4, 0.1
 """Wolfe's conditions: share of the promised gain, and of the slope that may be left."""
@@ -18,11 +18,13 @@ EXTRAPOLATION, GROWTH = 3.0, 10.0
 
 @dataclass(frozen=True)
 class ConjugateGradient:
-    """Settings. The budget's iterations are line searches.
+    """Settings. The budget's iterations are line searches; a line that meets a bound continues along it.
 
-    evaluations: of each line search at most. scaled: each parameter is counted in its own standard
-    deviations, by the normal matrix's diagonal at the start (`scales`). The paper's budget is 50 line
-    searches of 20 evaluations, unscaled. A line that meets a bound goes on along it.
+    The paper's budget is 50 line searches of 20 evaluations, unscaled.
+
+    Attributes:
+        evaluations: Of each line search, at most.
+        scaled: Each parameter counts in its own standard deviations at the start (`scales`).
     """
 
     evaluations: int = 20
@@ -32,16 +34,13 @@ class ConjugateGradient:
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        count = len(starts)
-        noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
-        line = _Lines(problem, photo, noise, starts.clone())
-        active = torch.isfinite(line.value).nonzero()[:, 0]
-        unit = 1 / scales(line.normal) if self.scaled else torch.ones_like(line.points)
-        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
+        line = _Lines(problem, starts, photo, sigma)
+        unit = 1 / scales(line.normal.nan_to_num()) if self.scaled else torch.ones_like(line.points)
         direction, before = torch.zeros_like(line.points), torch.zeros_like(line.points)
-        slope, step = torch.ones_like(noise), torch.zeros_like(noise)
-        steepest = torch.ones(count, dtype=torch.bool, device=problem.device)
+        slope, step = torch.ones_like(line.noise), torch.zeros_like(line.noise)
+        steepest = torch.ones_like(line.converged)
         for _ in range(budget.iterations):
+            active = line.active
             if not len(active):
                 break
             held = held_by_bounds(line.points[active], line.gradient[active], problem)
@@ -63,21 +62,12 @@ class ConjugateGradient:
             failed = gain <= 0
             done = (rise <= 0) | (failed & steepest[active]) | (~failed & (gain < budget.tolerance))
             steepest[active] = failed
-            converged[active[done]] = True
-            active = active[~done]
-        return Descent(line.points, line.value, line.evaluations, converged)
+            line.end(done)
+        return line.descent()
 
 
-class _Lines:
-    """Where B searches are, and line searches from there."""
-
-    def __init__(self, problem: Problem, photo: torch.Tensor, noise: torch.Tensor, points: torch.Tensor):
-        self.problem, self.photo, self.noise, self.points = problem, photo, noise, points
-        start = problem(points, photo, noise)
-        assert start.gradient is not None and start.normal is not None
-        self.normal = start.normal.nan_to_num()
-        self.value, self.gradient = start.value.clone(), start.gradient.clone()
-        self.evaluations = torch.ones(len(points), dtype=torch.int64, device=problem.device)
+class _Lines(Searches):
+    """Line searches from where B searches stand."""
 
     def search(
         self, active: torch.Tensor, along: torch.Tensor, first: torch.Tensor, limit: int
@@ -101,56 +91,48 @@ class _Lines:
             free_trial = origin[going] + step[going, None] * along[going]
             trial = free_trial.clamp(self.problem.lower, self.problem.upper)
             which = active[going]
-            tried = self.problem(trial, self.photo[which], self.noise[which])
-            assert tried.gradient is not None
-            self.evaluations[which] += 1
+            tried = self.evaluate(which, trial)
             moving = torch.where(trial == free_trial, along[going], 0.0)
-            value, now = tried.value, (tried.gradient * moving).sum(1).nan_to_num()
+            value, now = tried[0], (tried[1] * moving).sum(1).nan_to_num()
             promised = (uphill[going] * (trial - origin[going])).sum(1)
             enough = value >= base[going] + SUFFICIENT * promised
             better = value > self.value[which]
-            self.points[which[better]], self.value[which[better]] = trial[better], value[better]
-            self.gradient[which[better]] = tried.gradient[better]
+            self.move(which, trial, tried, better)
             best[going[better]] = step[going[better]]
             flat = now.abs() <= CURVATURE * slope[going]
             beyond = ~enough | (value < value_low[going]) | (now < 0)
             nearer, farther = going[beyond], going[~beyond]
             high[nearer], value_high[nearer] = step[nearer], value[beyond]
-            reached = (farther, step[farther].clone(), now[~beyond])
-            step[nearer] = self._inside(low, high, value_low, value_high, slope_low, nearer)
-            step[farther] = self._outside(low, high, slope_low, *reached)
-            low[farther], slope_low[farther], value_low[farther] = reached[1], reached[2], value[~beyond]
+            at, slope_at = step[farther].clone(), now[~beyond]
+            step[nearer] = _inside(
+                low[nearer], high[nearer], value_low[nearer], value_high[nearer], slope_low[nearer]
+            )
+            step[farther] = _outside(low[farther], high[farther], slope_low[farther], at, slope_at)
+            low[farther], slope_low[farther], value_low[farther] = at, slope_at, value[~beyond]
             narrow = high[going] - low[going] <= 1e-9 * low[going]
             going = going[~((enough & flat) | narrow)]
         return self.value[active] - base, best
 
-    @staticmethod
-    def _inside(
-        low: torch.Tensor,
-        high: torch.Tensor,
-        value_low: torch.Tensor,
-        value_high: torch.Tensor,
-        slope_low: torch.Tensor,
-        which: torch.Tensor,
-    ) -> torch.Tensor:
-        """Top of the parabola through low's value and slope and high's value, well inside the bracket."""
-        width, slope = high[which] - low[which], slope_low[which]
-        bend = value_low[which] + slope * width - value_high[which]
-        share = (0.5 * slope * width / bend.clamp_min(1e-30)).nan_to_num(nan=0.5)
-        return low[which] + width * share.to(width.dtype).clamp(0.1, 0.9)
 
-    @staticmethod
-    def _outside(
-        low: torch.Tensor,
-        high: torch.Tensor,
-        slope_low: torch.Tensor,
-        which: torch.Tensor,
-        step: torch.Tensor,
-        slope: torch.Tensor,
-    ) -> torch.Tensor:
-        """Where the secant of the slopes at low and step says it is flat, between the two and the bracket."""
-        far = torch.where(torch.isfinite(high[which]), 0.5 * (step + high[which]), EXTRAPOLATION * step)
-        bend = slope_low[which] - slope
-        guess = step + (step - low[which]) * slope / bend
-        guess = torch.where(bend > 0, guess, far)
-        return torch.minimum(torch.maximum(guess, step + 0.1 * (far - step)), far)
+def _inside(
+    low: torch.Tensor,
+    high: torch.Tensor,
+    value_low: torch.Tensor,
+    value_high: torch.Tensor,
+    slope: torch.Tensor,
+) -> torch.Tensor:
+    """Top of the parabola through low's value and slope and high's value, well within the bracket."""
+    width = high - low
+    bend = value_low + slope * width - value_high
+    share = (0.5 * slope * width / bend.clamp_min(1e-30)).nan_to_num(nan=0.5)
+    return low + width * share.to(width.dtype).clamp(0.1, 0.9)
+
+
+def _outside(
+    low: torch.Tensor, high: torch.Tensor, slope_low: torch.Tensor, step: torch.Tensor, slope: torch.Tensor
+) -> torch.Tensor:
+    """Where the secant of the slopes at low and step is flat, between the two and the bracket."""
+    far = torch.where(torch.isfinite(high), 0.5 * (step + high), EXTRAPOLATION * step)
+    bend = slope_low - slope
+    guess = torch.where(bend > 0, step + (step - low) * slope / bend, far)
+    return torch.minimum(torch.maximum(guess, step + 0.1 * (far - step)), far)

@@ -7,16 +7,17 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.optimizers.bounds import bounded_step, held_by_bounds, newton, scales
-from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.optimizers.bounds import bounded_step, newton, scales
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
 
 
 @dataclass(frozen=True)
 class Dogleg:
     """Settings.
 
-    radius: of the first trust region, each parameter counted in its own standard deviations (`scales`).
-    least_radius: a search ends when its trust region is smaller.
+    Attributes:
+        radius: Of the first trust region, each parameter in its own standard deviations (`scales`).
+        least_radius: A search ends when its trust region is smaller.
     """
 
     radius: float = 100.0
@@ -26,47 +27,29 @@ class Dogleg:
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        count = len(starts)
-        noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
-        points = starts.clone()
-        start = problem(points, photo, noise)
-        assert start.gradient is not None and start.normal is not None
-        value, gradient, normal = start.value.clone(), start.gradient.clone(), start.normal.clone()
-        radius = torch.full_like(noise, self.radius)
-        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
-        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
-        active = torch.isfinite(value).nonzero()[:, 0]
+        searches = Searches(problem, starts, photo, sigma)
+        radius = torch.full_like(searches.noise, self.radius)
         for _ in range(budget.iterations):
+            active = searches.active
             if not len(active):
                 break
-            here, slope, matrix = points[active], gradient[active], normal[active]
-            scale = scales(matrix)
-            step, promised = bounded_step(
-                here,
-                slope,
-                matrix,
-                problem,
-                held_by_bounds(here, slope, problem),
-                functools.partial(_dogleg, scale=scale, radius=radius[active]),
+            here, gradient, normal = (
+                part[active] for part in (searches.points, searches.gradient, searches.normal)
             )
-            trial = here + step
-            tried = problem(trial, photo[active], noise[active])
-            assert tried.gradient is not None and tried.normal is not None
-            evaluations[active] += 1
-            gain = tried.value - value[active]
-            ratio = (gain / promised.clamp_min(1e-9)).nan_to_num(nan=-1.0).to(noise.dtype)
+            scale = scales(normal)
+            solve = functools.partial(_dogleg, scale=scale, radius=radius[active])
+            step, promised = bounded_step(here, gradient, normal, problem, solve)
+            tried = searches.evaluate(active, here + step)
+            gain = tried[0] - searches.value[active]
+            ratio = (gain / promised.clamp_min(1e-9)).nan_to_num(nan=-1.0).to(radius.dtype)
             length = torch.linalg.vector_norm(step * scale, dim=1)
             wider = torch.where(ratio > 0.75, torch.maximum(radius[active], 3 * length), radius[active])
             radius[active] = torch.where(ratio < 0.25, 0.25 * torch.minimum(length, radius[active]), wider)
             better = gain > 0
-            taken = active[better]
-            points[taken], value[taken] = trial[better], tried.value[better]
-            gradient[taken], normal[taken] = tried.gradient[better], tried.normal[better]
+            searches.move(active, here + step, tried, better)
             done = (better & (gain < budget.tolerance)) | (promised < 0.1 * budget.tolerance)
-            done |= radius[active] < self.least_radius
-            converged[active[done]] = True
-            active = active[~done]
-        return Descent(points, value, evaluations, converged)
+            searches.end(done | (radius[active] < self.least_radius))
+        return searches.descent()
 
 
 def _dogleg(

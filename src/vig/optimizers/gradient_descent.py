@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from vig.optimizers.bounds import scales
-from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
 
 STALL = 10
 """Steps over which the gain is compared with the budget's tolerance: single ones are small."""
@@ -20,13 +20,14 @@ GIVE_UP = 1e-9
 class GradientDescent:
     """Settings.
 
-    rate: of a step, the gradient being scaled: each parameter is counted in its own standard deviations, by
-    the normal matrix's diagonal at the start (`scales`), so that 1 would be Newton's step if parameters did
-    not depend on each other. momentum: share of the last step that is taken again; 0 for none. decay: step
-    number k is taken at rate / (1 + decay k).
-
     A step that loses is undone, its momentum dropped and the rate halved; each that gains brings a tenth of
-    the rate back, up to what is set.
+    the rate back, up to `rate`.
+
+    Attributes:
+        rate: Of a step, each parameter in its own standard deviations at the start (`scales`): 1 would be
+            Newton's step if parameters did not depend on each other.
+        momentum: Share of the last step that is taken again; 0 for none.
+        decay: Step number k is taken at rate / (1 + decay k).
     """
 
     rate: float = 0.1
@@ -37,39 +38,27 @@ class GradientDescent:
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        count = len(starts)
-        noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
-        points = starts.clone()
-        start = problem(points, photo, noise)
-        assert start.gradient is not None and start.normal is not None
-        value, gradient = start.value.clone(), start.gradient.clone()
-        scale = scales(start.normal.nan_to_num())
-        velocity, rate = torch.zeros_like(points), torch.full_like(noise, self.rate)
-        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
-        converged = torch.zeros(count, dtype=torch.bool, device=problem.device)
-        earlier = value.clone()
-        active = torch.isfinite(value).nonzero()[:, 0]
+        searches = Searches(problem, starts, photo, sigma)
+        scale = scales(searches.normal.nan_to_num())
+        velocity, rate = torch.zeros_like(searches.points), torch.full_like(searches.noise, self.rate)
+        earlier = searches.value.clone()
         for number in range(budget.iterations):
+            active = searches.active
             if not len(active):
                 break
+            here = searches.points[active]
             pace = rate[active, None] / (1 + self.decay * number)
-            push = pace * gradient[active] / scale[active] ** 2
-            here = points[active]
+            push = pace * searches.gradient[active] / scale[active] ** 2
             trial = (here + self.momentum * velocity[active] + push).clamp(problem.lower, problem.upper)
-            tried = problem(trial, photo[active], noise[active])
-            assert tried.gradient is not None
-            evaluations[active] += 1
-            better = tried.value >= value[active]
+            tried = searches.evaluate(active, trial)
+            better = tried[0] >= searches.value[active]
             # What a bound stopped has no momentum left: the step that was made counts.
             velocity[active] = torch.where(better[:, None], trial - here, 0.0)
             rate[active] = torch.where(better, (1.1 * rate[active]).clamp_max(self.rate), rate[active] / 2)
-            taken = active[better]
-            points[taken], value[taken] = trial[better], tried.value[better]
-            gradient[taken] = tried.gradient[better]
+            searches.move(active, trial, tried, better)
             done = rate[active] < GIVE_UP * self.rate
             if (number + 1) % STALL == 0:
-                done |= value[active] - earlier[active] < budget.tolerance
-                earlier[active] = value[active]
-            converged[active[done]] = True
-            active = active[~done]
-        return Descent(points, value, evaluations, converged)
+                done |= searches.value[active] - earlier[active] < budget.tolerance
+                earlier[active] = searches.value[active]
+            searches.end(done)
+        return searches.descent()

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import torch
 
+from vig.optimizers.bounds import bounded_step
 from vig.optimizers.optimizer import Budget, Descent, Problem
 from vig.parallel.threads import on_one_core
 
@@ -18,7 +19,9 @@ from vig.parallel.threads import on_one_core
 class LevenbergMarquardt:
     """Settings.
 
-    damping: first multiple of the normal matrix's diagonal. give_up: the damping at which a search ends.
+    Attributes:
+        damping: First multiple of the normal matrix's diagonal.
+        give_up: The damping at which a search ends.
     """
 
     damping: float = 1.0
@@ -49,7 +52,7 @@ class LevenbergMarquardt:
         for _ in range(budget.iterations):
             if not len(going):
                 break
-            step, predicted = self._step(here, gradient, normal, damping, objective)
+            step, predicted = _damped_step(here, gradient, normal, damping, objective)
             trial = here + step
             tried = objective(trial, photo, noise)
             assert tried.gradient is not None and tried.normal is not None
@@ -76,40 +79,25 @@ class LevenbergMarquardt:
         converged[going] = False
         return Descent(points, value, evaluations, converged)
 
-    def _step(
-        self,
-        points: torch.Tensor,
-        gradient: torch.Tensor,
-        normal: torch.Tensor,
-        damping: torch.Tensor,
-        objective: Problem,
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Damped step (B, P') within the bounds, and the gain that the quadratic model promises (B,)."""
-        lower, upper = objective.lower, objective.upper
-        held = torch.where(gradient > 0, points >= upper, points <= lower) | (lower == upper)
-        step = torch.zeros_like(points)
-        diagonal = torch.diagonal(normal, dim1=1, dim2=2)
-        floor = 1e-6 * diagonal.amax(1, keepdim=True)
-        damped = damping[:, None] * (diagonal + floor) + 1e-9 * floor
-        for _ in range(3):
-            free = (~held).to(points.dtype)
-            matrix = normal * (free[:, :, None] * free[:, None, :])
-            torch.diagonal(matrix, dim1=1, dim2=2).add_(torch.where(held, 1.0, damped))
-            right = (gradient - (normal @ (step * held)[:, :, None])[:, :, 0]) * free
-            factor, failed = torch.linalg.cholesky_ex(matrix)
-            solved = torch.cholesky_solve(right[:, :, None], factor)[:, :, 0]
-            if failed.any() or not torch.isfinite(solved).all():
-                usable = (failed == 0)[:, None] & torch.isfinite(solved)
-                solved = torch.where(usable, solved, gradient / (diagonal + floor) * 0.1)
-            step = torch.where(held, step, solved)
-            reached = points + step
-            bounded = reached.clamp(lower, upper)
-            over = (bounded != reached) & ~held
-            if not over.any():
-                break
-            # Rest on the bound that would be passed and solve the others again.
-            step = torch.where(over, bounded - points, step)
-            held = held | over
-        step = (points + step).clamp(lower, upper) - points
-        curved = (normal @ step[:, :, None])[:, :, 0]
-        return step, ((gradient - 0.5 * curved) * step).sum(1).double()
+
+def _damped_step(
+    points: torch.Tensor,
+    gradient: torch.Tensor,
+    normal: torch.Tensor,
+    damping: torch.Tensor,
+    problem: Problem,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Damped step (B, P') within the bounds, and the gain that the quadratic model promises (B,)."""
+    diagonal = torch.diagonal(normal, dim1=1, dim2=2)
+    floor = 1e-6 * diagonal.amax(1, keepdim=True)
+
+    def solve(right: torch.Tensor, matrix: torch.Tensor, free: torch.Tensor) -> torch.Tensor:
+        factor, failed = torch.linalg.cholesky_ex(matrix)
+        solved = torch.cholesky_solve(right[:, :, None], factor)[:, :, 0]
+        if failed.any() or not torch.isfinite(solved).all():
+            usable = (failed == 0)[:, None] & torch.isfinite(solved)
+            solved = torch.where(usable, solved, gradient / (diagonal + floor) * 0.1)
+        return solved
+
+    damped = damping[:, None] * (diagonal + floor) + 1e-9 * floor
+    return bounded_step(points, gradient, normal, problem, solve, damped, rounds=3)

@@ -1,4 +1,4 @@
-"""What is done to a batch so that a network trained on rasterised pictures holds on photographs.
+"""Augmentation of a batch, so that a network trained on rasterised images holds on photographs.
 
 Flips, framing, things pasted in front, uneven light, and a camera: exposure, white balance, blur, noise.
 """
@@ -18,17 +18,23 @@ GAMMA = 2.2
 """sRGB is nearly linear light to the power of one over this."""
 
 NO_MASK = -1.0
-"""Mask of an image whose mask is not known."""
+"""Mask shares of an image whose mask is unknown."""
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How much is done. Shares are of images, or of batches where it says so.
+    """How much is changed.
 
-    flip: batches mirrored. reframe: batches shifted and magnified as boxes drawn by hand are. cut_out: images
-    that have a piece of another pasted over. relight: standard deviation of a smooth field of light, log.
-    exposure, balance: standard deviations in stops and of log white balance. blur: batches blurred by up to
-    `most_blur` pixels. noise: the largest standard deviation of noise, sRGB.
+    Attributes:
+        flip: Share of batches that are mirrored.
+        reframe: Share of batches that are shifted and magnified, as boxes drawn by hand are.
+        cut_out: Share of images that have a piece of another pasted over.
+        relight: Standard deviation of the log of a smooth field of light.
+        exposure: Standard deviation in stops.
+        balance: Standard deviation of log white balance.
+        blur: Share of batches that are blurred.
+        most_blur: By up to how many pixels.
+        noise: Largest standard deviation of noise, sRGB.
     """
 
     flip: float = 0.5
@@ -59,7 +65,7 @@ class Augmentation:
     def _paste(
         self, images: torch.Tensor, mask: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Pieces of the batch's own images laid over others: what they cover of the object is hidden."""
+        """Paste pieces of the batch's images over others: what they cover of the object is hidden."""
         count, _, height, width = images.shape
         on = rng.random(count) < self.cut_out
         if not on.any() or count < 2:
@@ -101,7 +107,9 @@ def blobs(count: int, height: int, width: int, rng: np.random.Generator) -> np.n
     cos, sin = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
     along, across = np.abs(cos * x + sin * y), np.abs(cos * y - sin * x)
     power = power[:, None, None]
-    inside = (along / reach[:, 0, None, None]) ** power + (across / reach[:, 1, None, None]) ** power < 1
+    inside: np.ndarray = (along / reach[:, 0, None, None]) ** power + (
+        across / reach[:, 1, None, None]
+    ) ** power < 1
     return inside.astype(np.float32)
 
 

@@ -1,52 +1,93 @@
-"""What makes a network's stated uncertainties hold on scenes and designs that it has not seen."""
+"""Calibration of a network's stated uncertainties on scenes and designs that training never saw."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
+from safetensors.torch import save_file
 from torch.nn import functional
 
-PREFIX = "calibration."
+from vig.checks import read_tensors
+from vig.dataset import Dataset
+from vig.errors import UserError
+from vig.files import atomic_write
+from vig.recognition.examples import Examples
+from vig.recognition.network import Heads, NetworkCalibration, bfloat16
+from vig.recognition.prediction import Recognizer
+
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""
 LEAST_FACTOR = 0.5
+LEAST_IMAGES = 50
+"""Images below which a calibration means nothing."""
+CELL_STRIDE = 7
+"""Of the mask's cells one in so many is used: neighbours are nearly the same."""
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """Corrections of a network's word.
+class CalibrationResult:
+    """What N images showed of a network, before its calibration.
 
-    azimuth_temperature, mask_temperature (): what logits are divided by (Guo et al. 2017). deviation (M,):
-    factors of the stated standard deviations.
+    Attributes:
+        calibration: What was written into the weights.
+        azimuth: (N,) true azimuths, radians.
+        azimuth_logits: (N, bins) of the network.
+        standard_errors: (N, M) errors of the regressed numbers over their stated deviations.
     """
 
-    azimuth_temperature: torch.Tensor
-    mask_temperature: torch.Tensor
-    deviation: torch.Tensor
+    calibration: NetworkCalibration
+    azimuth: torch.Tensor
+    azimuth_logits: torch.Tensor
+    standard_errors: torch.Tensor
 
-    @staticmethod
-    def none(numbers: int) -> Calibration:
-        """Takes a network at its word."""
-        return Calibration(torch.ones(()), torch.ones(()), torch.ones(numbers))
 
-    @staticmethod
-    def of(tensors: dict[str, torch.Tensor], numbers: int) -> Calibration:
-        """From the tensors of a weights file; of one that was not calibrated, `none`."""
-        found = {k.removeprefix(PREFIX): v for k, v in tensors.items() if k.startswith(PREFIX)}
-        if not found:
-            return Calibration.none(numbers)
-        shapes = {"azimuth_temperature": (), "mask_temperature": (), "deviation": (numbers,)}
-        if {name: tuple(value.shape) for name, value in found.items()} != shapes:
-            raise ValueError("the calibration does not fit the network")
-        for value in found.values():
-            if not value.is_floating_point() or not ((value > 1e-3) & (value < 1e3)).all():
-                raise ValueError("the calibration's factors must be from 0.001 to 1000")
-        return Calibration(**found)
+def calibrate_network(path: Path, datasets: Sequence[Dataset]) -> CalibrationResult:
+    """Write a calibration on datasets into the weights at `path`.
 
-    def tensors(self) -> dict[str, torch.Tensor]:
-        """As they go into a weights file."""
-        return {PREFIX + name: value for name, value in vars(self).items()}
+    Raises:
+        UserError: Fewer than `LEAST_IMAGES`, or weights that cannot be read or are of the paper's networks.
+    """
+    count = sum(len(dataset) for dataset in datasets)
+    if count < LEAST_IMAGES:
+        raise UserError(f"calibration needs at least {LEAST_IMAGES} images; got {count}")
+    recognizer, examples = Recognizer(path), Examples.joined([Examples.of(dataset) for dataset in datasets])
+    azimuth, mean, deviation, mask = _outputs(recognizer, examples)
+    labels = functional.one_hot(azimuth_bins(examples.azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
+    error = mean - examples.numbers
+    cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    shares = (examples.mask.float() / 255).movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    made = NetworkCalibration(
+        temperature(azimuth, labels), temperature(cells, shares), widening(error, deviation)
+    )
+    held, metadata = read_tensors(path, "pt")
+    tensors = {name: value for name, value in held.items() if not name.startswith(made.PREFIX)}
+    with atomic_write(path) as temporary:
+        save_file(tensors | made.tensors(), temporary, metadata=metadata)
+    return CalibrationResult(made, examples.azimuth, azimuth, error / deviation)
+
+
+@torch.inference_mode()
+def _outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.Tensor, ...]:
+    """Azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
+    found = []
+    for part in torch.arange(len(examples)).split(64):
+        pixels = examples[part].pixels()
+        with bfloat16(pixels.device):
+            heads = recognizer.network(pixels)
+        assert isinstance(heads, Heads)
+        numbers = heads.mean * recognizer.deviation + recognizer.mean
+        deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
+        found.append((heads.azimuth, numbers, deviation, heads.mask))
+    return tuple(torch.cat(column) for column in zip(*found, strict=True))
+
+
+def azimuth_bins(azimuth: torch.Tensor, bins: int) -> torch.Tensor:
+    """The bin (N,) that each azimuth (N,) in [0, 2 pi) lies in."""
+    return (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
 
 
 def temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:

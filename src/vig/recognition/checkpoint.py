@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +17,9 @@ from vig.recognition.network import RecognitionNetwork
 
 FORMAT = "2"
 """Of weights files; 1 had the regressed numbers in another order."""
+
+MOMENTS = ("step", "exp_avg", "exp_avg_sq")
+"""What AdamW keeps of each weight."""
 
 Scale = dict[str, torch.Tensor]
 """`mean` and `deviation` (M,) of the regressed numbers over the training images."""
@@ -39,46 +43,49 @@ def save_checkpoint(
     path: Path,
     networks: dict[str, RecognitionNetwork],
     optimizer: torch.optim.Optimizer,
-    told: dict[str, str],
+    state: dict[str, str],
 ) -> None:
-    """Write networks by name, the optimiser's moments, and what was `told` of the run."""
+    """Write networks by name, the optimiser's moments, and the `state` of the run."""
     tensors = {f"{name}.{k}": v for name, net in networks.items() for k, v in net.state_dict().items()}
-    for parameter, state in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{parameter}.{k}": v for k, v in state.items()}
+    for parameter, moments in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{parameter}.{k}": v for k, v in moments.items()}
     with atomic_write(path) as temporary:
-        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary, metadata=told)
+        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary, metadata=state)
 
 
 def load_checkpoint(
     path: Path, networks: dict[str, RecognitionNetwork], optimizer: torch.optim.Optimizer, run: str
 ) -> dict[str, str]:
-    """Put a checkpoint back; returns what was told of its run.
+    """Put a checkpoint back; returns the state of its run.
 
-    Raises UserError when it is damaged or another `run`'s.
+    Args:
+        path: Of the checkpoint.
+        networks: As they were saved; they take on its weights.
+        optimizer: AdamW of the first network's parameters; it takes on its moments.
+        run: The `run` that the state must have.
+
+    Raises:
+        UserError: It is damaged, has other tensors, or is of another run.
     """
     with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
-        tensors, told = read_tensors(path, "pt")
-        if told["run"] != run:
+        tensors, state = read_tensors(path, "pt")
+        if state["run"] != run:
             raise UserError(
                 f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
             )
-        for name, module in networks.items():
-            prefix = f"{name}."
-            module.load_state_dict(
-                {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
-            )
-        state: dict[int, dict[str, torch.Tensor]] = {}
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
-        for key, tensor in tensors.items():
-            if key.startswith("optimizer."):
-                _, parameter, name = key.split(".", 2)
-                own = parameters[int(parameter)]
-                if tensor.ndim:  # the fused step walks through memory: its state must lie as the weights do
-                    if tensor.shape != own.shape:
-                        raise ValueError(f"'{key}' must be {tuple(own.shape)}; it is {tuple(tensor.shape)}")
-                    tensor = torch.empty_like(own).copy_(tensor)
-                state.setdefault(int(parameter), {})[name] = tensor
-        whole = optimizer.state_dict()
-        whole["state"] = state
-        optimizer.load_state_dict(whole)
-    return told
+        wanted = {f"{name}.{k}" for name, module in networks.items() for k in module.state_dict()}
+        wanted |= {f"optimizer.{i}.{k}" for i in range(len(parameters)) for k in MOMENTS}
+        if odd := sorted(wanted ^ tensors.keys()):
+            raise ValueError(f"tensors are missing or unknown: {', '.join(odd)[:100]}")
+        for name, module in networks.items():
+            module.load_state_dict({k: tensors[f"{name}.{k}"] for k in module.state_dict()})
+        moments: dict[int, dict[str, torch.Tensor]] = {i: {} for i in range(len(parameters))}
+        for (i, own), name in itertools.product(enumerate(parameters), MOMENTS):
+            tensor = tensors[f"optimizer.{i}.{name}"]
+            if tensor.shape != (shape := () if name == "step" else own.shape):
+                raise ValueError(f"'{name}' of a weight must be {tuple(shape)}; it is {tuple(tensor.shape)}")
+            # The fused step walks through memory: its moments must lie as the weights do.
+            moments[i][name] = torch.empty_like(own).copy_(tensor) if tensor.ndim else tensor
+        optimizer.load_state_dict(optimizer.state_dict() | {"state": moments})
+    return state

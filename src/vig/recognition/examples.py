@@ -1,4 +1,4 @@
-"""A dataset as a network learns from it: in memory, some rooms held out."""
+"""Training examples in memory, and the images of rooms that are held out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ HELD_SHARE = 1 / 16
 class Examples:
     """A dataset in memory.
 
-    images (N, H, W, 3) uint8; azimuth (N,); numbers (N, M); mask (N, 3, h, w) uint8, shares of 255.
+    Attributes:
+        images: (N, H, W, 3) uint8, sRGB.
+        azimuth: (N,) radians.
+        numbers: (N, M), see `targets.numbers_of`.
+        mask: (N, 3, h, w) uint8, shares of 255, see `targets.mask_labels`.
     """
 
     images: torch.Tensor
@@ -29,7 +33,7 @@ class Examples:
 
     @staticmethod
     def of(dataset: Dataset) -> Examples:
-        """Read all of a dataset, a few hundred pictures at a time."""
+        """Read a dataset, a few hundred images at a time."""
         latents = Latents.from_vector(torch.from_numpy(dataset.latents))
         images, masks = [], []
         for some in np.array_split(np.arange(len(dataset)), max(1, len(dataset) // 256)):
@@ -41,12 +45,17 @@ class Examples:
 
     @staticmethod
     def joined(parts: list[Examples]) -> Examples:
-        """One after another."""
+        """Concatenate."""
         columns = zip(*[(p.images, p.azimuth, p.numbers, p.mask) for p in parts], strict=True)
         return Examples(*(torch.cat(column) for column in columns))
 
     def __len__(self) -> int:
         return len(self.azimuth)
+
+    def pixels(self, device: torch.device | str = "cpu") -> torch.Tensor:
+        """Network input (N, 3, H, W), sRGB in [0, 1]."""
+        images = self.images.permute(0, 3, 1, 2).float().div(255).to(device)
+        return images.contiguous(memory_format=torch.channels_last)
 
     def __getitem__(self, chosen: torch.Tensor) -> Examples:
         return Examples(self.images[chosen], self.azimuth[chosen], self.numbers[chosen], self.mask[chosen])
@@ -55,8 +64,7 @@ class Examples:
 def hold_out(dataset: Dataset, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Indices to train on, and at most `most` to validate on, whose rooms no training image shows.
 
-    Whole rooms are held out until they have a sixteenth of the images. A dataset of a single room gives its
-    last tenth.
+    Whole rooms are held out until they have `HELD_SHARE` of the images; of a single room, its last tenth.
     """
     rooms = np.array([spec.room.layout for spec in dataset.specs()])
     known, counts = np.unique(rooms, return_counts=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import nn
@@ -17,19 +18,23 @@ from vig.scene.shape_model import MOST_MODES
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
 
-AZIMUTH_BINS = 72
-
 
 @dataclass(frozen=True)
 class NetworkSettings:
     """Sizes of the network; written beside the weights so that they can be read again.
 
-    widths, blocks: channels and residual blocks at a quarter, an eighth and a sixteenth of the image.
-    squeezed: channels from which the dense layer of `features` reads. dropout: share of its features.
+    Attributes:
+        modes: K shape components.
+        azimuth_bins: Equal bins of the circle.
+        widths: Channels at a quarter, an eighth and a sixteenth of the image.
+        blocks: Residual blocks there.
+        squeezed: Channels from which the dense layer reads.
+        features: Of the dense layer.
+        dropout: Share of these features.
     """
 
     modes: int = 10
-    azimuth_bins: int = AZIMUTH_BINS
+    azimuth_bins: int = 72
     widths: tuple[int, int, int] = (48, 96, 192)
     blocks: tuple[int, int, int] = (1, 2, 3)
     squeezed: int = 32
@@ -47,17 +52,59 @@ class NetworkSettings:
 
 @dataclass(frozen=True)
 class Heads:
-    """What the network says of B images.
+    """Network outputs for B images.
 
-    azimuth (B, bins): logits over equal bins, the first centred at half a bin. mean, log_variance (B, M): the
-    regressed numbers (`regressed_layout`), light in the heading frame (see `targets`), in units of the
-    targets' standard deviations. mask (B, 3, h, w): logits of MASK_CLASSES at a quarter of the size.
+    Attributes:
+        azimuth: (B, bins) logits of equal bins, the first centred at half a bin.
+        mean: (B, M) regressed numbers (see `targets`), in units of the targets' standard deviations.
+        log_variance: (B, M) of these.
+        mask: (B, 3, h, w) logits of MASK_CLASSES at a quarter of the size.
     """
 
     azimuth: torch.Tensor
     mean: torch.Tensor
     log_variance: torch.Tensor
     mask: torch.Tensor
+
+
+@dataclass(frozen=True)
+class NetworkCalibration:
+    """Corrections of a network's stated uncertainties.
+
+    Attributes:
+        azimuth_temperature: () by which logits are divided (Guo et al. 2017).
+        mask_temperature: () likewise.
+        deviation: (M,) factors of the stated standard deviations.
+    """
+
+    azimuth_temperature: torch.Tensor
+    mask_temperature: torch.Tensor
+    deviation: torch.Tensor
+
+    PREFIX: ClassVar[str] = "calibration."
+    """Of its tensors' names in a weights file."""
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, torch.Tensor], numbers: int) -> NetworkCalibration:
+        """From the tensors of a weights file; without effect when it has none.
+
+        Raises:
+            ValueError: They do not fit a network of `numbers` regressed numbers.
+        """
+        found = {k.removeprefix(cls.PREFIX): v for k, v in tensors.items() if k.startswith(cls.PREFIX)}
+        if not found:
+            return cls(torch.ones(()), torch.ones(()), torch.ones(numbers))
+        shapes = {"azimuth_temperature": (), "mask_temperature": (), "deviation": (numbers,)}
+        if {name: tuple(value.shape) for name, value in found.items()} != shapes:
+            raise ValueError("the calibration does not fit the network")
+        for value in found.values():
+            if not value.is_floating_point() or not ((value > 1e-3) & (value < 1e3)).all():
+                raise ValueError("the calibration's factors must be from 0.001 to 1000")
+        return cls(**found)
+
+    def tensors(self) -> dict[str, torch.Tensor]:
+        """As they go into a weights file."""
+        return {self.PREFIX + name: value for name, value in vars(self).items()}
 
 
 def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
@@ -67,7 +114,7 @@ def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
 
 
 def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> None:
-    """Give a network made on torch's "meta" device, which holds no numbers, those of a weights file.
+    """Give a network made on torch's "meta" device, which holds no numbers, the tensors of a weights file.
 
     Floating-point tensors of any precision become float32. Raises ValueError when names, shapes or types
     are not the network's, so that a file cannot ask for more memory than it fills.

@@ -1,4 +1,4 @@
-"""What the recognition model says of photos: hypotheses with weights, uncertainty, and a mask."""
+"""Predictions for photos: hypotheses with weights, uncertainty, and a mask."""
 
 from __future__ import annotations
 
@@ -12,20 +12,27 @@ import torch
 from vig.checks import decode, parse_json, read_tensors, reading
 from vig.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
-from vig.recognition.calibration import Calibration
 from vig.recognition.checkpoint import FORMAT
-from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16, load_network
+from vig.recognition.network import (
+    NetworkCalibration,
+    NetworkSettings,
+    RecognitionNetwork,
+    bfloat16,
+    load_network,
+)
 from vig.recognition.targets import latents_of, layout_of_numbers, mask_at_pixels
 from vig.scene import LatentLayout, Latents, ObjectClass, regressed_layout, srgb_from_linear
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What is believed of N photos before any fit.
+    """What the network predicts for N photos, before any fit.
 
-    azimuth (N, bins): probabilities of equal bins, the first centred at half a bin. numbers, deviation
-    (N, M): mean and standard deviation of the regressed numbers, see `layout`; light in the heading frame.
-    mask (N, H, W, 3): probability of each pixel showing the object, something before it, or neither.
+    Attributes:
+        azimuth: (N, bins) probabilities of equal bins, the first centred at half a bin.
+        numbers: (N, M) mean of the regressed numbers, see `layout`; light in the heading frame.
+        deviation: (N, M) standard deviations of these.
+        mask: (N, H, W, 3) probabilities of each pixel's `MASK_CLASSES`.
     """
 
     azimuth: torch.Tensor
@@ -38,7 +45,7 @@ class Prediction:
 
     @property
     def layout(self) -> LatentLayout:
-        """What the regressed numbers are."""
+        """Of the regressed numbers."""
         return layout_of_numbers(self.numbers.shape[1])
 
     def best(self) -> Latents:
@@ -103,11 +110,12 @@ class Recognizer:
             if (version := metadata.get("format", "1")) != FORMAT:
                 raise ValueError(f"it is of format {version[:40]}, where this vig reads {FORMAT}")
             self._read(settings, tensors)
-            self.calibration = Calibration.of(tensors, regressed_layout(self.network.settings.modes).size)
+            numbers = regressed_layout(self.network.settings.modes).size
+            self.calibration = NetworkCalibration.of(tensors, numbers)
         self.network.eval().to(memory_format=torch.channels_last)
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
-        """Take on vig's own network and its targets' scale."""
+        """Set the network and its targets' scale."""
         with torch.device("meta"):
             network = RecognitionNetwork(decode(NetworkSettings, settings))
         weights = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
@@ -125,37 +133,36 @@ class Recognizer:
         """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
         path = weights or (object_class.folder or Path()) / "recognition.safetensors"
         recognizer = cls(path)
-        said, modes = recognizer.network.settings.modes, object_class.shape_model.modes
-        if said != modes:
+        found, modes = recognizer.network.settings.modes, object_class.shape_model.modes
+        if found != modes:
             raise UserError(
                 f"expected weights for the {modes} shape components of class '{object_class.name}';"
-                f" '{path}' has {said}. Train them on a dataset of that class."
+                f" '{path}' has {found}. Train them on a dataset of that class."
             )
         return recognizer
 
     def __call__(self, photos: torch.Tensor, batch: int = 32) -> Prediction:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
 
-        Each batch is computed on one core, so that what a photo's fit starts from does not depend on how many
-        cores there are.
+        Each batch is computed on one core, so that predictions do not depend on how many there are.
         """
 
-        def some(part: torch.Tensor) -> Prediction:
-            return on_one_core(lambda: self._some(part))
+        def predict(part: torch.Tensor) -> Prediction:
+            return on_one_core(lambda: self._predict(part))
 
-        parts = list(map_on_threads(some, photos.float().split(batch)))
+        parts = list(map_on_threads(predict, photos.float().split(batch)))
         columns = zip(*[(p.azimuth, p.numbers, p.deviation, p.mask) for p in parts], strict=True)
         return Prediction(*(torch.cat(column) for column in columns))
 
     @torch.inference_mode()
-    def _some(self, photos: torch.Tensor) -> Prediction:
+    def _predict(self, photos: torch.Tensor) -> Prediction:
         pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
         with bfloat16(photos.device):
             heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
-        known = self.calibration
+        calibration = self.calibration
         return Prediction(
-            (heads.azimuth / known.azimuth_temperature).softmax(1).clone(),
+            (heads.azimuth / calibration.azimuth_temperature).softmax(1).clone(),
             (heads.mean * self.deviation + self.mean).clone(),
-            ((0.5 * heads.log_variance).exp() * self.deviation * known.deviation).clone(),
-            mask_at_pixels(heads.mask / known.mask_temperature, *photos.shape[1:3]).clone(),
+            ((0.5 * heads.log_variance).exp() * self.deviation * calibration.deviation).clone(),
+            mask_at_pixels(heads.mask / calibration.mask_temperature, *photos.shape[1:3]).clone(),
         )

@@ -1,4 +1,4 @@
-"""What the network is asked for: latents in the frames in which they can be seen.
+"""The network's targets: latents in the frames in which they can be seen.
 
 Light is predicted in the *heading frame*, the world turned about Z so that the eye is on -Y: what is bright
 on the left of the photo is on the left there, whatever the object's azimuth. It is turned back with the

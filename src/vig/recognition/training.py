@@ -12,28 +12,38 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch.nn import functional
 
 from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.recognition.augmentation import Augmentation
 from vig.recognition.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
 from vig.recognition.examples import Examples, hold_out
-from vig.recognition.log import Log
-from vig.recognition.losses import PARTS, WEIGHTS, losses, total
-from vig.recognition.network import NetworkSettings, RecognitionNetwork, bfloat16
-from vig.recognition.targets import layout_of_numbers
+from vig.recognition.network import Heads, NetworkSettings, RecognitionNetwork, bfloat16
+from vig.recognition.targets import azimuth_labels, layout_of_numbers
 from vig.scene import angle_difference
 
-FOLLOW = 0.998
+AVERAGING = 0.998
 """Share of the averaged weights that a step keeps."""
+LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0}
+"""Of the parts of the loss."""
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
     """How to train.
 
-    validation: most images whose rooms are held out for. patience: epochs without a better validation loss
-    after which training ends. threads: of the CPU, all by default.
+    Attributes:
+        epochs: Passes over the training images, at most.
+        batch: Images per step.
+        learning_rate: The highest; see `Schedule`.
+        weight_decay: Of AdamW.
+        validation: Most images of held-out rooms that are used.
+        patience: Epochs without a better validation loss after which training ends.
+        augmentation: Of the training images.
+        network: Sizes; the number of shape components is the dataset's.
+        seed: Of weights, order and augmentation.
+        threads: Of the CPU, all by default.
     """
 
     epochs: int = 18
@@ -57,37 +67,68 @@ class TrainingSettings:
                 f"training needs at least {2 * self.batch} images; '{dataset.folder}' has {len(dataset)}"
             )
 
-    def describe(self, dataset: Dataset) -> str:
-        """What must be alike for a checkpoint to be gone on with: the settings and the data."""
+    def fingerprint(self, dataset: Dataset) -> str:
+        """Settings and data that a checkpoint must match to be resumed."""
         data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
         described = asdict(self) | {"count": len(dataset), "data": data}
         return json.dumps({name: value for name, value in described.items() if name != "threads"})
 
 
-def train(
-    dataset: Dataset, out: Path, settings: TrainingSettings, say: Callable[[str], None] = print
-) -> Path:
-    """Train on a dataset but for the rooms that are held out; returns the weights' path.
+@dataclass(frozen=True)
+class Epoch:
+    """What one pass over the training images came to.
 
-    Into `out` are written `recognition.safetensors`, the exponential moving average of the weights after the
-    epoch whose loss on the held-out rooms was least; `log.csv` and `losses.png`, every loss of every epoch;
-    and a checkpoint after each epoch, from which a run goes on. On a GPU where there is one, in bfloat16
-    where the processor has it. UserError when the dataset is too small, for settings that train nothing, and
-    when `out` holds another run's checkpoint or a damaged one.
+    Attributes:
+        number: From 1 on.
+        trained: Each part of the loss, mean over the pass.
+        validated: The same on the held-out images, of the averaged weights.
+        errors: Of these on the held-out images, in their own units.
+    """
+
+    number: int
+    trained: dict[str, float]
+    validated: dict[str, float]
+    errors: dict[str, float]
+
+
+def train(
+    dataset: Dataset,
+    out: Path,
+    settings: TrainingSettings,
+    say: Callable[[str], None] = print,
+    record: Callable[[Epoch], None] = lambda epoch: None,
+) -> Path:
+    """Train on a dataset but for the rooms that are held out.
+
+    On a GPU where there is one, in bfloat16 where the processor has it. An interrupted run resumes from the
+    checkpoint that is written after each epoch.
+
+    Args:
+        dataset: To learn from.
+        out: Folder of the weights and the checkpoint.
+        settings: How to train.
+        say: Is called with a line after each epoch.
+        record: Is called after each epoch, before the checkpoint is written.
+
+    Returns:
+        The path of the weights: their exponential moving average after the epoch of least held-out loss.
+
+    Raises:
+        UserError: The dataset is too small, the settings train nothing, or `out` holds a checkpoint that is
+            damaged or of another run.
     """
     settings.check(dataset)
     if settings.threads is not None:
         torch.set_num_threads(settings.threads)
     chosen, held = (torch.from_numpy(indices) for indices in hold_out(dataset, settings.validation))
-    examples, log = Examples.of(dataset), Log(Path(out))
+    examples = Examples.of(dataset)
     run = _Run.begin(settings, examples, chosen)
     checkpoint, path = Path(out) / "checkpoint.safetensors", Path(out) / "recognition.safetensors"
-    described = settings.describe(dataset)
+    fingerprint = settings.fingerprint(dataset)
     first, best, best_at = 0, math.inf, 0
     if checkpoint.exists():
-        told = load_checkpoint(checkpoint, run.networks, run.optimizer, described)
-        first, best, best_at = int(told["epoch"]), float(told["best"]), int(told["best_at"])
-        log.keep(first)
+        state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
+        first, best, best_at = int(state["epoch"]), float(state["best"]), int(state["best_at"])
     for epoch in range(first, settings.epochs):
         if epoch - best_at >= settings.patience:
             say(f"no better for {settings.patience} epochs; the weights are those after epoch {best_at}")
@@ -96,15 +137,15 @@ def train(
         trained = run.epoch(examples, chosen, epoch)
         speed = len(chosen) / (time.monotonic() - started)
         validated, errors = validate(run.networks["average"], examples, held, run.scale)
-        log.add(epoch + 1, trained, validated, errors)
-        loss = sum(WEIGHTS[name] * value for name, value in validated.items())
+        record(Epoch(epoch + 1, trained, validated, errors))
+        loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
         if loss < best:
             best, best_at = loss, epoch + 1
             save_weights(run.networks["average"], run.scale, path)
-        told = {"epoch": str(epoch + 1), "run": described, "best": repr(best), "best_at": str(best_at)}
-        save_checkpoint(checkpoint, run.networks, run.optimizer, told)
-        said = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
-        say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {said}  {speed:.0f} images/s")
+        state = {"epoch": str(epoch + 1), "run": fingerprint, "best": repr(best), "best_at": str(best_at)}
+        save_checkpoint(checkpoint, run.networks, run.optimizer, state)
+        listed = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
+        say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
     return path
 
 
@@ -142,7 +183,7 @@ class _Run:
         order = chosen[torch.from_numpy(rng.permutation(len(chosen)))]
         steps = len(order) // settings.batch
         rate = Schedule(settings.learning_rate, settings.epochs * steps)
-        sums = dict.fromkeys(PARTS, 0.0)
+        sums = dict.fromkeys(LOSS_WEIGHTS, 0.0)
         for step, some in enumerate(order[: steps * settings.batch].split(settings.batch)):
             images, azimuth, numbers, mask = settings.augmentation(examples[some], rng)
             numbers = (numbers - self.scale["mean"]) / self.scale["deviation"]
@@ -156,9 +197,40 @@ class _Run:
             for group in self.optimizer.param_groups:
                 group["lr"] = rate(done)
             self.optimizer.step()
-            _follow(average, network, min(FOLLOW, (1 + done) / (10 + done)))
+            _average_in(average, network, min(AVERAGING, (1 + done) / (10 + done)))
             sums = {name: sums[name] + float(part.detach()) / steps for name, part in parts.items()}
         return sums
+
+
+def losses(
+    heads: Heads, azimuth: torch.Tensor, numbers: torch.Tensor, mask: torch.Tensor
+) -> dict[str, torch.Tensor]:
+    """Each part of the loss: a distribution over azimuth, Gaussian likelihoods of numbers, a mask.
+
+    Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
+    are hard to predict continue to be learned.
+
+    Args:
+        heads: The network's outputs.
+        azimuth: (B,) radians.
+        numbers: (B, M) in the heads' units.
+        mask: (B, 3, h, w) shares; images whose mask is negative have none.
+    """
+    labels = azimuth_labels(azimuth, heads.azimuth.shape[1])
+    variance = heads.log_variance.exp()
+    likelihood = (heads.mean - numbers) ** 2 / variance + heads.log_variance
+    known = (mask.amin((1, 2, 3)) >= 0).float()
+    pixels = functional.cross_entropy(heads.mask, mask.clamp_min(0.0), reduction="none").mean((1, 2))
+    return {
+        "azimuth": functional.cross_entropy(heads.azimuth, labels),
+        "numbers": (likelihood * variance.detach().sqrt()).mean(),
+        "mask": (pixels * known).sum() / known.sum().clamp_min(1.0),
+    }
+
+
+def total(parts: dict[str, torch.Tensor]) -> torch.Tensor:
+    """The weighted sum that is minimised."""
+    return sum((LOSS_WEIGHTS[name] * loss for name, loss in parts.items()), torch.zeros(()))
 
 
 @dataclass(frozen=True)
@@ -183,13 +255,13 @@ def validate(
     """Mean losses, and errors in their own units, on chosen examples as they are."""
     network.eval()
     device = next(network.parameters()).device
-    sums, azimuths, elevations, shapes = dict.fromkeys(PARTS, 0.0), [], [], []
+    sums, azimuths, elevations, shapes = dict.fromkeys(LOSS_WEIGHTS, 0.0), [], [], []
     hits = unions = 0.0
     for part in chosen.split(128):
         some = examples[part]
-        pixels = some.images.permute(0, 3, 1, 2).float().div(255).to(device)
+        pixels = some.pixels(device)
         with bfloat16(device):
-            heads = network(pixels.contiguous(memory_format=torch.channels_last))
+            heads = network(pixels)
         targets = ((some.numbers - scale["mean"]) / scale["deviation"]).to(device)
         mask = some.mask.to(device).float() / 255
         for name, loss in losses(heads, some.azimuth.to(device), targets, mask).items():
@@ -199,10 +271,12 @@ def validate(
         off = angle_difference(guess, some.azimuth)
         azimuths.append(off.abs().rad2deg())
         error = (heads.mean - targets).abs().cpu() * scale["deviation"]
-        elevations.append(error[:, layout_of_numbers(error.shape[1]).at("elevation")].rad2deg())
-        shapes.append(error[:, 1:4].mean(1))
-        seen, said = mask[:, 0] > 0.5, heads.mask.argmax(1) == 0
-        hits, unions = hits + float((seen & said).sum()), unions + float((seen | said).sum())
+        parts = layout_of_numbers(error.shape[1]).split(error)
+        elevations.append(parts["elevation"][:, 0].rad2deg())
+        shapes.append(parts["shape"][:, :3].mean(1))
+        visible, predicted = mask[:, 0] > 0.5, heads.mask.argmax(1) == 0
+        hits += float((visible & predicted).sum())
+        unions += float((visible | predicted).sum())
     azimuth = torch.cat(azimuths)
     return sums, {
         "azimuth_deg": float(azimuth.median()),
@@ -213,7 +287,7 @@ def validate(
     }
 
 
-def _follow(average: RecognitionNetwork, network: RecognitionNetwork, keep: float) -> None:
+def _average_in(average: RecognitionNetwork, network: RecognitionNetwork, keep: float) -> None:
     """Exponential moving average of weights and statistics."""
     with torch.no_grad():
         for kept, new in zip(average.state_dict().values(), network.state_dict().values(), strict=True):

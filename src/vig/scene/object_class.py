@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import dataclass
@@ -97,6 +98,15 @@ class ObjectClass:
             check_arrays({"transfer": self.transfer}, {"transfer": ("float32 float64", shape)})
             if not math.isfinite(self.transfer.sum(dtype=np.float64)):
                 raise ValueError("transfer must be finite")
+
+    @property
+    def fingerprint(self) -> str:
+        """A short hash of the shapes, so that a dataset is not continued with another class."""
+        model, digest = self.shape_model, hashlib.sha256()
+        for array in (model.mean, model.basis, model.faces):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(str(self.target_height).encode())
+        return digest.hexdigest()[:16]
 
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""

@@ -1,9 +1,10 @@
-"""The laboratory's verbs of the command line."""
+"""The experiments' verbs of the command line."""
 
 from vig.cli.verb import Verb
-from vig_lab.cli.settings import Calibrate, Evaluate, Reproduce, Train
+from vig_lab.cli.settings import Calibrate, Demo, Evaluate, Reproduce, Train
 
 VERBS = (
+    Verb("demo", Demo, "vig_lab.cli.demo:demo"),
     Verb("train", Train, "vig_lab.cli.train:train"),
     Verb("calibrate", Calibrate, "vig_lab.cli.calibrate:calibrate"),
     Verb("evaluate", Evaluate, "vig_lab.cli.evaluate:evaluate"),

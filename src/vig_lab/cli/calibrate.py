@@ -1,4 +1,4 @@
-"""`vig calibrate`: uncertainties of a network and of fits, made to hold on validation photos."""
+"""`vig calibrate`: uncertainties of a network and of fits, calibrated on validation photos."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from vig.cli.common import check_workers, check_writable, progress_bar
 from vig.dataset import read_dataset
 from vig.errors import UserError
 from vig.inference.calibration import FILE
-from vig.recognition import calibrate as calibrate_network
 from vig.scene import ObjectClass
 from vig_lab.calibration import calibrate_fits, describe, fits_of
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
+from vig_lab.plots import calibrate_and_plot as calibrate_network
 
 
 def calibrate(settings: Calibrate) -> int:
@@ -23,16 +23,16 @@ def calibrate(settings: Calibrate) -> int:
     check_workers(settings.workers)
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split) for path in settings.datasets]
-    recognizer_of(object_class, settings.weights)  # refuses what is of no use
+    recognizer_of(object_class, settings.weights)  # refuses invalid weights
     folder = settings.weights.parent
     check_writable(folder)
     lines: list[str] = []
     calibrate_network(settings.weights, datasets, lines.append)
     recognizer = recognizer_of(object_class, settings.weights)
-    fits = folder / "calibration_fits"  # so that a run that is stopped does not begin anew
+    fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with progress_bar(settings.json) as progress:
         task = progress.add_task("fits", total=sum(map(fits_of, datasets)))
-        calibration, lessons = calibrate_fits(
+        calibration, samples = calibrate_fits(
             datasets,
             object_class,
             recognizer,
@@ -43,7 +43,7 @@ def calibrate(settings: Calibrate) -> int:
         )
     calibration.save(folder / FILE)
     shutil.rmtree(fits, ignore_errors=True)
-    lines += describe(calibration, lessons)
+    lines += describe(calibration, samples)
     if settings.json:
         print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
     else:

@@ -13,7 +13,7 @@ from vig.dataset import read_dataset
 from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.inference import Calibration, ExplainSettings
+from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
 from vig_lab.cli.settings import Evaluate
@@ -26,19 +26,19 @@ from vig_lab.paper_network.recognizer import recognizer_of
 
 
 def evaluate(settings: Evaluate) -> int:
-    """Run the methods, write and print what came; returns the exit code."""
+    """Run the methods, write and print their results; returns the exit code."""
     _check(settings)
     object_class = ObjectClass.load(settings.object_class)
     dataset = read_dataset(settings.dataset, settings.split)
     if settings.limit is not None:
         dataset = dataset.first(settings.limit)
     check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
-    tier = read_info(settings.dataset)["splits"][settings.split]["tier"]
+    renderer = read_info(settings.dataset)["splits"][settings.split]["tier"]
     recognizer = recognizer_of(object_class, settings.weights)
     explaining = ExplainSettings()
     if settings.weights is not None:  # their own calibration, not the class's
         path = settings.weights.with_name(FILE)
-        own = Calibration.load(path) if path.exists() else None
+        own = FitCalibration.load(path) if path.exists() else None
         explaining = ExplainSettings(calibrated=own is not None, calibration=own)
     check_writable(settings.out)
     with progress_bar(settings.json) as progress:
@@ -56,12 +56,12 @@ def evaluate(settings: Evaluate) -> int:
             processes=True,
         )
     write_csv(settings.out / "errors.csv", dataset, results)
-    table = summarise(results, dataset, tier, settings.min_occlusion, settings.max_occlusion)
+    table = summarise(results, dataset, renderer, settings.min_occlusion, settings.max_occlusion)
     save_table(settings.out / "table.json", table)
     with atomic_write(settings.out / "table.md") as temporary:
         Path(temporary).write_text(markdown_table(table))
     if settings.figures:
-        draw_figures(dataset, object_class, recognizer, results, tier, settings.out, explaining)
+        draw_figures(dataset, object_class, recognizer, results, renderer, settings.out, explaining)
     if settings.json:
         print(json.dumps(table, indent=2))
         return 0
@@ -73,7 +73,7 @@ def evaluate(settings: Evaluate) -> int:
 
 
 def _check(settings: Evaluate) -> None:
-    """Refuse limits that no image can be within."""
+    """Refuse limits that no image can satisfy."""
     for name, share in (("max", settings.max_occlusion), ("min", settings.min_occlusion)):
         if not 0 <= share <= 1:
             raise UserError(

@@ -13,32 +13,32 @@ from rich.console import Console
 from vig.cli.common import check_workers
 from vig.cli.doctor import machine
 from vig_lab.cli.settings import Reproduce
-from vig_lab.evaluation.paper import compare
-from vig_lab.reproduction import TIERS, Record, Run, RunFolder, Settings, comparison_block, reproduce
+from vig_lab.evaluation.paper import compare, comparison_block
+from vig_lab.reproduction import RENDERERS, Record, Run, RunFolder, Settings, reproduce
 from vig_lab.reproduction.page import write_page
 
 
 def reproduce_paper(chosen: Reproduce) -> int:
-    """Do what is left of a run and print its tables, or JSON; its folder comes last."""
+    """Do the remaining steps of a run and print its tables, or JSON; its folder comes last."""
     settings = Settings.of(**{field.name: getattr(chosen, field.name) for field in fields(Settings)})
     check_workers(chosen.workers)
     folder = RunFolder(chosen.out)
 
-    def say(line: str) -> None:
+    def report(line: str) -> None:
         if not chosen.json:
             print(line, flush=True)
 
-    run = Run(folder, settings, not chosen.no_cycles, chosen.workers, say, not chosen.json)
-    record = reproduce(run, write_page, chosen.stages, machine(), command_line(chosen))
-    tables = {tier: table for tier in TIERS if (table := folder.read_table(tier)) is not None}
+    run = Run(folder, settings, not chosen.no_cycles, chosen.workers, report, not chosen.json)
+    record = reproduce(run, write_page, chosen.steps, machine(), command_line(chosen))
+    tables = {name: table for name in RENDERERS if (table := folder.read_table(name)) is not None}
     if chosen.json:
         print(json.dumps(summary(folder, record, tables), indent=2))
         return 0
     console = Console(width=None if sys.stdout.isatty() else 120)
-    for tier, table in tables.items():
+    for renderer, table in tables.items():
         console.print(comparison_block(table).rich())
         cells = compare(table)
-        print(f"{tier}: {sum(cell.passed for cell in cells)} of {len(cells)} cells pass")
+        print(f"{renderer}: {sum(cell.passed for cell in cells)} of {len(cells)} cells pass")
     if folder.page.exists():
         print(folder.page)
     print(folder.root)
@@ -46,31 +46,31 @@ def reproduce_paper(chosen: Reproduce) -> int:
 
 
 def summary(folder: RunFolder, record: Record, tables: dict[str, Any]) -> dict[str, Any]:
-    """What `--json` prints.
+    """Data that `--json` prints.
 
-    `{"settings", "steps", "tables": {tier: table.json}, "comparison": {tier: [cell beside the paper's]},
-    "page", "folder"}`.
+    `{"settings", "steps", "tables": {renderer: table.json}, "comparison": {renderer: [cell]}, "page",
+    "folder"}`; cells are those of `vig_lab.evaluation.paper.compare`.
     """
     return {
         "settings": record.data["settings"],
         "steps": record.data["steps"],
         "tables": tables,
-        "comparison": {tier: [asdict(cell) for cell in compare(table)] for tier, table in tables.items()},
+        "comparison": {name: [asdict(cell) for cell in compare(table)] for name, table in tables.items()},
         "page": str(folder.page),
         "folder": str(folder.root),
     }
 
 
 def command_line(chosen: Reproduce) -> str:
-    """The command that asks for these settings, without what does not change the numbers."""
-    words = ["vig", "reproduce"]
+    """The command of these settings, without options that do not change the numbers."""
+    command = ["vig", "reproduce"]
     for field in fields(Reproduce):
         value = getattr(chosen, field.name)
-        if field.name in ("stages", "workers", "json") or (
+        if field.name in ("steps", "workers", "json") or (
             field.default is not MISSING and value == field.default
         ):
             continue
-        words.append("--" + field.name.replace("_", "-"))
+        command.append("--" + field.name.replace("_", "-"))
         if value is not True:
-            words += value if isinstance(value, tuple) else [str(value)]
-    return shlex.join(words)
+            command += value if isinstance(value, tuple) else [str(value)]
+    return shlex.join(command)

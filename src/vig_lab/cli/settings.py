@@ -1,25 +1,36 @@
-"""Settings of the laboratory's verbs."""
+"""Settings of the experiments' verbs: a dataclass each, from which the command line is derived."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import tyro
 
-Stage = Literal["data", "train", "calibrate", "evaluate", "ablations", "figures", "page"]
+from vig.names import Split
+from vig_lab.names import METHODS, STEP_KINDS, Method, Network, Scale, StepKind
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Explain the packaged example photos and print truth beside estimate."""
+
+    out: Path = Path("vig-demo")
+    """Folder for the results."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
 
 
 @dataclass(frozen=True)
 class Train:
-    """Train a recognition network on a dataset; goes on where it was stopped."""
+    """Train a recognition network on a dataset; continues where it was stopped."""
 
     dataset: Path
     """Folder of a dataset with a train split."""
     out: Path
     """Folder for weights and checkpoint."""
-    net: Literal["vig", "paper"] = "vig"
+    net: Network = "vig"
     """vig: one network for everything, with its uncertainty; paper: the paper's four, one for each factor."""
     epochs: int | None = None
     """Passes over the data: 18 by default; with --net paper at most, 150 by default, for each network."""
@@ -31,16 +42,16 @@ class Train:
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Make stated uncertainties hold: learns, on photos that training never saw, how far off the network and
-    the fits are, and when a view is right. Writes into the weights, and calibration.json and reliability.png
-    beside them; a class pack's calibration.json is used by every fit."""
+    """Calibrate uncertainties and confidences of a network and of fits on photos that training never saw.
+    Writes into the weights, and calibration.json and reliability.png beside them; a class pack's
+    calibration.json is used by every fit."""
 
     datasets: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of datasets; for the fits each counts alike, whatever its size."""
+    """Folders of datasets; for the fits each has the same weight, whatever its size."""
     weights: Path
     """The weights to calibrate; of a class pack, or a training run."""
     split: Literal["train", "validation"] = "validation"
-    """Which split of them; what is tested on is not to be learned from."""
+    """Which split of them; test photos are not for calibration."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     workers: int | None = None
@@ -61,16 +72,10 @@ class Evaluate:
     """Folder of the dataset."""
     out: Path
     """Folder for the results."""
-    split: Literal["train", "test", "validation"] = "test"
+    split: Split = "test"
     """Which split."""
-    methods: tuple[Literal["baseline", "rm", "gaussian", "robust", "spatial"], ...] = (
-        "baseline",
-        "rm",
-        "gaussian",
-        "robust",
-        "spatial",
-    )
-    """baseline: the mean; rm: the recognition model; gaussian, robust, spatial: fits that start from it."""
+    methods: tuple[Method, ...] = METHODS
+    """baseline: the training mean; rm: the recognition model; gaussian, robust, spatial: fits from it."""
     max_occlusion: float = 0.75
     """Only images with at most this share of the object hidden enter the table."""
     min_occlusion: float = 0.0
@@ -82,7 +87,7 @@ class Evaluate:
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     weights: Path | None = None
-    """Recognition weights other than the class's own."""
+    """Recognition weights other than those of the class."""
     workers: int | None = None
     """Fits at a time; one per CPU by default."""
     json: bool = False
@@ -91,34 +96,34 @@ class Evaluate:
 
 @dataclass(frozen=True)
 class Reproduce:
-    """The paper's section 5: data, training, every method on both tiers, Table 1 beside the paper's, figures,
-    ablations, and one page that shows it all. Goes on where it was stopped."""
+    """The paper's section 5: data, training, every method under both renderers, Table 1 beside the paper's,
+    figures, ablations, and one page of results. Continues where it was stopped."""
 
-    scale: Literal["tiny", "small", "paper"]
+    scale: Scale
     """How much: tiny takes minutes, small an hour on two cores, paper is 10,000 training and 1,000 test
-    images in each tier. The options below change single numbers of it."""
+    images of each renderer. The options below change single numbers of it."""
     out: Path
     """Folder of the run."""
-    stages: tuple[Stage, ...] = get_args(Stage)
-    """What to do of it; what is done already is passed over."""
+    steps: Annotated[tuple[StepKind, ...], tyro.conf.arg(name="stages")] = STEP_KINDS
+    """Which steps to do; those done already are skipped."""
     train_images: int | None = None
     """Rasterised photos to train on."""
     epochs: int | None = None
     """Passes of the training over them, at most; at the paper's scale as many as `vig train` does."""
-    net: Literal["vig", "paper"] | None = None
+    net: Network | None = None
     """The recognition model: vig's, or the paper's own."""
     weights: Path | None = None
     """Recognition weights to use in place of training."""
     validation_images: int | None = None
-    """Rasterised photos on which stated uncertainties are calibrated."""
+    """Rasterised photos on which uncertainties are calibrated."""
     test_images: int | None = None
     """Rasterised photos to test on."""
     cycles_images: int | None = None
     """Path-traced photos to test on."""
     ablation_images: int | None = None
     """Rasterised test photos that are fitted with each part of the method switched off."""
-    methods: tuple[Literal["baseline", "rm", "gaussian", "robust", "spatial"], ...] | None = None
-    """What is compared; all by default."""
+    methods: tuple[Method, ...] | None = None
+    """Methods to compare; all by default."""
     seed: int | None = None
     """Of the data and the training; 0 by default."""
     train: Path | None = None
@@ -130,7 +135,7 @@ class Reproduce:
     test_cycles: Path | None = None
     """Folder of a path-traced dataset with a test split."""
     no_cycles: bool = False
-    """Leave the path-traced tier out, for now: the same command without this adds it."""
+    """Leave path-traced photos out; the same command without this option adds them."""
     workers: int | None = None
     """Processes and threads; all cores by default."""
     json: bool = False

@@ -8,24 +8,24 @@ from typing import Any
 from vig.cli.common import check_writable
 from vig.dataset import read_dataset
 from vig.recognition import TrainingSettings
-from vig.recognition import train as train_network
 from vig_lab.cli.settings import Train
 from vig_lab.paper_network import PaperTrainingSettings, train_paper
+from vig_lab.plots import train_and_plot as train_network
 
 
 def train(settings: Train) -> int:
     """`vig train`."""
     lines: list[str] = []
-    say = lines.append if settings.json else lambda line: print(line, flush=True)
+    report = lines.append if settings.json else lambda line: print(line, flush=True)
     dataset = read_dataset(settings.dataset, "train")
     check_writable(settings.out)
     chosen: dict[str, Any] = {"seed": settings.seed}
     if settings.epochs is not None:
         chosen["epochs"] = settings.epochs
     if settings.net == "paper":
-        path = train_paper(dataset, settings.out, PaperTrainingSettings(**chosen), say)
+        path = train_paper(dataset, settings.out, PaperTrainingSettings(**chosen), report)
     else:
-        path = train_network(dataset, settings.out, TrainingSettings(**chosen), say)
+        path = train_network(dataset, settings.out, TrainingSettings(**chosen), report)
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:

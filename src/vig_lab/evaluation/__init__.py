@@ -1,6 +1,6 @@
-"""How good the explanations are: the paper's metrics and its table, statistics and figures."""
+"""Methods evaluated on datasets: the paper's metrics, its Table 1, and statistics."""
 
-from vig.dataset.metrics import (
+from vig_lab.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
     appearance_error,
@@ -12,13 +12,11 @@ from vig.dataset.metrics import (
     shape_ratio,
 )
 from vig_lab.evaluation.presentation import blocks, markdown_table
-from vig_lab.evaluation.protocol import METHODS, evaluate
+from vig_lab.evaluation.protocol import evaluate
 from vig_lab.evaluation.results import MethodResult, write_csv
-from vig_lab.evaluation.summary import summarise
-from vig_lab.evaluation.table import METRICS, OTHER_METRICS, build_table, save_table
+from vig_lab.evaluation.table import METRICS, OTHER_METRICS, build_table, save_table, summarise
 
 __all__ = [
-    "METHODS",
     "METRICS",
     "OTHER_METRICS",
     "MethodResult",

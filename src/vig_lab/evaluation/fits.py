@@ -1,4 +1,4 @@
-"""Fits of many photos, kept on disk in chunks, so that what was fitted stays fitted when a run is killed."""
+"""Fits of many photos, kept on disk in chunks, so that a run that was killed continues."""
 
 from __future__ import annotations
 
@@ -18,60 +18,64 @@ from safetensors.numpy import save_file
 from vig import __version__
 from vig.checks import check_arrays, decode, parse_json, read_tensors
 from vig.files import atomic_write
-from vig.inference import ExplainSettings, Fit, calibration_of, explain_one
-from vig.inference.calibration import CLUES
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, calibration_of, explain_one
 from vig.likelihood import load_kernels
 from vig.parallel.processes import map_in_processes
 from vig.parallel.threads import map_on_threads
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
-from vig_world.generation.describe import class_fingerprint
 
 CHUNK = 50
-"""Photos to a file."""
-LEAST_APART = 150
-"""Photos that are worth processes of their own, which take seconds to start."""
+"""Photos per file."""
+LEAST_FOR_PROCESSES = 150
+"""Photos from which on processes are used, since these take seconds to start."""
 
 
 @dataclass(frozen=True)
 class Fits:
-    """N photos explained.
+    """Fits of N photos.
 
-    latents, deviation (N, P) float32. masks, masks_by_pixel (N, H, W) bool: the visible pixels, and what each
-    by itself would say; under a pixel model without outliers the whole silhouette, as in the paper. clues
-    (N, C), confidence (N,): see `vig.inference.Fit`. verdicts: N names.
+    Attributes:
+        latents: (N, P) float32.
+        deviation: (N, P) float32, of each latent.
+        masks: (N, H, W) bool, the visible pixels; the whole silhouette under a likelihood without outliers,
+            as in the paper.
+        masks_by_pixel: (N, H, W) bool, the same with each pixel decided independently.
+        confidence_features: (N, C), see `vig.inference.Fit`.
+        confidence: (N,), see there.
+        verdicts: N names.
     """
 
     latents: np.ndarray
     deviation: np.ndarray
     masks: np.ndarray
     masks_by_pixel: np.ndarray
-    clues: np.ndarray
+    confidence_features: np.ndarray
     confidence: np.ndarray
     verdicts: tuple[str, ...]
 
     @staticmethod
     def of(fits: list[Fit], whole: bool) -> Fits:
-        """The same of explanations; whole: the silhouette is the mask."""
+        """Stack single fits; whole: the silhouette is the mask."""
         return Fits(
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
             np.stack([fit.deviation.float().numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
             np.stack([(fit.amodal if whole else fit.mask_by_pixel).numpy() for fit in fits]),
-            np.stack([fit.clues.numpy() for fit in fits]),
+            np.stack([fit.confidence_features.numpy() for fit in fits]),
             np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
         )
 
     @staticmethod
     def joined(parts: list[Fits]) -> Fits:
-        """One after another."""
+        """Concatenate."""
         return Fits(
             np.concatenate([part.latents for part in parts]),
             np.concatenate([part.deviation for part in parts]),
             np.concatenate([part.masks for part in parts]),
             np.concatenate([part.masks_by_pixel for part in parts]),
-            np.concatenate([part.clues for part in parts]),
+            np.concatenate([part.confidence_features for part in parts]),
             np.concatenate([part.confidence for part in parts]),
             tuple(verdict for part in parts for verdict in part.verdicts),
         )
@@ -89,12 +93,21 @@ def fit_all(
     key: str = "",
     processes: bool = False,
 ) -> Fits:
-    """Fit photos (N, H, W, 3) linear RGB from their prediction, `workers` at a time.
+    """Fit photos from their prediction. After Ctrl-C, fits that were not begun are not waited for.
 
-    images: the same, uint8 sRGB. folder: keeps fits, chunk by chunk; a chunk is taken from there when its
-    `key` (see `key_of`) and its images are the same, and fitted again otherwise. After Ctrl-C nobody waits
-    for fits that were not begun. processes: workers may be processes, see `map_in_processes`, which are
-    quicker than threads where there are photos enough, and give the same fits.
+    Args:
+        images: The photos as uint8 sRGB (N, H, W, 3).
+        photos: The same as linear RGB.
+        prediction: Of the N photos.
+        object_class: Of the object.
+        settings: Of the fits.
+        workers: Fits at a time.
+        advance: Called with the number of fits made, or read, since its last call.
+        folder: Keeps fits, chunk by chunk. A chunk is read from there when its `key` and its images are the
+            same, and fitted again otherwise.
+        key: See `key_of`.
+        processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
+            the same fits.
     """
     load_kernels(torch.float32, object_class.shape_model.modes)
     chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
@@ -104,8 +117,8 @@ def fit_all(
     missing = [number for number, part in enumerate(parts) if part is None]
     todo = [index for number in missing for index in chunks[number]]
     advance(len(images) - len(todo))
-    apart = processes and workers > 1 and len(todo) >= LEAST_APART
-    fitted = (_fitted_apart if apart else _fitted_here)(
+    separate = processes and workers > 1 and len(todo) >= LEAST_FOR_PROCESSES
+    fitted = (_fitted_in_processes if separate else _fitted_on_threads)(
         [(photos[i], prediction[i : i + 1]) for i in todo], object_class, settings, workers
     )
     with closing(fitted):
@@ -125,10 +138,11 @@ Photo = tuple[torch.Tensor, Prediction]
 Arrays = tuple[np.ndarray, ...]
 """A photo and the parts of its prediction."""
 Shared = tuple[ObjectClass, ExplainSettings]
+"""What all fits of a run have in common."""
 
 
 def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
-    """The function that fits one photo, from its prediction, in any process."""
+    """The function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
     load_kernels(torch.float32, object_class.shape_model.modes)
 
@@ -138,7 +152,7 @@ def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
     return one
 
 
-def _fitted_here(
+def _fitted_on_threads(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> Generator[Fits]:
     before = torch.get_num_threads()
@@ -149,7 +163,7 @@ def _fitted_here(
         torch.set_num_threads(before)
 
 
-def _fitted_apart(
+def _fitted_in_processes(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> Generator[Fits]:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
@@ -161,7 +175,7 @@ def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
 
 
 def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
-    """`_fitting` of what can be sent to another process."""
+    """`_fitting` of arrays, which can be sent to another process."""
     fitted = _fitting(shared)
 
     def one(arrays: Arrays) -> Fits:
@@ -172,12 +186,12 @@ def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
 
 
 def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
-    """A hash of all that a fit depends on but its photo and the code: weights, class, settings, version."""
+    """Hash of everything that a fit depends on, but for its photo and the code."""
     plain = replace(settings, calibration=None)
-    digest = hashlib.sha256(f"{__version__} {class_fingerprint(object_class)} {plain!r} {CLUES}".encode())
+    digest = hashlib.sha256(
+        f"{__version__} {object_class.fingerprint} {plain!r} {CONFIDENCE_FEATURES}".encode()
+    )
     own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
-    if settings.visible_prior is not None:
-        own["visible_prior"] = settings.visible_prior  # whose repr leaves numbers out
     own |= recognizer.calibration.tensors()
     calibration = (settings.calibration or calibration_of(object_class)) if settings.calibrated else None
     if calibration is not None:
@@ -192,30 +206,30 @@ def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainS
 
 
 def _read(path: Path, key: str) -> Fits | None:
-    """A chunk of that key; None when there is none, or one of another key or unreadable."""
+    """Read a chunk; None when it is missing, unreadable or of another key."""
     try:
-        held, told = read_tensors(path, finite=False)
-        if told["key"] != key:
+        tensors, metadata = read_tensors(path, finite=False)
+        if metadata["key"] != key:
             return None
-        size = decode(tuple[int, int, int], parse_json(told["size"]))
+        size = decode(tuple[int, int, int], parse_json(metadata["size"]))
         row = -(-size[1] * size[2] // 8)
         bits, floats = ("uint8", (size[0], row)), "float32 float64"
         rows: dict[str, tuple[str, tuple[int | str, ...]]]
         rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
-        rows |= {"clues": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
-        check_arrays(held, rows | {"masks": bits, "masks_by_pixel": bits})
+        rows |= {"confidence_features": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
+        check_arrays(tensors, rows | {"masks": bits, "masks_by_pixel": bits})
         masks, by_pixel = (
-            np.unpackbits(held[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
+            np.unpackbits(tensors[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
             for name in ("masks", "masks_by_pixel")
         )
         return Fits(
-            held["latents"],
-            held["deviation"],
+            tensors["latents"],
+            tensors["deviation"],
             masks,
             by_pixel,
-            held["clues"],
-            held["confidence"],
-            decode(tuple[str, ...], parse_json(told["verdicts"])),
+            tensors["confidence_features"],
+            tensors["confidence"],
+            decode(tuple[str, ...], parse_json(metadata["verdicts"])),
         )
     except (OSError, KeyError, TypeError, ValueError, SafetensorError):
         return None
@@ -227,9 +241,9 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "deviation": fits.deviation,
         "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
         "masks_by_pixel": np.packbits(fits.masks_by_pixel.reshape(len(fits.masks), -1), axis=1),
-        "clues": fits.clues,
+        "confidence_features": fits.confidence_features,
         "confidence": fits.confidence,
     }
-    told = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
+    metadata = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
     with atomic_write(path) as temporary:
-        save_file(tensors, temporary, told)
+        save_file(tensors, temporary, metadata)

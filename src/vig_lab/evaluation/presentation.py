@@ -1,4 +1,4 @@
-"""Summaries for people: short tables for a terminal of 100 columns, and the same in Markdown."""
+"""Summaries as short tables, for a terminal of 100 columns and in Markdown."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Block:
     rows: Sequence[Sequence[str]]
 
     def rich(self) -> Group:
-        """For a terminal; the lines of a cell are kept."""
+        """For a terminal; line breaks in cells are kept."""
         view = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
         for place, name in enumerate(self.header):
             view.add_column(name, justify="right" if place else "left", no_wrap=place > 0)
@@ -45,15 +45,15 @@ class Block:
 
 
 def blocks(table: Mapping[str, Any]) -> list[Block]:
-    """What a table from `summarise` says, in reading order; what it lacks is left out."""
-    made = [
+    """The blocks of a table from `summarise`, in reading order; empty ones are left out."""
+    found = [
         _medians(table, "rows", METRICS, "Table 1"),
-        _medians(table, "other_rows", OTHER_METRICS, "Beside it"),
+        _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
         _fits(table),
         _coverage(table),
         _tests(table),
     ]
-    return [block for block in made if block.rows]
+    return [block for block in found if block.rows]
 
 
 def markdown_table(table: Mapping[str, Any]) -> str:
@@ -78,17 +78,17 @@ def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name
 
 
 def _fits(table: Mapping[str, Any]) -> Block:
-    """Failures of every method, and the verdicts of those that give them."""
-    said, lines = table.get("verdicts", {}), []
+    """Failures of every method, and the verdicts of fits."""
+    verdicts, lines = table.get("verdicts", {}), []
     for method, failed in table.get("failures", {}).items():
         low, high = failed["ci95"]
         line = [method, f"{failed['count']} ({failed['rate']:.1%}, {low:.1%} to {high:.1%})"]
-        told = said.get(method)
-        if told is None:
+        found = verdicts.get(method)
+        if found is None:
             lines.append([*line, *["-"] * (1 + len(VERDICTS))])
             continue
-        near = told["trusted_within_15_deg"]
-        counts = [str(told["counts"].get(name, 0)) for name in VERDICTS]
+        near = found["trusted_within_15_deg"]
+        counts = [str(found["counts"].get(name, 0)) for name in VERDICTS]
         lines.append([*line, counts[0], "-" if near is None else f"{near:.1%}", *counts[1:]])
     header = ["", f"azimuth off by > {FAR_DEG:.0f}", VERDICTS[0], f"within {NEAR_DEG:.0f}", *VERDICTS[1:]]
     return Block("Failures and verdicts; degrees; within: of the trusted", header, lines)
@@ -97,7 +97,7 @@ def _fits(table: Mapping[str, Any]) -> Block:
 def _coverage(table: Mapping[str, Any]) -> Block:
     lines = []
     for method, shares in table.get("coverage", {}).items():
-        # A group of several latents is pooled: its parts tell more.
+        # A group of several latents is pooled: its single latents are more informative.
         single = {name: share for name, share in shares.items() if f"{name}_1" not in shares}
         ends = min(single, key=single.__getitem__), max(single, key=single.__getitem__)
         lines.append(
@@ -107,7 +107,7 @@ def _coverage(table: Mapping[str, Any]) -> Block:
                 *(f"{single[name]:.1%} ({name})" for name in ends),
             ]
         )
-    return Block("Truths within the stated 90 % interval", ["", *GROUPS, "least", "most"], lines)
+    return Block("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
 
 
 def _tests(table: Mapping[str, Any]) -> Block:

@@ -1,4 +1,4 @@
-"""Running methods over a dataset and measuring them: one row per image, method and metric."""
+"""Methods run over a dataset, and their errors for each image and metric."""
 
 from __future__ import annotations
 
@@ -11,7 +11,16 @@ import numpy as np
 import torch
 
 from vig.dataset import Dataset
-from vig.dataset.metrics import (
+from vig.errors import UserError
+from vig.inference import ExplainSettings
+from vig.likelihood import LIKELIHOODS
+from vig.names import LikelihoodName
+from vig.recognition import MASK_CLASSES, Prediction, Recognizer
+from vig.renderer import rasterize
+from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, layout_of_width, linear_from_srgb
+from vig.scene.designs import shape_vertices
+from vig_lab.evaluation.fits import Fits, fit_all, key_of
+from vig_lab.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
     appearance_error,
@@ -21,33 +30,24 @@ from vig.dataset.metrics import (
     shape_error_mm,
     shape_paper,
 )
-from vig.errors import UserError
-from vig.inference import ExplainSettings
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL
-from vig.recognition import MASK_CLASSES, Recognizer
-from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
-from vig.scene.designs import shape_vertices
-from vig_lab.evaluation.fits import Fits, fit_all, key_of
-from vig_lab.evaluation.rendering import silhouettes
-from vig_lab.evaluation.results import MethodResult, stated_deviation
+from vig_lab.evaluation.results import MethodResult, predicted_deviation
 from vig_lab.evaluation.table import BASELINE
+from vig_lab.names import METHODS
 
-LIKELIHOODS = {"gaussian": GAUSSIAN, "robust": ROBUST, "spatial": SPATIAL}
-SHARED = {"robust": "spatial"}
-"""Methods whose fits are those of another: only its mask heeds the neighbours."""
-
-METHODS = (BASELINE, "rm", "gaussian", "robust", "spatial")
+FITTED_AS = {"robust": "spatial"}
+"""Methods whose fits are those of another: they differ in the mask alone, which only "spatial" smooths."""
 
 MASK_HEAD = "rm mask head"
-"""What "rm" is shown beside: the network's own word on the visible pixels, no silhouette."""
+"""Reported beside "rm": the visible pixels as the network itself predicts them, without a silhouette."""
 
 _MEAN_ELEVATION = np.pi / 4
 _MEAN_ALBEDO = 0.5
 
 
-def fitted(methods: Iterable[str]) -> list[str]:
-    """What has to be fitted for methods, each once."""
-    return sorted({SHARED.get(method, method) for method in methods if method in LIKELIHOODS})
+def fitted(methods: Iterable[str]) -> list[LikelihoodName]:
+    """The likelihoods under which photos must be fitted for methods, each once."""
+    needed = {FITTED_AS.get(method, method) for method in methods}
+    return [name for name in LIKELIHOODS if name in needed]
 
 
 def evaluate(
@@ -61,115 +61,147 @@ def evaluate(
     cache: Path | None = None,
     processes: bool = False,
 ) -> dict[str, MethodResult]:
-    """Run methods over all images, `workers` fits at a time, one per CPU by default.
+    """Run methods over all images.
 
-    `advance` is told how many were fitted since the last call. cache: a folder that keeps fits, so that they
-    are not made again; fits of other photos, weights, settings or class there are replaced. Those of other
-    code are not told apart: remove the folder after a change of it. processes: workers may be processes in
-    place of threads, see `fit_all`; a script must then guard what it runs by `if __name__ == "__main__"`.
+    Args:
+        dataset: Of this class.
+        object_class: Of the objects.
+        recognizer: Its prediction is where fits start.
+        methods: "baseline" predicts the same for every image. "rm" is the recognition model's best guess with
+            its whole silhouette as mask, as in the paper; its predicted mask is reported as `MASK_HEAD`.
+            "gaussian", "robust" and "spatial" are the fits under each likelihood.
+        settings: Of the fits, but for the likelihood.
+        workers: Fits at a time; one per CPU by default.
+        advance: Called with the number of fits made since its last call.
+        cache: Folder that keeps fits. Fits of other photos, weights, settings or class there are replaced;
+            those of other code are not recognised: remove the folder after a change of it.
+        processes: Workers may be processes, see `fit_all`; a script must then guard what it runs by
+            `if __name__ == "__main__"`.
 
-    "baseline" answers every image alike, "rm" is the recognition model's best guess with its whole
-    silhouette as mask (as in the paper; the mask that it predicts is listed as a method of its own),
-    "gaussian", "robust" and "spatial" the fits from it, under each pixel model. Raises UserError for an
-    unknown method, for none, and for a dataset of another class.
+    Raises:
+        UserError: An unknown method, no method, or a dataset of another class.
     """
+    _check(dataset, object_class, methods)
+    settings = settings or ExplainSettings()
+    truth = Truth.of(dataset, object_class)
+    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
+    prediction = recognizer(photos)
+    fits: dict[str, Fits] = {}
+    for name in fitted(methods):
+        chosen = replace(settings, likelihood=LIKELIHOODS[name])
+        fits[name] = fit_all(
+            dataset.images,
+            photos,
+            prediction,
+            object_class,
+            chosen,
+            workers or os.cpu_count() or 1,
+            advance,
+            None if cache is None else cache / name,
+            key_of(recognizer, object_class, chosen),
+            processes,
+        )
+    results = {}
+    for method in methods:
+        if method == BASELINE:
+            results[method] = _baseline(truth, object_class)
+        elif method == "rm":
+            results |= _recognition(prediction, truth, object_class)
+        else:
+            results[method] = _fit(method, fits[FITTED_AS.get(method, method)], truth, object_class)
+    return results
+
+
+def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
+    """Whole silhouettes (N, H, W) bool of N explanations: pixels whose centre the object covers."""
+    camera = Camera.standard(target_height=object_class.target_height)
+    model = object_class.shape_model
+    rotations, translations = camera.pose(latents.azimuth.double(), latents.elevation.double())
+    shapes = zip(model.vertices(latents.shape).numpy(), rotations.numpy(), translations.numpy(), strict=True)
+    return np.stack([rasterize(v, model.faces, r, t, camera, cull=True).face >= 0 for v, r, t in shapes])
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth of N images."""
+
+    latents: Latents
+    vertices: torch.Tensor
+    """(N, V, 3): objects may be held-out designs, which the shape model cannot represent exactly."""
+    visible: np.ndarray
+    """(N, H, W) bool: the object's visible pixels."""
+
+    @staticmethod
+    def of(dataset: Dataset, object_class: ObjectClass) -> Truth:
+        """The truth of a dataset."""
+        latents = Latents.from_vector(torch.from_numpy(dataset.latents))
+        shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
+        vertices = [shape_vertices(shape, design, object_class) for shape, design in shapes]
+        return Truth(latents, torch.from_numpy(np.stack(vertices)), dataset.visible)
+
+
+def _check(dataset: Dataset, object_class: ObjectClass, methods: tuple[str, ...]) -> None:
+    """Refuse unknown methods, none, and a dataset of another class."""
     if not methods:
         raise UserError(f"expected at least one method among {', '.join(METHODS)}; got none")
+    unknown = [method for method in methods if method not in METHODS]
+    if unknown:
+        raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
     modes, found = object_class.shape_model.modes, layout_of_width(dataset.latents.shape[1]).count("shape")
     if found != modes:
         raise UserError(
             f"expected a dataset of class '{object_class.name}' with {modes} shape components;"
             f" '{dataset.folder}' has {found}. Name its class with --class."
         )
-    unknown = [method for method in methods if method not in METHODS]
-    if unknown:
-        raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
-    settings = settings or ExplainSettings()
-    workers = workers or os.cpu_count() or 1
-    truth = Truth.of(dataset, object_class)
-    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
-    prediction = recognizer(photos)
-    nothing = [""] * len(dataset)
-    results, done = {}, dict[str, Fits]()
-    for method in methods:
-        if method == BASELINE:
-            latents = _mean_latents(object_class, len(dataset))
-            results[method] = MethodResult(_errors(latents, truth, object_class), nothing, latents)
-        elif method == "rm":
-            latents = prediction.best()
-            masks = silhouettes(latents, object_class)
-            errors = _errors(latents, truth, object_class) | _segmentation(masks, dataset)
-            results[method] = MethodResult(errors, nothing, latents, stated_deviation(prediction), masks)
-            said = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
-            results[MASK_HEAD] = MethodResult(_segmentation(said, dataset), nothing, masks=said)
-        else:
-            same = SHARED.get(method, method)
-            chosen = replace(settings, likelihood=LIKELIHOODS[same])
-            folder = None if cache is None else cache / same
-            key = key_of(recognizer, object_class, chosen)
-            if same not in done:
-                done[same] = fit_all(
-                    dataset.images,
-                    photos,
-                    prediction,
-                    object_class,
-                    chosen,
-                    workers,
-                    advance,
-                    folder,
-                    key,
-                    processes,
-                )
-            fits = done[same]
-            masks = fits.masks_by_pixel if method == "robust" else fits.masks
-            latents = Latents.from_vector(torch.from_numpy(fits.latents))
-            errors = _errors(latents, truth, object_class) | _segmentation(masks, dataset)
-            results[method] = MethodResult(errors, list(fits.verdicts), latents, fits.deviation, masks)
-    return results
 
 
-def _mean_latents(object_class: ObjectClass, count: int) -> Latents:
-    """The middle of what training draws: the answer that looks at no photo."""
+def _baseline(truth: Truth, object_class: ObjectClass) -> MethodResult:
+    """The mean of the training distribution, whatever the photo."""
+    count = len(truth.vertices)
     light = torch.from_numpy(object_class.light_prior_mean).float()
     light = light * (EXPOSURE_L00 / light[0])
-    return Latents(
+    latents = Latents(
         torch.zeros(count, object_class.shape_model.modes),
         torch.zeros(count),
         torch.full((count,), _MEAN_ELEVATION),
         torch.full((count, 3), _MEAN_ALBEDO),
         light.expand(count, -1),
     )
+    return MethodResult(_errors(latents, truth, object_class), [""] * count, latents)
 
 
-@dataclass(frozen=True)
-class Truth:
-    """What is right of N images: latents, and vertices (N, V, 3), which no latents need to reach."""
-
-    latents: Latents
-    vertices: torch.Tensor
-
-    @staticmethod
-    def of(dataset: Dataset, object_class: ObjectClass) -> Truth:
-        """The truth of a dataset, whose objects may be designs that the model cannot quite take on."""
-        latents = Latents.from_vector(torch.from_numpy(dataset.latents))
-        shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
-        vertices = [shape_vertices(shape, design, object_class) for shape, design in shapes]
-        return Truth(latents, torch.from_numpy(np.stack(vertices)))
-
-
-def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[str, np.ndarray]:
-    right, vertices = truth.latents, object_class.shape_model.vertices(latents.shape)
+def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass) -> dict[str, MethodResult]:
+    """The recognition model's best guess, and the mask that it predicts."""
+    latents, none = prediction.best(), [""] * len(truth.vertices)
+    masks = silhouettes(latents, object_class)
+    errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
+    predicted = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
     return {
-        "azimuth_deg": angle_error_deg(latents.azimuth, right.azimuth),
-        "elevation_deg": angle_error_deg(latents.elevation, right.elevation),
-        "appearance": appearance_error(latents.albedo, right.albedo),
-        "illumination": illumination_error(latents.light, right.light),
-        "shape_mm": shape_error_mm(vertices, truth.vertices),
-        "shape_paper": shape_paper(vertices, truth.vertices),
-        "appearance_ab": appearance_ab(latents.albedo, right.albedo),
-        "illumination_relative": illumination_relative(latents.light, right.light),
+        "rm": MethodResult(errors, none, latents, predicted_deviation(prediction), masks),
+        MASK_HEAD: MethodResult(_segmentation(predicted, truth), none, masks=predicted),
     }
 
 
-def _segmentation(masks: np.ndarray, dataset: Dataset) -> dict[str, np.ndarray]:
-    return {"segmentation_iou": segmentation_iou(masks, dataset.visible)}
+def _fit(method: str, fits: Fits, truth: Truth, object_class: ObjectClass) -> MethodResult:
+    masks = fits.masks_by_pixel if method == "robust" else fits.masks
+    latents = Latents.from_vector(torch.from_numpy(fits.latents))
+    errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
+    return MethodResult(errors, list(fits.verdicts), latents, fits.deviation, masks)
+
+
+def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[str, np.ndarray]:
+    true, vertices = truth.latents, object_class.shape_model.vertices(latents.shape)
+    return {
+        "azimuth_deg": angle_error_deg(latents.azimuth, true.azimuth),
+        "elevation_deg": angle_error_deg(latents.elevation, true.elevation),
+        "appearance": appearance_error(latents.albedo, true.albedo),
+        "illumination": illumination_error(latents.light, true.light),
+        "shape_mm": shape_error_mm(vertices, truth.vertices),
+        "shape_paper": shape_paper(vertices, truth.vertices),
+        "appearance_ab": appearance_ab(latents.albedo, true.albedo),
+        "illumination_relative": illumination_relative(latents.light, true.light),
+    }
+
+
+def _segmentation(masks: np.ndarray, truth: Truth) -> dict[str, np.ndarray]:
+    return {"segmentation_iou": segmentation_iou(masks, truth.visible)}

@@ -1,4 +1,4 @@
-"""What a method said of a dataset's images, and the same as one row per image."""
+"""Results of a method on a dataset's images, and the same as one row per image."""
 
 from __future__ import annotations
 
@@ -17,26 +17,25 @@ from vig.scene import Latents, angle_difference, latent_layout, rotations_z
 
 @dataclass(frozen=True)
 class MethodResult:
-    """What one method said of N images.
-
-    errors: metric to (N,). verdicts: N names, empty where a method gives none. latents: its explanations (N),
-    None when it gives none. deviation (N, P): the standard deviation that it states of each latent, in their
-    order. masks (N, H, W) bool: what it takes for the object's visible pixels. The last two are None for a
-    method that does not say.
-    """
+    """Results of one method on N images; None where a method has no such output."""
 
     errors: dict[str, np.ndarray]
+    """Metric to (N,)."""
     verdicts: list[str]
+    """N names, empty where a method gives no verdicts."""
     latents: Latents | None = None
+    """Its explanations (N)."""
     deviation: np.ndarray | None = None
+    """(N, P): predicted standard deviation of each latent, in their order."""
     masks: np.ndarray | None = None
+    """(N, H, W) bool: the object's visible pixels as estimated."""
 
 
-def stated_deviation(prediction: Prediction) -> np.ndarray:
-    """Standard deviations (N, P) of the latents round `Prediction.best`, in their order, world frame.
+def predicted_deviation(prediction: Prediction) -> np.ndarray:
+    """Standard deviations (N, P) of the latents about `Prediction.best`, in their order, world frame.
 
-    Azimuth's is the root mean square of the turns from the best guess to all bins, so that a second
-    hypothesis widens it. The light's is turned from the heading frame with the best guess.
+    Azimuth's is the root mean square of the differences between the best guess and all bins, so that a second
+    hypothesis widens it. The light's is rotated from the heading frame by the best guess.
     """
     best = prediction.best().azimuth.double()
     bins = prediction.azimuth.shape[1]
@@ -64,7 +63,7 @@ def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) ->
             found = None if result.latents is None else _pose_deg(result.latents)
             for i in range(len(dataset)):
                 start = [i, f"{dataset.occlusion[i]:.4f}", dataset.cause[i], method, result.verdicts[i]]
-                poses = [*_told(truth[i]), *(["", ""] if found is None else _told(found[i]))]
+                poses = [*_text(truth[i]), *(["", ""] if found is None else _text(found[i]))]
                 values = [f"{result.errors[m][i]:.6g}" if m in result.errors else "" for m in metrics]
                 writer.writerow(start + poses + values)
 
@@ -75,5 +74,5 @@ def _pose_deg(latents: Latents) -> np.ndarray:
     return np.degrees(pose.double().numpy())
 
 
-def _told(pose: np.ndarray) -> list[str]:
+def _text(pose: np.ndarray) -> list[str]:
     return [f"{angle:.3f}" for angle in pose]

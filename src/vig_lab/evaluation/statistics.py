@@ -1,4 +1,4 @@
-"""What per-image errors say of a method: medians with intervals, failures, tests, stated uncertainty."""
+"""Statistics of per-image errors: medians with intervals, failures, tests, coverage of uncertainties."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vig.scene import angle_difference, layout_of_width
 from vig_lab.evaluation.results import MethodResult
 
 LEVELS = tuple(number / 10 for number in range(1, 10))
-"""The paper's levels of occlusion: a median is over all images with at most so much hidden."""
+"""The paper's levels of occlusion: a median is over all images with at most this share hidden."""
 BINS = ((0.0, 0.15), (0.15, 0.3), (0.3, 0.45), (0.45, 0.6), (0.6, 0.75), (0.75, 0.9))
 """Separate ranges of occlusion."""
 FAR_DEG = 30.0
@@ -19,7 +19,7 @@ FAR_DEG = 30.0
 NEAR_DEG = 15.0
 """A fit called trusted should have its azimuth within this."""
 NOMINAL = 0.9
-"""Share of images that stated intervals are to hold for."""
+"""Share of images whose truth should be within the predicted intervals."""
 
 Summary = dict[str, Any]
 
@@ -75,10 +75,11 @@ def failure(azimuth_deg: np.ndarray, drawn: np.ndarray) -> dict[str, Any]:
 def paired(first: np.ndarray, second: np.ndarray, drawn: np.ndarray) -> dict[str, Any]:
     """Compare two methods' values (N,) of the same images, first less second.
 
-    "median_difference" of the medians and "mean_difference" of the means, each with the paired bootstrap's
-    interval; "p": two-sided Wilcoxon signed-rank test of the differences, 1 where there are none.
+    Returns:
+        "median_difference" of the medians and "mean_difference" of the means, each with the paired
+        bootstrap's interval; "p": two-sided Wilcoxon signed-rank test of the differences, 1 without any.
     """
-    from scipy.stats import wilcoxon  # half a second that only evaluations need to spend
+    from scipy.stats import wilcoxon  # imported here: it takes half a second
 
     medians = [np.median(values[drawn], axis=1) for values in (first, second)]
     difference = first - second
@@ -110,9 +111,9 @@ def paired_tests(
 
 
 def latent_groups(count: int) -> dict[str, list[int]]:
-    """Columns of a latent vector of `count` numbers, by group; each number is one, too, as `light_1`.
+    """Columns of a latent vector of `count` numbers, by group; each number is a group, too, as `light_1`.
 
-    The light's first, L00, is in none: exposure sets it, so that nobody can be wrong about it.
+    The light's first, L00, is in none: exposure fixes it, so that its error is always 0.
     """
     layout = layout_of_width(count)
     groups = {name: layout.indices(name) for name in ("azimuth", "elevation", "shape", "albedo", "light")}
@@ -126,12 +127,12 @@ def latent_groups(count: int) -> dict[str, list[int]]:
 
 
 def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
-    """Errors (N, P) in units of the standard deviations that a method states; truth (N, P) latents.
+    """Errors (N, P) in units of the standard deviations that a method predicts; truth (N, P) latents.
 
-    Azimuth is compared round the circle. A latent stated as certain is 0 off, or infinitely.
+    Azimuth differences are taken on the circle. Where the deviation is 0, the result is 0 or infinite.
     """
     if result.latents is None or result.deviation is None:
-        raise ValueError("expected a method that states latents and their deviations; got one that does not")
+        raise ValueError("expected a method with latents and their deviations; got one without")
     off = result.latents.to_vector().double().numpy() - truth
     azimuth = layout_of_width(truth.shape[1]).at("azimuth")
     off[:, azimuth] = angle_difference(off[:, azimuth], np.zeros(1))
@@ -141,9 +142,9 @@ def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
 
 
 def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]:
-    """Share of truths within the central interval of a stated Gaussian that should hold `nominal` of them.
+    """Share of truths within the central interval of the predicted Gaussian of probability `nominal`.
 
-    standard (N, P) from `standardised`. By group, see `latent_groups`; one of several latents is pooled.
+    standard (N, P) from `standardised`. By group, see `latent_groups`; a group of several latents is pooled.
     """
     from scipy.stats import norm
 
@@ -152,15 +153,16 @@ def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]
 
 
 def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:
-    """How often each verdict was given among the images `chosen` (N,) bool, and what trust is worth.
+    """How often each verdict was given among the images `chosen` (N,) bool, and how reliable "trusted" is.
 
-    "counts": verdict to number. "trusted_share" of the images; "trusted_within_15_deg": the share of these
-    whose azimuth is, None when there are none.
+    Returns:
+        "counts": verdict to number; "trusted_share" of the images; "trusted_within_15_deg": the share of the
+        trusted ones whose azimuth error is at most 15 degrees, None when there are none.
     """
-    said = np.array(result.verdicts)[chosen]
-    trusted = result.errors["azimuth_deg"][chosen][said == "trusted"]
+    names = np.array(result.verdicts)[chosen]
+    trusted = result.errors["azimuth_deg"][chosen][names == "trusted"]
     return {
-        "counts": {name: int((said == name).sum()) for name in sorted(set(said.tolist()))},
-        "trusted_share": len(trusted) / len(said),
+        "counts": {name: int((names == name).sum()) for name in sorted(set(names.tolist()))},
+        "trusted_share": len(trusted) / len(names),
         "trusted_within_15_deg": float((trusted <= NEAR_DEG).mean()) if len(trusted) else None,
     }

@@ -1,4 +1,4 @@
-"""The paper's Table 1 from per-image errors: medians with confidence intervals, means beside them."""
+"""Everything reported of methods on a dataset, from per-image errors, as one table ready for JSON."""
 
 from __future__ import annotations
 
@@ -9,10 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from vig.dataset.metrics import shape_ratio
+from vig.dataset import Dataset
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig_lab.evaluation.statistics import interval, resampled, summary, within
+from vig_lab.evaluation.metrics import shape_ratio
+from vig_lab.evaluation.results import MethodResult
+from vig_lab.evaluation.statistics import (
+    BINS,
+    LEVELS,
+    by_occlusion,
+    coverage,
+    failure,
+    interval,
+    paired_tests,
+    resampled,
+    standardised,
+    summary,
+    verdicts,
+    within,
+)
 
 METRICS = {
     "azimuth_deg": "azimuth (degrees)",
@@ -30,16 +45,20 @@ OTHER_METRICS = {
     "appearance_ab": "appearance (CIE ab)",
     "illumination_relative": "illumination / truth's norm",
 }
-"""Measured beside them: shape as the paper's code has it, and the true measures of what it has otherwise."""
+"""Further rows: shape error as in the paper's code, and appearance and illumination in standard units."""
 
 BASELINE = "baseline"
-"""The method that answers every image with the training mean; its shape is the unit of `shape_ratio`."""
+"""The method that predicts the training mean for every image; its shape is the unit of `shape_ratio`."""
+
+
+TESTED = tuple(metric for metric in METRICS | OTHER_METRICS if metric != "shape_ratio")
+"""Metrics that are tested: the ratio's test is that of `shape_mm`."""
 
 
 def build_table(
     results: Mapping[str, Mapping[str, Any]],
     occlusion: Any,
-    tier: str,
+    renderer: str,
     rng: np.random.Generator,
     max_occlusion: float = 0.75,
     resamples: int = 1000,
@@ -47,16 +66,24 @@ def build_table(
 ) -> dict[str, Any]:
     """Summarise errors over all images whose occlusion is within limits; see `statistics.within`.
 
-    results: method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows from
-    "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; a method may lack metrics.
-    occlusion: (N,) in [0, 1]. tier: which renderer made the images, "raster" or "cycles".
+    Args:
+        results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
+            from "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; any may be missing.
+        occlusion: (N,) in [0, 1].
+        renderer: Which made the images, "raster" or "cycles".
+        rng: Draws the bootstrap samples.
+        max_occlusion: Of the images that count.
+        resamples: Number of bootstrap samples.
+        min_occlusion: Of the images that count.
 
-    Returns `{"tier", "count", "max_occlusion", "min_occlusion", "rows": {metric: {method: {"median", "mean",
-    "ci95"}}}, "other_rows"}`: plain numbers, ready for JSON. ci95 is the percentile bootstrap interval of the
-    median, from the same resampled images for every method and metric.
+    Returns:
+        `{"tier", "count", "max_occlusion", "min_occlusion", "rows": {metric: {method: {"median", "mean",
+        "ci95"}}}, "other_rows"}`: plain numbers, ready for JSON; "tier" is the renderer. ci95 is the
+        percentile bootstrap interval of the median, from the same samples for every method and metric.
 
-    Raises ValueError for unknown metrics, lengths that differ and values that are not finite; UserError when
-    no image is within the limits.
+    Raises:
+        ValueError: Unknown metrics, lengths that differ, values that are not finite.
+        UserError: No image is within the limits.
     """
     occlusion = np.asarray(occlusion, dtype=np.float64)
     chosen = within(occlusion, min_occlusion, max_occlusion)
@@ -81,12 +108,86 @@ def build_table(
                 continue
             rows.setdefault(metric, {})[method] = summarised
     return {
-        "tier": tier,
+        "tier": renderer,
         "count": count,
         "max_occlusion": max_occlusion,
         "min_occlusion": min_occlusion,
         "rows": {metric: row for metric, row in rows.items() if metric in METRICS},
         "other_rows": {metric: row for metric, row in rows.items() if metric in OTHER_METRICS},
+    }
+
+
+def summarise(
+    results: Mapping[str, MethodResult],
+    dataset: Dataset,
+    renderer: str,
+    min_occlusion: float = 0.0,
+    max_occlusion: float = 0.75,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Compute `build_table` of the images within the limits of occlusion, and further statistics.
+
+    Args:
+        results: Of each method.
+        dataset: Their images.
+        renderer: Which made the images.
+        min_occlusion: Of the images that count.
+        max_occlusion: Of the images that count.
+        seed: Of the bootstrap.
+
+    Returns:
+        The table, with "failures": method to `statistics.failure`; "verdicts": method to
+        `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
+        predicted 90 % interval; "tests": a list from `statistics.paired_tests`, without the baseline;
+        "levels", "bins": of all images whatever the limits, {"ranges": [[least, most], ...], "counts",
+        "rows": {metric: {method: [summary or None, ...]}}}.
+
+    Raises:
+        UserError: No image is within the limits.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    errors = {method: result.errors for method, result in results.items()}
+    table = build_table(
+        errors, dataset.occlusion, renderer, rng, max_occlusion=max_occlusion, min_occlusion=min_occlusion
+    )
+    chosen = within(dataset.occlusion, min_occlusion, max_occlusion)
+    drawn = resampled(table["count"], rng)
+    compared = {
+        method: {metric: values[chosen] for metric, values in found.items()}
+        for method, found in errors.items()
+        if method != BASELINE and "azimuth_deg" in found
+    }
+    posed = {method: result for method, result in results.items() if "azimuth_deg" in result.errors}
+    uncertain = {method: result for method, result in results.items() if result.deviation is not None}
+    return table | {
+        "failures": {m: failure(r.errors["azimuth_deg"][chosen], drawn) for m, r in posed.items()},
+        "verdicts": {m: verdicts(r, chosen) for m, r in posed.items() if any(r.verdicts)},
+        "coverage": {m: coverage(standardised(r, dataset.latents)[chosen]) for m, r in uncertain.items()},
+        "tests": paired_tests(compared, TESTED, drawn),
+        "levels": _ranges(errors, dataset.occlusion, [(0.0, level) for level in LEVELS], rng),
+        "bins": _ranges(errors, dataset.occlusion, list(BINS), rng),
+    }
+
+
+def _ranges(
+    errors: Mapping[str, Mapping[str, np.ndarray]],
+    occlusion: np.ndarray,
+    ranges: list[tuple[float, float]],
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Every metric of every method for each range of occlusion."""
+    return {
+        "ranges": [list(each) for each in ranges],
+        "counts": [int(within(occlusion, *each).sum()) for each in ranges],
+        "rows": {
+            metric: {
+                method: by_occlusion(found[metric], occlusion, ranges, rng)
+                for method, found in errors.items()
+                if metric in found
+            }
+            for metric in METRICS
+            if any(metric in found for found in errors.values())
+        },
     }
 
 
@@ -107,8 +208,8 @@ def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:
     else:
         came = f"they have from {occlusion.min():.0%} to {occlusion.max():.0%}"
         remedy = "Change the limits or use another dataset."
-    asked = f"at most {most:.0%}" if least == 0 else f"more than {least:.0%} and at most {most:.0%}"
-    raise UserError(f"expected images with {asked} of the object hidden; {came}. {remedy}")
+    wanted = f"at most {most:.0%}" if least == 0 else f"more than {least:.0%} and at most {most:.0%}"
+    raise UserError(f"expected images with {wanted} of the object hidden; {came}. {remedy}")
 
 
 def _checked(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A fit as it moves: the best explanation so far over the photo, evaluation by evaluation."""
+"""An animated fit: the best explanation so far over the photo, evaluation by evaluation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vig.inference import ExplainSettings, explain_one
 from vig.optimizers.optimizer import Budget, Descent, Optimizer, Problem
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass, srgb8_from_linear, srgb_from_linear
-from vig_lab.evaluation.rendering import rendered
+from vig_lab.figures.style import draw
 
 MOST_FRAMES = 40
 MOST_BYTES = 1_000_000
@@ -28,23 +28,21 @@ OUTLINE = np.array([1.0, 0.82, 0.0])
 
 @dataclass(frozen=True)
 class Recorder:
-    """An optimiser that runs another and keeps, of every evaluation, the best point of its stage so far.
-
-    best: points (P',), one an evaluation; a stage's first is among its own starts.
-    """
+    """An optimiser that runs another and records, at every evaluation, the best point of its stage so far."""
 
     optimizer: Optimizer
     best: list[torch.Tensor] = field(default_factory=list)
+    """Points (P',), one per evaluation; a stage's first is among its own starts."""
 
     def __call__(
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
-        """What the other optimiser does; see `Optimizer`."""
+        """Run the other optimiser; see `Optimizer`."""
         return self.optimizer(_Watched(problem, self.best), starts, photo, sigma, budget)
 
 
 class _Watched:
-    """A problem that writes down what was valued best in it."""
+    """A problem that records the best point evaluated so far."""
 
     def __init__(self, problem: Problem, best: list[torch.Tensor]):
         self.problem, self.best = problem, best
@@ -74,9 +72,16 @@ def fit_animation(
 ) -> Path:
     """Write an animated WebP of one photo's fit: the photo, and the best explanation so far over it.
 
-    photo (150, 150, 3) linear RGB, prediction its own (N = 1). At most `MOST_FRAMES` frames, evenly taken
-    from all evaluations; the first is the recognition model's best guess, the last what was answered. The
-    best is a stage's own, as each has its noise and scale. Under 1 MB.
+    At most `MOST_FRAMES` frames, evenly spaced over all evaluations, and `MOST_BYTES`. The first frame is the
+    recognition model's best guess, the last the result. The best is that of the current stage, since each
+    stage has its own noise and scale.
+
+    Args:
+        photo: (150, 150, 3) linear RGB.
+        prediction: Of this photo (N = 1).
+        object_class: Of the object.
+        settings: Of the fit.
+        path: Of the WebP file.
     """
     recorder = Recorder(settings.optimizer)
     answer = explain_one(photo, prediction, object_class, replace(settings, optimizer=recorder))
@@ -87,23 +92,23 @@ def fit_animation(
         *(point[: prediction.best().to_vector().shape[1]] for point in points),
         answer.latents.to_vector()[0],
     ]
-    said = ["recognition model"]
-    said += [f"evaluation {int(place) + 1} of {len(recorder.best)}" for place in taken]
-    said += [answer.verdict.name.lower()]
+    captions = ["recognition model"]
+    captions += [f"evaluation {int(place) + 1} of {len(recorder.best)}" for place in taken]
+    captions += [answer.verdict.name.lower()]
     shown = Latents.from_vector(torch.stack(vectors).float())
-    colours, coverage = rendered(shown, object_class, settings.self_shadow)
+    colours, coverage = draw(shown, object_class, settings.self_shadow)
     linear = photo.numpy()
     frames = [
-        _frame(linear, colour, covered, words)
-        for colour, covered, words in zip(colours, coverage, said, strict=True)
+        _frame(linear, colour, covered, caption)
+        for colour, covered, caption in zip(colours, coverage, captions, strict=True)
     ]
     durations = [5 * FRAME_MS] + [FRAME_MS] * (len(frames) - 2) + [LAST_MS]
     _write(Path(path), frames, durations)
     return Path(path)
 
 
-def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, said: str) -> Image.Image:
-    """The photo on the left, on the right the rendering over it with its outline, and a line of words."""
+def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, caption: str) -> Image.Image:
+    """The photo on the left; on the right the rendering over it with its outline, and a caption."""
     over = (
         srgb_from_linear(photo) * (1 - coverage[..., None]) + srgb_from_linear(colour) * coverage[..., None]
     )
@@ -112,7 +117,7 @@ def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, said: st
     sheet = Image.new("RGB", (2 * SIDE + 4, SIDE + 22), "white")
     for left, picture in ((0, srgb8_from_linear(photo)), (SIDE + 4, (255 * over).round().astype(np.uint8))):
         sheet.paste(Image.fromarray(picture).resize((SIDE, SIDE), Image.Resampling.BICUBIC), (left, 0))
-    ImageDraw.Draw(sheet).text((SIDE + 4, SIDE + 3), said, fill="#22262e", font=ImageFont.load_default(13))
+    ImageDraw.Draw(sheet).text((SIDE + 4, SIDE + 3), caption, fill="#22262e", font=ImageFont.load_default(13))
     return sheet
 
 

@@ -1,4 +1,4 @@
-"""Figure 3: errors against occlusion. Reliability: stated against observed coverage."""
+"""Figure 3: errors against occlusion. Reliability: predicted against observed coverage."""
 
 from __future__ import annotations
 
@@ -33,21 +33,26 @@ GROUPS = {
     "light": "#8a63c7",
 }
 AIM = 85, 95
-"""Per cent of images for which stated 90 % intervals should hold."""
+"""Per cent of images whose truth should be within the predicted 90 % intervals."""
 NOMINAL = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
 
 
 def figure3(
     results: Mapping[str, MethodResult],
     occlusion: np.ndarray,
-    tier: str,
+    renderer: str,
     path: str | Path,
     cumulative: bool = True,
 ) -> Path:
     """Write six panels of median error against occlusion, a line for each method with its 95 % band.
 
-    cumulative: over all images with at most so much hidden, as in the paper, whose own medians at 75 % are
-    crosses; otherwise over separate bins. tier: "raster" or "cycles".
+    Args:
+        results: Of the methods on N images.
+        occlusion: (N,) in [0, 1].
+        renderer: Which made the images, "raster" or "cycles".
+        path: Of the picture.
+        cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
+            75 % are crosses; otherwise over separate bins.
     """
     ranges = [(0.0, level) for level in LEVELS] if cumulative else list(BINS)
     places = 100 * np.array(LEVELS if cumulative else [sum(each) / 2 for each in BINS])
@@ -70,7 +75,7 @@ def figure3(
             over = method == "robust"  # dashes over "spatial", whose line may be the same
             axes.plot(at, median, color=colour, linewidth=1.7, marker="o", markersize=3, **_dashed(over))
             if cumulative:
-                _paper(axes, tier, metric, method)
+                _paper(axes, renderer, metric, method)
         bare(axes, title)
         axes.set_xlim(0, 90)
         axes.set_xticks(range(0, 91, 15))
@@ -81,7 +86,7 @@ def figure3(
     for axes in panels[1]:
         label = "occlusion at most, %" if cumulative else "occlusion, % (bins of 15)"
         axes.set_xlabel(label, color=SOFT, fontsize=9)
-    title = f"{len(occlusion):,} {tier} images; median and its 95 % interval"
+    title = f"{len(occlusion):,} {renderer} images; median and its 95 % interval"
     _legend(figure, list(results), title, cumulative)
     return save(figure, path)
 
@@ -89,14 +94,14 @@ def figure3(
 def reliability_figure(
     results: Mapping[str, MethodResult], truth_vector: np.ndarray, path: str | Path
 ) -> Path:
-    """Write how often truths lie within stated intervals, against how often they should.
+    """Write how often truths lie within predicted intervals, against the intervals' probability.
 
-    A panel for each method that states deviations, a line for each group of latents; truth_vector (N, P).
+    A panel for each method that predicts deviations, a line for each group of latents; truth_vector (N, P).
     """
-    stating = {method: result for method, result in results.items() if result.deviation is not None}
-    figure = new_figure(3.3 * max(len(stating), 1) + 0.4, 3.9)
-    panels = figure.subplots(1, max(len(stating), 1), squeeze=False, sharey=True)[0]
-    for axes, (method, result) in zip(panels, stating.items(), strict=False):
+    uncertain = {method: result for method, result in results.items() if result.deviation is not None}
+    figure = new_figure(3.3 * max(len(uncertain), 1) + 0.4, 3.9)
+    panels = figure.subplots(1, max(len(uncertain), 1), squeeze=False, sharey=True)[0]
+    for axes, (method, result) in zip(panels, uncertain.items(), strict=False):
         standard = standardised(result, truth_vector)
         held = [coverage(standard, nominal) for nominal in NOMINAL]
         axes.plot([0, 100], [0, 100], color=SOFT, linewidth=0.8, linestyle=(0, (2, 2)))
@@ -110,8 +115,8 @@ def reliability_figure(
         axes.set_xlim(0, 100)
         axes.set_ylim(0, 101)
         axes.set_aspect("equal")
-        axes.set_xlabel("stated, %", color=SOFT, fontsize=9)
-    if stating:
+        axes.set_xlabel("predicted, %", color=SOFT, fontsize=9)
+    if uncertain:
         panels[0].set_ylabel("observed, %", color=SOFT, fontsize=9)
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(
@@ -120,11 +125,11 @@ def reliability_figure(
     return save(figure, path)
 
 
-def _paper(axes: Axes, tier: str, metric: str, method: str) -> None:
-    """A cross where the paper's own median at 75 % lies, if it has one in the same unit."""
+def _paper(axes: Axes, renderer: str, metric: str, method: str) -> None:
+    """A cross at the paper's own median at 75 %, if it has one in the same unit."""
     if method not in ("rm", "gaussian", "robust"):
         return
-    median = paper_median(tier, metric, method) if metric != "shape_mm" else None
+    median = paper_median(renderer, metric, method) if metric != "shape_mm" else None
     if median is not None:
         axes.plot(100 * MAX_OCCLUSION, median, "x", color=COLOURS[method], markersize=7, markeredgewidth=1.8)
 

@@ -1,7 +1,7 @@
 """The paper's recognition networks (section 3): a small one for each factor, trained apart.
 
-Pose and shape are read from a grey image, appearance and light from a colour one. What the networks do not
-say is filled in from held-out images: how far off their numbers are. They have no mask.
+Pose and shape are read from a grey image, appearance and light from a colour one. The networks state no
+uncertainty: their errors on held-out images stand for it. They have no mask.
 """
 
 from __future__ import annotations
@@ -30,7 +30,15 @@ _KERNEL = 5
 
 @dataclass(frozen=True)
 class PaperSettings:
-    """Widths of each factor's network; written beside its weights so that they can be read again."""
+    """Sizes of each factor's network; written beside its weights so that they can be read again.
+
+    Attributes:
+        modes: K shape components.
+        azimuth_bins: Equal bins of the circle, of a prediction's azimuth.
+        filters: Channels of the three convolutions.
+        dense: Widths of the two dense layers.
+        dropout: Before each of these.
+    """
 
     modes: int = 10
     azimuth_bins: int = 72
@@ -48,8 +56,10 @@ class PaperSettings:
 class FactorNetwork(nn.Module):
     """From images (B, 3, 150, 150), sRGB in [0, 1], to the `count` numbers of one factor (B, count).
 
-    mean_image (1 or 3, 150, 150) is taken off first; what comes out is in units of `scale`, a number, round
-    `centre` (count,). All three are of the training images.
+    Attributes:
+        mean_image: (1 or 3, 150, 150) of the training images, which is subtracted.
+        centre: (count,) mean of the training targets.
+        scale: () unit of the network's output about `centre`.
     """
 
     mean_image: torch.Tensor
@@ -81,21 +91,22 @@ class FactorNetwork(nn.Module):
         self.register_buffer("centre", torch.zeros(count))
         self.register_buffer("scale", torch.ones(()))
 
-    def seen(self, image: torch.Tensor) -> torch.Tensor:
-        """What the network looks at of images (B, 3, H, W): themselves, or their luma (B, 1, H, W)."""
+    def channels(self, image: torch.Tensor) -> torch.Tensor:
+        """The network's channels of images (B, 3, H, W): all three, or their luma (B, 1, H, W)."""
         if not self.grey:
             return image
         return (image * image.new_tensor(_LUMA)[:, None, None]).sum(1, keepdim=True)
 
     def forward(self, image: torch.Tensor) -> torch.Tensor:
-        return self.layers(self.seen(image) - self.mean_image).float() * self.scale + self.centre
+        return self.layers(self.channels(image) - self.mean_image).float() * self.scale + self.centre
 
 
 class PaperNetworks(nn.Module):
     """The four networks, and how far off they are: what a `Prediction` holds, from images.
 
-    azimuth_deviation (): standard deviation of azimuth in radians. deviation (M,): those of
-    the regressed numbers, light in the heading frame.
+    Attributes:
+        azimuth_deviation: () standard deviation of azimuth, radians.
+        deviation: (M,) standard deviations of the regressed numbers, light in the heading frame.
     """
 
     azimuth_deviation: torch.Tensor
@@ -132,7 +143,7 @@ class PaperNetworks(nn.Module):
     def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """The fields of a `Prediction` for images (B, 3, 150, 150), sRGB in [0, 1].
 
-        Azimuth is a Gaussian round the circle; the mask is a third for each class, which says nothing.
+        Azimuth is a Gaussian round the circle; the mask is a third for each class, uninformative.
         """
         azimuth, numbers = self.numbers(image)
         labels = azimuth_labels(azimuth, self.settings.azimuth_bins, float(self.azimuth_deviation))
@@ -142,7 +153,7 @@ class PaperNetworks(nn.Module):
 
 
 def targets_of(latents: Latents) -> dict[str, torch.Tensor]:
-    """What each factor's network is asked for, (B, count).
+    """The targets of each factor's network, (B, count).
 
     Cosine and sine of azimuth and of elevation; shape; albedo; light in the object's frame, the world's.
     """

@@ -23,7 +23,7 @@ class PaperRecognizer(Recognizer):
         self.network = networks_from(settings, tensors)
 
     @torch.inference_mode()
-    def _some(self, photos: torch.Tensor) -> Prediction:
+    def _predict(self, photos: torch.Tensor) -> Prediction:
         with bfloat16(photos.device):
             return Prediction(*self.network(srgb_from_linear(photos).permute(0, 3, 1, 2)))
 
@@ -39,4 +39,4 @@ def _kind_of(path: Path) -> type[Recognizer]:
         with safe_open(path, framework="pt") as file:
             return PaperRecognizer if (file.metadata() or {}).get("net") == "paper" else Recognizer
     except (OSError, SafetensorError):
-        return Recognizer  # which says what is wrong
+        return Recognizer  # whose error names what is wrong

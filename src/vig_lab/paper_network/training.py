@@ -32,9 +32,17 @@ _NORMAL_MAD = 1.4826
 
 @dataclass(frozen=True)
 class PaperTrainingSettings:
-    """How to train: the paper's numbers. A network is done `patience` epochs after its best one.
+    """How to train: the paper's numbers.
 
-    threads: of the CPU, all by default.
+    Attributes:
+        epochs: Of each network, at most.
+        patience: A network is done this many epochs after its best one.
+        batch: Images per step.
+        learning_rate: Of stochastic gradient descent.
+        momentum: Nesterov's.
+        seed: Of weights and order.
+        threads: Of the CPU, all by default.
+        networks: Their sizes; the number of shape components is the dataset's.
     """
 
     epochs: int = 150
@@ -49,9 +57,13 @@ class PaperTrainingSettings:
 
 @dataclass
 class _Run:
-    """What a checkpoint holds. curves: for each factor and epoch the loss on training images, the loss on
-    held-out images, and seconds. best: by name of a weight, what it was in its factor's best epoch; momentum:
-    the same for what the optimiser keeps of the factor that is being trained.
+    """What a checkpoint holds.
+
+    Attributes:
+        networks: As they are now.
+        curves: For each factor and epoch the loss on training images, that on held-out images, and seconds.
+        best: Weights by name, as they were in their factor's best epoch.
+        momentum: Of the factor that is being trained, by name of the weight.
     """
 
     networks: PaperNetworks
@@ -84,15 +96,24 @@ def train_paper(
     settings: PaperTrainingSettings,
     say: Callable[[str], None] = print,
 ) -> Path:
-    """Train the networks on all but the last tenth of the images; returns the weights' path.
+    """Train the networks on all but the last tenth of the images.
 
-    They are written to `out/recognition.safetensors`, the losses of every epoch to `out/log.csv`. On a GPU
-    where there is one, in bfloat16 where the processor computes in it.
+    On a GPU where there is one, in bfloat16 where the processor computes in it. An interrupted run resumes
+    from the checkpoint that is written after each epoch. The standard deviations in the weights are those of
+    the held-out images, which also chose the best epoch.
 
-    Writes a checkpoint after each epoch into `out` and goes on from it when run again. The standard
-    deviations in the weights are those of the held-out images, which also chose the best epoch. UserError
-    when the dataset is too small, for settings that train nothing, for a training that diverges, and when
-    `out` holds another run's checkpoint or a damaged one.
+    Args:
+        dataset: To learn from.
+        out: Folder of the weights, the checkpoint, and log.csv with the losses of every epoch.
+        settings: How to train.
+        say: Is called with a line after each epoch.
+
+    Returns:
+        The weights' path.
+
+    Raises:
+        UserError: The dataset is too small, the settings train nothing, the training diverges, or `out` holds
+            a checkpoint that is damaged or of another run.
     """
     for name, least in (("epochs", 1), ("seed", 0)):
         if getattr(settings, name) < least:
@@ -109,11 +130,11 @@ def train_paper(
     data = _Data(torch.from_numpy(dataset.images).to(device), latents, len(dataset) - held)
     sizes = replace(settings.networks, modes=latents.shape.shape[1])
     run = _Run(_untrained(sizes, data, settings.seed).to(device, memory_format=torch.channels_last))  # type: ignore[call-overload]
-    checkpoint, identity = Path(out) / "checkpoint.safetensors", _identity(settings, dataset)
+    checkpoint, fingerprint = Path(out) / "checkpoint.safetensors", _fingerprint(settings, dataset)
     if checkpoint.exists():
-        _resume(checkpoint, run, identity)
+        _resume(checkpoint, run, fingerprint)
     for number, factor in enumerate(FACTORS):
-        _train_factor(factor, number, run, data, settings, lambda: _save(checkpoint, run, identity), say)
+        _train_factor(factor, number, run, data, settings, lambda: _save(checkpoint, run, fingerprint), say)
     _calibrate(run.networks, data)
     path = Path(out) / "recognition.safetensors"
     save_paper_weights(run.networks, path)
@@ -151,7 +172,7 @@ def _untrained(settings: PaperSettings, data: _Data, seed: int) -> PaperNetworks
     for factor, targets in targets_of(data.latents).items():
         network = networks.of(factor)
         known = targets[: data.count].cpu()
-        network.mean_image.copy_(network.seen(mean[None])[0])
+        network.mean_image.copy_(network.channels(mean[None])[0])
         network.centre.copy_(known.mean(0))
         network.scale.copy_(known.var(0).mean().sqrt().clamp_min(1e-3))
     return networks
@@ -213,8 +234,8 @@ def _train_factor(
 def _loss(network: FactorNetwork, images: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
     """Mean squared error in units of the factor's scale."""
     with bfloat16(images.device):
-        said = network(images)
-    return functional.mse_loss(said, targets) / network.scale**2
+        predicted = network(images)
+    return functional.mse_loss(predicted, targets) / network.scale**2
 
 
 def _held_out_loss(network: FactorNetwork, data: _Data, targets: torch.Tensor) -> float:
@@ -256,14 +277,14 @@ def _calibrate(networks: PaperNetworks, data: _Data) -> None:
     networks.deviation.copy_((numbers - numbers_of(right)).square().mean(0).sqrt().clamp_min(1e-3))
 
 
-def _save(path: Path, run: _Run, identity: str) -> None:
+def _save(path: Path, run: _Run, fingerprint: str) -> None:
     """Write the checkpoint, and the curves as a table beside it."""
     tensors = {f"now.{name}": value for name, value in run.networks.factors.state_dict().items()}
     tensors |= {f"best.{name}": value for name, value in run.best.items()}
     tensors |= {f"momentum.{name}": value for name, value in run.momentum.items()}
     for factor, curve in run.curves.items():
         tensors[f"curve.{factor}"] = torch.tensor(curve, dtype=torch.float64).view(-1, 3)
-    metadata = {"epoch": str(sum(len(curve) for curve in run.curves.values())), "run": identity}
+    metadata = {"epoch": str(sum(len(curve) for curve in run.curves.values())), "run": fingerprint}
     with atomic_write(path) as temporary:
         save_file({name: value.contiguous() for name, value in tensors.items()}, temporary, metadata=metadata)
     with atomic_write(path.with_name("log.csv")) as temporary, open(temporary, "w", newline="") as file:
@@ -274,11 +295,11 @@ def _save(path: Path, run: _Run, identity: str) -> None:
                 writer.writerow([factor, epoch, f"{loss:.6g}", f"{held_out:.6g}", f"{seconds:.1f}"])
 
 
-def _resume(path: Path, run: _Run, identity: str) -> None:
+def _resume(path: Path, run: _Run, fingerprint: str) -> None:
     """Put a checkpoint back into `run`."""
     with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
-        tensors, told = read_tensors(path, "pt")
-        if told["run"] != identity:
+        tensors, state = read_tensors(path, "pt")
+        if state["run"] != fingerprint:
             raise UserError(
                 f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
             )
@@ -290,8 +311,8 @@ def _resume(path: Path, run: _Run, identity: str) -> None:
         run.curves = {factor: curves[factor].tolist() for factor in FACTORS}
 
 
-def _identity(settings: PaperTrainingSettings, dataset: Dataset) -> str:
-    """What must be alike for a checkpoint to be gone on with: the settings and the data."""
+def _fingerprint(settings: PaperTrainingSettings, dataset: Dataset) -> str:
+    """Settings and data that a checkpoint must match to be resumed."""
     data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
-    told = {"net": "paper"} | asdict(settings) | {"count": len(dataset), "data": data}
-    return json.dumps({name: value for name, value in told.items() if name != "threads"})
+    described = {"net": "paper"} | asdict(settings) | {"count": len(dataset), "data": data}
+    return json.dumps({name: value for name, value in described.items() if name != "threads"})

@@ -1,25 +1,20 @@
-"""The paper's section 5 as one run: data, training, methods on both tiers, tables, figures, ablations."""
+"""The paper's section 5 as one run: data, training, methods under both renderers, tables and figures."""
 
-from vig_lab.reproduction.comparison import comparison_block
-from vig_lab.reproduction.folder import DATASETS, TIERS, RunFolder, read_json
 from vig_lab.reproduction.record import Record, read_record
-from vig_lab.reproduction.run import duration, reproduce
-from vig_lab.reproduction.scales import SCALES, Settings
-from vig_lab.reproduction.stages import LIMITS, Run
-from vig_lab.reproduction.steps import STAGES, Step, steps_of
+from vig_lab.reproduction.run import Step, duration, reproduce, steps_of
+from vig_lab.reproduction.settings import DATASETS, RENDERERS, SCALES, RunFolder, Settings, read_json
+from vig_lab.reproduction.work import LIMITS, Run
 
 __all__ = [
     "DATASETS",
     "LIMITS",
+    "RENDERERS",
     "SCALES",
-    "STAGES",
-    "TIERS",
     "Record",
     "Run",
     "RunFolder",
     "Settings",
     "Step",
-    "comparison_block",
     "duration",
     "read_json",
     "read_record",

@@ -15,7 +15,7 @@ TYPES = {".png": "image/png", ".webp": "image/webp"}
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table: text, smaller lines below it, and whether it passes (None: no matter)."""
+    """A cell of a table: text, smaller lines below it, and whether it passes (None: undefined)."""
 
     text: str
     below: str = ""
@@ -23,13 +23,13 @@ class Cell:
 
     @property
     def html(self) -> str:
-        """A `td` element; passing is told by a colour and by a word."""
+        """A `td` element; a colour and a label show whether it passes."""
         lines = [escape(line) for line in self.below.splitlines()]
         if self.passed is None:
             return f"<td>{escape(self.text)}{_small(lines)}</td>"
-        word = "pass" if self.passed else "fail"
-        last = " · ".join([*lines[-1:], f"<b>{word}</b>"])
-        return f'<td class="{word}">{escape(self.text)}{_small([*lines[:-1], last])}</td>'
+        label = "pass" if self.passed else "fail"
+        last = " · ".join([*lines[-1:], f"<b>{label}</b>"])
+        return f'<td class="{label}">{escape(self.text)}{_small([*lines[:-1], last])}</td>'
 
 
 def _small(lines: list[str]) -> str:
@@ -37,7 +37,7 @@ def _small(lines: list[str]) -> str:
 
 
 def table(caption: str, header: Sequence[str], rows: Iterable[tuple[str, Sequence[Cell | str]]]) -> str:
-    """A table whose rows have a name and cells; it scrolls by itself on a narrow screen."""
+    """A table whose rows have a name and cells; on a narrow screen it scrolls on its own."""
     columns = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
     body = "".join(
         f'<tr><th scope="row">{escape(name)}</th>'
@@ -52,14 +52,14 @@ def table(caption: str, header: Sequence[str], rows: Iterable[tuple[str, Sequenc
 
 
 def picture(path: Path, caption: str) -> str:
-    """A PNG or WebP picture as part of the page, its caption below it; nothing when there is none."""
+    """A PNG or WebP picture embedded in the page, its caption below it; empty when there is no such file."""
     if not path.exists():
         return ""
     data = base64.b64encode(path.read_bytes()).decode()
-    words = escape(caption, quote=True)
+    text = escape(caption, quote=True)
     return (
-        f'<figure><img alt="{words}" src="data:{TYPES[path.suffix]};base64,{data}">'
-        f"<figcaption>{words}</figcaption></figure>\n"
+        f'<figure><img alt="{text}" src="data:{TYPES[path.suffix]};base64,{data}">'
+        f"<figcaption>{text}</figcaption></figure>\n"
     )
 
 
@@ -74,12 +74,12 @@ def heading(text: str) -> str:
 
 
 def listing(lines: Iterable[str]) -> str:
-    """Lines one below the other, as a terminal shows them."""
+    """Preformatted lines."""
     return f"<pre>{escape(chr(10).join(lines))}</pre>\n"
 
 
-def write_html(path: Path, title: str, lead: str, sections: Iterable[tuple[str, str, str]]) -> None:
-    """Write a page: lead is its first paragraph; sections: (anchor, heading, HTML), empty ones left out."""
+def write_html(path: Path, title: str, introduction: str, sections: Iterable[tuple[str, str, str]]) -> None:
+    """Write a page. introduction: HTML; sections: (anchor, heading, HTML), empty ones are left out."""
     filled = [section for section in sections if section[2]]
     links = "".join(f'<a href="#{anchor}">{escape(heading)}</a>' for anchor, heading, _ in filled)
     body = "".join(
@@ -91,7 +91,7 @@ def write_html(path: Path, title: str, lead: str, sections: Iterable[tuple[str, 
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
         f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
-        f"<header><h1>{escape(title)}</h1>\n{lead}<nav>{links}</nav></header>\n"
+        f"<header><h1>{escape(title)}</h1>\n{introduction}<nav>{links}</nav></header>\n"
         f"<main>\n{body}</main>\n</body>\n</html>\n"
     )
     with atomic_write(path) as temporary:

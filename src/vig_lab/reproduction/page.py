@@ -11,51 +11,49 @@ from vig.dataset.format import read_info
 from vig.errors import UserError
 from vig_lab.ablation import ablation_blocks
 from vig_lab.evaluation import METRICS
-from vig_lab.evaluation.paper import compare
+from vig_lab.evaluation.paper import Entry, compare, comparison, comparison_title
 from vig_lab.evaluation.presentation import Block, blocks
-from vig_lab.reproduction.comparison import Entry, comparison, comparison_title
-from vig_lab.reproduction.folder import DATASETS, TIERS, RunFolder, read_json
 from vig_lab.reproduction.html import Cell, heading, listing, paragraph, picture, table, write_html
 from vig_lab.reproduction.record import read_record
 from vig_lab.reproduction.run import duration
-from vig_lab.reproduction.stages import LIMITS
+from vig_lab.reproduction.settings import DATASETS, RENDERERS, RunFolder, read_json
+from vig_lab.reproduction.work import LIMITS
 
 TITLE = "Overcoming Occlusion with Inverse Graphics, reproduced"
-TIER_TITLES = {"raster": "Rasterised photos", "cycles": "Path-traced photos"}
+TITLES = {"raster": "Rasterised photos", "cycles": "Path-traced photos"}
 PICTURES = {
-    "photos.png": "Test photos, from freely seen to hidden; the object's hidden part is tinted.",
-    "figure3.png": "Figure 3: median errors over all photos with at most so much of the object hidden.",
+    "photos.png": "Test photos, from unoccluded to hidden; the object's hidden part is tinted.",
+    "figure3.png": "Figure 3: median errors over all photos by the largest share of the object hidden.",
     "figure3_bins.png": "The same over separate ranges of occlusion.",
-    "figure4.png": "Figure 4: photos and what is made of them; of each range of occlusion the one that"
-    " stands in the middle by its errors.",
-    "figure5.png": "Figure 5: the light of the same photos, in truth and as fitted.",
-    "figure4_worst.png": "The photos whose azimuth is most wrong, the worst first.",
-    "reliability.png": "How often the truth lies within stated intervals: on the diagonal they hold as"
-    " often as they say.",
-    "fit.webp": "A fit as it moves.",
+    "figure4.png": "Figure 4: photos and their explanations; of each range of occlusion the photo of median"
+    " error.",
+    "figure5.png": "Figure 5: the true and the fitted light of the same photos.",
+    "figure4_worst.png": "The photos of largest azimuth error, the worst first.",
+    "reliability.png": "How often the truth lies within predicted intervals; on the diagonal they are"
+    " calibrated.",
+    "fit.webp": "A fit, evaluation by evaluation.",
 }
-
-
 COUNTS = ("train_images", "validation_images", "test_images", "cycles_images")
-"""Settings that are told by the photos that there are."""
+"""Settings left out of their table, since the table of photos has the counts."""
 
 
 def write_page(root: Path) -> Path:
-    """Write `index.html` of a run's folder from what lies there; what is not there yet is left out.
+    """Write `index.html` of a run's folder from its contents; what does not exist yet is left out.
 
-    Raises UserError when the folder holds no run.
+    Raises:
+        UserError: The folder holds no run.
     """
     folder = RunFolder(root)
     record = read_record(folder.record)
-    found = {tier: folder.read_table(tier) for tier in TIERS}
-    tables = {tier: each for tier, each in found.items() if each is not None}
-    tiers = [(tier, TIER_TITLES[tier], _tier(folder, tier, each)) for tier, each in tables.items()]
+    found = {name: folder.read_table(name) for name in RENDERERS}
+    tables = {name: each for name, each in found.items() if each is not None}
+    results = [(name, TITLES[name], _results(folder, name, each)) for name, each in tables.items()]
     write_html(
         folder.page,
         TITLE,
-        _lead(record, tables),
+        _introduction(record, tables),
         [
-            *tiers,
+            *results,
             ("ablations", "Ablations", _ablations(folder)),
             ("training", "Training", _training(folder)),
             ("making", "How it was made", _making(folder, record)),
@@ -64,15 +62,14 @@ def write_page(root: Path) -> Path:
     return folder.page
 
 
-def _lead(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
-    """What the page is of, and how much of Table 1 passes."""
-    lead = paragraph(
+def _introduction(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
+    """What was run, and how many cells of Table 1 pass."""
+    text = paragraph(
         "Section 5 of P. Moreno, C. K. I. Williams, C. Nash and P. Kohli (ECCV 2016 Workshops), run by vig at"
         f" the scale \u201c{record['settings']['scale']}\u201d. A cell of Table 1 passes when our median is"
-        " better than the paper's. The photos are vig's own; what the test photos are made of, no training"
-        " photo has."
+        " better than the paper's. The photos are vig's own; training and test photos share no asset."
     )
-    for tier, found in tables.items():
+    for renderer, found in tables.items():
         cells = compare(found)
         failed: dict[str, list[str]] = {}
         for cell in cells:
@@ -80,27 +77,27 @@ def _lead(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
                 failed.setdefault(METRICS[cell.metric].split(" (")[0], []).append(cell.method)
         missed = "; ".join(f"{metric} ({', '.join(methods)})" for metric, methods in failed.items())
         passed = sum(cell.passed for cell in cells)
-        told = f"{TIER_TITLES[tier]}: {passed} of {len(cells)} cells pass."
-        lead += paragraph(f"{told} Not passed: {missed}." if missed else told)
-    left_out = [TIER_TITLES[tier].lower() for tier in TIERS if tier not in tables]
-    return lead + (paragraph(f"This run has no {' and no '.join(left_out)}.") if left_out else "")
+        line = f"{TITLES[renderer]}: {passed} of {len(cells)} cells pass."
+        text += paragraph(f"{line} Not passed: {missed}." if missed else line)
+    left_out = [TITLES[name].lower() for name in RENDERERS if name not in tables]
+    return text + (paragraph(f"This run has no {' and no '.join(left_out)}.") if left_out else "")
 
 
-def _tier(folder: RunFolder, tier: str, found: Mapping[str, Any]) -> str:
-    """Tables and figures of a tier."""
+def _results(folder: RunFolder, renderer: str, found: Mapping[str, Any]) -> str:
+    """Tables and figures of a renderer's photos."""
     methods, rows = comparison(found)
     cells = [(title, [_cell(row.get(method)) for method in methods]) for title, row in rows]
     html = table(comparison_title(found), ["", *methods], cells)
     for block in blocks(found)[1:]:  # the first is Table 1 without the paper's numbers
         html += _block(block)
     for name, (least, most) in LIMITS.items():
-        hidden = folder.read_table(tier, name) if name != "table" else None
+        hidden = folder.read_table(renderer, name) if name != "table" else None
         if hidden is not None:
             html += heading(f"{least:.0%} to {most:.0%} hidden")
             html += "".join(_block(block) for block in blocks(hidden))
-    if folder.figures(tier).exists():
+    if folder.figures(renderer).exists():
         html += heading("Figures")
-    return html + "".join(picture(folder.figures(tier) / name, said) for name, said in PICTURES.items())
+    return html + "".join(picture(folder.figures(renderer) / name, text) for name, text in PICTURES.items())
 
 
 def _cell(entry: Entry | None) -> Cell:
@@ -111,7 +108,7 @@ def _cell(entry: Entry | None) -> Cell:
 
 
 def _block(block: Block) -> str:
-    """A table of the evaluation's: the first line of a cell, and a second below it."""
+    """A table of the evaluation; the second line of a cell is set smaller below the first."""
     rows = [(row[0], [_two_lines(cell) for cell in row[1:]]) for row in block.rows]
     return table(block.title, [name.replace("\n", " ") for name in block.header], rows)
 
@@ -122,17 +119,17 @@ def _two_lines(text: str) -> Cell:
 
 
 def _ablations(folder: RunFolder) -> str:
-    """What each part of the method is worth."""
+    """The fit with each part of the method switched off."""
     found = read_json(folder.ablations)
     return "" if found is None else "".join(_block(block) for block in ablation_blocks(found))
 
 
 def _training(folder: RunFolder) -> str:
-    """The curve of the training and the last line of its log; nothing when weights were given."""
+    """The training's curve and the last line of its log; empty when weights were given."""
     log = folder.recognition / "log.csv"
     html = picture(folder.recognition / "losses.png", "The losses of the training, epoch by epoch.")
-    said = "The network's stated uncertainty on validation photos, before and after calibration."
-    html += picture(folder.recognition / "reliability.png", said)
+    caption = "The network's predicted uncertainty on validation photos, before and after calibration."
+    html += picture(folder.recognition / "reliability.png", caption)
     if log.exists():
         with open(log, newline="") as file:
             names, *_, last = csv.reader(file)
@@ -143,7 +140,7 @@ def _training(folder: RunFolder) -> str:
 
 
 def _making(folder: RunFolder, record: Mapping[str, Any]) -> str:
-    """The command, the machine, the photos, the settings, and how long each step took."""
+    """Command, machine, photos, settings, and the time of each step."""
     machine = record["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine.get("packages", {}).items())
     html = listing([record["command"]])
@@ -168,7 +165,7 @@ def _making(folder: RunFolder, record: Mapping[str, Any]) -> str:
 
 
 def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Of each dataset that is there: split, renderer, count and seed."""
+    """Split, renderer, count and seed of each dataset that exists."""
     rows = []
     for name, (split, _) in DATASETS.items():
         try:

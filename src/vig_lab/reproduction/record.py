@@ -1,4 +1,4 @@
-"""run.json: a run's settings, its machine, which steps are done and how long they took."""
+"""run.json: a run's settings, its machine, which steps are complete and how long they took."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vig import __version__
 from vig.checks import decode, read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig_lab.reproduction.scales import Settings
+from vig_lab.reproduction.settings import Settings
 
 FORMAT_VERSION = 1
 
@@ -22,8 +22,10 @@ FORMAT_VERSION = 1
 class Record:
     """The contents of run.json; every change is written at once.
 
-    `data`: `{"vig_run", "vig", "command", "machine", "settings", "steps": {name: {"complete", "seconds",
-    "sittings", "finished"}}}`; seconds of all sittings together, finished in UTC.
+    Attributes:
+        path: Of run.json.
+        data: `{"vig_run", "vig", "command", "machine", "settings", "steps": {name: {"complete", "seconds",
+            "sittings", "finished"}}}`; seconds of all sittings together, finished in UTC.
     """
 
     def __init__(self, path: Path, data: dict[str, Any]) -> None:
@@ -31,9 +33,10 @@ class Record:
 
     @staticmethod
     def open(path: Path, settings: Settings, machine: Mapping[str, Any], command: str) -> Record:
-        """The record at `path`, begun when there is none.
+        """Read the record at `path`, or begin one.
 
-        Raises UserError when it is of other settings, damaged, or stands in a folder that holds other things.
+        Raises:
+            UserError: The record is of other settings or damaged, or the folder holds other things.
         """
         wanted = settings.to_json()
         if path.exists():
@@ -53,15 +56,15 @@ class Record:
         return record
 
     def complete(self, step: str) -> bool:
-        """Whether a step has been done to its end."""
+        """Whether a step has been completed."""
         return bool(self._step(step)["complete"])
 
     def seconds(self, step: str) -> float:
-        """How long a step has taken so far."""
+        """How long a step has taken so far, in all sittings."""
         return float(self._step(step)["seconds"])
 
     def forget(self, steps: list[str]) -> None:
-        """Steps whose material is made anew are to be done again."""
+        """Mark steps as not complete, since what they take is made again."""
         for step in steps:
             if step in self.data["steps"]:
                 self.data["steps"][step]["complete"] = False
@@ -69,15 +72,15 @@ class Record:
 
     @contextmanager
     def timed(self, step: str) -> Iterator[None]:
-        """Count a block's time as the step's; the step is complete when the block ends well."""
-        told, started = self._step(step), time.monotonic()
-        self.data["steps"][step] = told
+        """Count a block's time as the step's; the step is complete when the block raises nothing."""
+        entry, started = self._step(step), time.monotonic()
+        self.data["steps"][step] = entry
         try:
             yield
-            told |= {"complete": True, "finished": datetime.now(UTC).isoformat(timespec="seconds")}
+            entry |= {"complete": True, "finished": datetime.now(UTC).isoformat(timespec="seconds")}
         finally:
-            told["seconds"] = round(told["seconds"] + time.monotonic() - started, 1)
-            told["sittings"] += 1
+            entry["seconds"] = round(entry["seconds"] + time.monotonic() - started, 1)
+            entry["sittings"] += 1
             self._save()
 
     def _step(self, step: str) -> dict[str, Any]:
@@ -90,7 +93,7 @@ class Record:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """What a run's run.json says. Raises UserError when it is missing, damaged, or of another format."""
+    """Read run.json. Raises UserError when it is missing, damaged, or of another format."""
     with reading(path, "the record of a run", "Choose another folder."):
         data: dict[str, Any] = decode(dict[str, Any], read_json(path))
         version, whole = data["vig_run"], {"vig", "command", "machine", "settings", "steps"} <= data.keys()
@@ -108,12 +111,12 @@ def _refuse_other(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) ->
     """Raise UserError that names the first setting in which two runs differ."""
     for name in wanted | held:
         if held.get(name) != wanted.get(name):
-            was, now = (_told(each.get(name)) for each in (held, wanted))
+            was, now = (_text(each.get(name)) for each in (held, wanted))
             raise UserError(
                 f"'{folder}' holds a run with {name.replace('_', ' ')} {was}; {now} was asked for."
                 " Choose another folder or the same settings."
             )
 
 
-def _told(value: Any) -> str:
+def _text(value: Any) -> str:
     return " ".join(value) if isinstance(value, list) else "none" if value is None else str(value)

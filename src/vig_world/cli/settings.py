@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-Split = Literal["train", "test", "validation"]
+from vig.names import Split
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from vig.dataset.table import read_table
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.bop import TARGETS, localisation_targets
-from vig_world.generation.describe import class_fingerprint
 from vig_world.generation.job import Job, Maker, one_thread
 from vig_world.generation.labels import label_problems, model_problems
 from vig_world.library import OwnAssets
@@ -83,7 +82,7 @@ def check_dataset(
     split = complete_split(root, split)
     settings = read_info(root)["splits"][split]
     object_class = object_class or ObjectClass.load(settings["class"])
-    if class_fingerprint(object_class) != settings["class_fingerprint"]:
+    if object_class.fingerprint != settings["class_fingerprint"]:
         raise UserError(
             f"'{root}' was made with another class than this '{object_class.name}';"
             " give the folder of its class pack with --class."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import asdict
 from typing import Any
@@ -23,16 +22,6 @@ def depth_units(depth: np.ndarray) -> np.ndarray:
     """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown."""
     scaled = np.where(np.isfinite(depth), depth * (1000 / DEPTH_SCALE), 0.0)
     return np.round(scaled).clip(0, 65535).astype(np.uint16)
-
-
-def class_fingerprint(object_class: ObjectClass) -> str:
-    """A short hash of the shapes of a class: a dataset can only be continued with the same class."""
-    digest = hashlib.sha256()
-    model = object_class.shape_model
-    for array in (model.mean, model.basis, model.faces):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(str(object_class.target_height).encode())
-    return digest.hexdigest()[:16]
 
 
 def describe(

@@ -19,7 +19,7 @@ from vig.dataset.format import image_paths, sidecar_path, write_bytes
 from vig.dataset.spec import SceneSpec, Split
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
-from vig_world.generation.describe import class_fingerprint, depth_units, describe
+from vig_world.generation.describe import depth_units, describe
 from vig_world.library import Library, OwnAssets
 from vig_world.renderers.photo import PhotoSettings, photograph
 from vig_world.renderers.picture import Picture
@@ -80,8 +80,8 @@ class Job:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash that identifies the class."""
-        return class_fingerprint(self.object_class)
+        """Tells classes apart."""
+        return self.object_class.fingerprint
 
 
 class Maker:

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.cli.fit import OPTIMIZERS
 from vig.cli.main import main
 from vig.cli.settings import Fit
 from vig.examples import example_photos
+from vig.likelihood import LIKELIHOODS
+from vig.optimizers import OPTIMIZERS
 
 
 def refused(capsys, *arguments: object) -> str:
@@ -53,8 +54,9 @@ def test_no_photo_at_all(capsys, tmp_path):
     assert "photo" in refused(capsys, "fit", "--out", tmp_path / "out")
 
 
-def test_every_optimizer_that_help_offers_is_there():
-    assert set(get_args(get_type_hints(Fit)["optimizer"])) == set(OPTIMIZERS)
+@pytest.mark.parametrize("option, known", [("optimizer", OPTIMIZERS), ("likelihood", LIKELIHOODS)])
+def test_help_offers_what_there_is(option, known):
+    assert get_args(get_type_hints(Fit)[option]) == tuple(known)
 
 
 def test_an_unknown_optimizer_is_refused(capsys, photo, tmp_path):

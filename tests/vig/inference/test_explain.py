@@ -9,13 +9,23 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import ExplainSettings, Fit, Objective, Verdict, explain, explain_one
-from vig.inference.calibration import CLUES, LEAST_DEVIATION, Calibration
-from vig.inference.explain import going_on
-from vig.inference.judging import AMBIGUOUS_NATS, MOST_LEAD, judge
-from vig.inference.posterior import belief_of, objective_of, objectives_of, pixel_prior
+from vig.inference import (
+    CONFIDENCE_FEATURES,
+    ExplainSettings,
+    Fit,
+    FitCalibration,
+    Objective,
+    Verdict,
+    explain,
+    explain_one,
+)
+from vig.inference.calibration import LEAST_DEVIATION
+from vig.inference.confidence import MOST_GAP, assess
+from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
+from vig.inference.refinement import Ends, survivors
+from vig.inference.selection import AMBIGUOUS_NATS, select
 from vig.inference.settings import Stage
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density, log_prior_of
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.optimizers.optimizer import Budget, Descent
 from vig.recognition import Prediction
@@ -198,7 +208,7 @@ def test_a_search_without_steps_is_no_better_than_the_guess(whole: Case, teapot:
 def test_a_rival_from_another_side_makes_it_ambiguous(
     turned_deg: float, whole: Case, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vig.inference.judging.AMBIGUOUS_NATS", math.inf)
+    monkeypatch.setattr("vig.inference.selection.AMBIGUOUS_NATS", math.inf)
     rival = replace(whole.truth, azimuth=whole.truth.azimuth + math.radians(turned_deg))
     found = explain_one(whole.photo, whole.prediction, teapot, ending_at(rival, whole.truth))
     assert azimuth_off(found.latents, whole.truth) < 1e-3
@@ -240,7 +250,7 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
     given = replace(ending_at(whole.truth), calibrated=True, calibration=said)
     found = explain_one(whole.photo, whole.prediction, teapot, given)
     assert found.verdict is verdict and found.confidence == pytest.approx(1 / (1 + math.exp(-bias)))
-    residual = found.clues[CLUES.index("misfit")].exp()
+    residual = found.confidence_features[CONFIDENCE_FEATURES.index("log_residual")].exp()
     assert 0.005 < residual < 0.02, "the photo's noise is 0.01"
     row = 0 if verdict is Verdict.TRUSTED else 1
     expected = residual * scale[row] * plain.deviation
@@ -254,24 +264,27 @@ def test_deviations_are_widened_by_scale_floor_and_residual() -> None:
     """A residual of 1/2: sqrt((30 x 0.1)^2 + 4^2) / 2 = 2.5 where trusted, else
     sqrt((50 x 0.1)^2 + 12^2) / 2 = 6.5.
     """
-    clues = torch.zeros(len(CLUES)).double()
-    clues[CLUES.index("misfit")] = math.log(0.5)
-    nothing, scale = torch.zeros(len(CLUES)).double(), torch.tensor([[30.0, 1.0], [50.0, 1.0]]).double()
+    features = torch.zeros(len(CONFIDENCE_FEATURES)).double()
+    features[CONFIDENCE_FEATURES.index("log_residual")] = math.log(0.5)
+    nothing, scale = (
+        torch.zeros(len(CONFIDENCE_FEATURES)).double(),
+        torch.tensor([[30.0, 1.0], [50.0, 1.0]]).double(),
+    )
     floor = torch.tensor([[4.0, 0.0], [12.0, 0.0]]).double()
-    said = Calibration(nothing, 0.0, nothing, 0.0, 0.9, scale, floor)
+    said = FitCalibration(nothing, 0.0, nothing, 0.0, 0.9, scale, floor)
     deviation = torch.tensor([0.1, 1e-6]).double()
-    assert said.widened(deviation, clues, True).tolist() == pytest.approx([2.5, LEAST_DEVIATION])
-    assert said.widened(deviation, clues, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
+    assert said.widened(deviation, features, True).tolist() == pytest.approx([2.5, LEAST_DEVIATION])
+    assert said.widened(deviation, features, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
 
 
-@pytest.mark.parametrize(("kind_bias", "unlike"), [(-0.05, True), (0.05, False)])
+@pytest.mark.parametrize(("in_distribution_bias", "unlike"), [(-0.05, True), (0.05, False)])
 def test_a_photo_is_of_an_unknown_kind_from_one_half_on(
-    kind_bias: float, unlike: bool, whole: Case, teapot: ObjectClass
+    in_distribution_bias: float, unlike: bool, whole: Case, teapot: ObjectClass
 ) -> None:
-    said = saying(0.0, kind_bias, torch.ones(2, 24).double())
+    said = saying(0.0, in_distribution_bias, torch.ones(2, 24).double())
     given = replace(ending_at(whole.truth), calibrated=True, calibration=said)
     found = explain_one(whole.photo, whole.prediction, teapot, given)
-    known = 1 / (1 + math.exp(-kind_bias))
+    known = 1 / (1 + math.exp(-in_distribution_bias))
     assert found.confidence == pytest.approx(0.5 * min(1, 2 * known))
     assert found.verdict is Verdict.AMBIGUOUS and ("unlike those" in found.reason) == unlike
 
@@ -284,7 +297,9 @@ def judged(case: Case, teapot: ObjectClass, turned_deg: float, gap: float) -> Fi
     noise = torch.full((2,), SETTINGS.likelihood.sigma)
     values = objective(points, torch.zeros(2, dtype=torch.int32), noise, derivatives=False).value
     scores = torch.tensor([1000.0, 1000.0 - gap], dtype=torch.float64)
-    return judge(objective, points, values, scores, case.prediction, SETTINGS, 1, None)
+    ends = Ends(points, values, scores, 1)
+    selection = select(objective, ends, case.prediction.best(), SETTINGS.likelihood.sigma)
+    return assess(objective, selection, case.prediction, SETTINGS, None)
 
 
 @pytest.mark.parametrize(
@@ -304,27 +319,32 @@ def test_another_view_is_one_more_than_25_degrees_away_and_near_is_within_30_nat
     assert found.verdict is verdict
     if verdict is Verdict.AMBIGUOUS:
         assert found.reason == f"turned by {abs(turned_deg)} degrees it fits nearly as well ({gap} nats less)"
-    lead = math.log1p(gap) if abs(turned_deg) > 25 else math.log1p(MOST_LEAD)  # no other view at all
-    assert found.clues[CLUES.index("lead")] == pytest.approx(lead)
+    lead = math.log1p(gap) if abs(turned_deg) > 25 else math.log1p(MOST_GAP)  # no other view at all
+    assert found.confidence_features[CONFIDENCE_FEATURES.index("evidence_gap")] == pytest.approx(lead)
 
 
-def test_clues_are_what_their_names_say(occluded: Case, teapot: ObjectClass) -> None:
-    deviation = torch.cat([torch.tensor([[0.2]]), torch.linspace(0.1, 0.9, 22)[None]], dim=1)
+def test_confidence_features_are_what_their_names_say(occluded: Case, teapot: ObjectClass) -> None:
+    layout, rest = occluded.prediction.layout, torch.linspace(0.1, 0.9, 22)
+    shape, others = rest[:10], rest[10:].split((3, 9))
+    parts = {"shape": shape, "elevation": torch.tensor([0.2]), "albedo": others[0], "light": others[1]}
+    deviation = layout.join(parts)[None]
     prediction = replace(occluded.prediction, deviation=deviation)
     found = explain_one(occluded.photo, prediction, teapot, SETTINGS)
-    clue = dict(zip(CLUES, found.clues.tolist(), strict=True))
+    feature = dict(zip(CONFIDENCE_FEATURES, found.confidence_features.tolist(), strict=True))
     seen, whole = int(found.mask.sum()), int(found.amodal.sum())
     assert 0 < seen < 0.9 * whole
-    assert clue["hidden"] == pytest.approx(1 - seen / whole)
-    assert clue["seen"] == pytest.approx(math.log(1 + seen))
-    assert clue["height"] == pytest.approx(math.sin(float(found.latents.elevation)))
-    assert clue["support"] == pytest.approx(float(prediction.log_mass(found.latents.azimuth)))
-    assert clue["agreement"] == 1  # 8 degrees off at most
-    assert clue["elevation_doubt"] == pytest.approx(math.log(0.2))
-    assert clue["shape_doubt"] == pytest.approx(float(deviation[0, 1:11].mean()))
+    assert feature["hidden_fraction"] == pytest.approx(1 - seen / whole)
+    assert feature["log_visible_pixels"] == pytest.approx(math.log(1 + seen))
+    assert feature["sine_elevation"] == pytest.approx(math.sin(float(found.latents.elevation)))
+    assert feature["view_log_probability"] == pytest.approx(float(prediction.log_mass(found.latents.azimuth)))
+    assert feature["network_agrees"] == 1  # 8 degrees off at most
+    assert feature["log_elevation_deviation"] == pytest.approx(math.log(0.2))
+    assert feature["shape_deviation"] == pytest.approx(float(deviation[0, layout["shape"]].mean()))
     chances = [float(chance) for chance in prediction.azimuth[0] if chance > 0]
-    assert clue["spread"] == pytest.approx(math.log(-sum(p * math.log(p) for p in chances)), rel=1e-3)
-    assert clue["misfit"] == pytest.approx(math.log(0.01), abs=0.2), "the photo's noise"
+    assert feature["log_azimuth_entropy"] == pytest.approx(
+        math.log(-sum(p * math.log(p) for p in chances)), rel=1e-3
+    )
+    assert feature["log_residual"] == pytest.approx(math.log(0.01), abs=0.2), "the photo's noise"
     told = []
     for mask, amodal, said in zip(
         found.mask.flatten(), found.amodal.flatten(), prediction.mask[0].reshape(-1, 3).tolist(), strict=True
@@ -335,7 +355,7 @@ def test_clues_are_what_their_names_say(occluded: Case, teapot: ObjectClass) -> 
             told.append(said[1])  # hidden
         elif said[0] > 0.3:
             told.append(1 - said[0])  # the network sees what the fit does not cover
-    assert clue["accord"] == pytest.approx(sum(map(math.log, told)) / len(told), rel=1e-4)
+    assert feature["mask_log_probability"] == pytest.approx(sum(map(math.log, told)) / len(told), rel=1e-4)
 
 
 @pytest.mark.parametrize("share", [0.95, 1.05])
@@ -388,10 +408,10 @@ def test_half_of_the_starts_go_on_by_score_the_others_by_view() -> None:
     """By score: 0, 1, 2, 4, 3, 5. Of 4, the first two; then the best beyond 25 degrees of all chosen."""
     azimuth = torch.deg2rad(torch.tensor([0.0, 5.0, 350.0, 90.0, 95.0, 180.0]))
     scores = torch.tensor([10.0, 9.0, 8.0, 1.0, 2.0, 0.0])
-    assert going_on(azimuth, scores, 4).tolist() == [0, 1, 4, 5]
-    assert going_on(azimuth, scores, 5).tolist() == [0, 1, 2, 4, 5]
-    assert going_on(azimuth, scores, 6).tolist() == [0, 1, 2, 4, 5, 3]
-    assert going_on(azimuth, scores, 1).tolist() == [0]
+    assert survivors(azimuth, scores, 4).tolist() == [0, 1, 4, 5]
+    assert survivors(azimuth, scores, 5).tolist() == [0, 1, 2, 4, 5]
+    assert survivors(azimuth, scores, 6).tolist() == [0, 1, 2, 4, 5, 3]
+    assert survivors(azimuth, scores, 1).tolist() == [0]
 
 
 def test_a_photo_with_self_shadow_is_explained_with_self_shadow(
@@ -438,20 +458,22 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     settings = ExplainSettings()
     stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
     assert stages == [(8, 5, 4, 0.5, 40), (4, 6, 4, 0.5, 20), (2, 8, 2, 1, 10), (2, 15, 1, 1, 2)]
-    weights = (settings.mask_weight, settings.surroundings, settings.belief_weight)
+    weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
     assert weights == (1, 1, 1) and (settings.prior_weight, settings.view_weight) == (100, 1000)
     assert settings.likelihood is SPATIAL and settings.silhouette == "exact"
-    assert (settings.self_shadow, settings.free_framing, settings.calibrated) == (True, False, True)
+    assert (settings.self_shadow, settings.free_framing, settings.calibrated) == (True, None, True)
     assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
     assert (GAUSSIAN.sigma, GAUSSIAN.alpha) == (0.05, 1.0)
     assert (SPATIAL.sigma, SPATIAL.alpha) == (0.03, 0.55)
     assert (SPATIAL.coupling, SPATIAL.rim, SPATIAL.contrast, SPATIAL.sweeps) == (10, 2, 0.1, 5)
 
 
-def saying(bias: float, kind_bias: float, scale: torch.Tensor) -> Calibration:
+def saying(bias: float, in_distribution_bias: float, scale: torch.Tensor) -> FitCalibration:
     """What says the same of every fit."""
-    nothing = torch.zeros(len(CLUES)).double()
-    return Calibration(nothing, bias, nothing, kind_bias, 0.9, scale, torch.zeros(2, 24).double())
+    nothing = torch.zeros(len(CONFIDENCE_FEATURES)).double()
+    return FitCalibration(
+        nothing, bias, nothing, in_distribution_bias, 0.9, scale, torch.zeros(2, 24).double()
+    )
 
 
 def test_a_photo_of_an_unknown_kind_is_not_trusted(whole: Case, teapot: ObjectClass) -> None:
@@ -518,14 +540,6 @@ def test_without_mask_and_surroundings_the_prior_is_the_papers(whole: Case) -> N
     )
 
 
-def test_a_map_of_the_visible_prior_takes_the_place_of_alpha(whole: Case) -> None:
-    alpha = torch.linspace(0.1, 0.9, 150).expand(150, 150)
-    mask = whole.prediction.mask[0]
-    mapped = pixel_prior(whole.photo, mask, replace(SETTINGS, visible_prior=alpha))
-    flat = pixel_prior(whole.photo, mask, SETTINGS)
-    torch.testing.assert_close(mapped - log_prior_of(alpha), flat - ROBUST.log_prior(150, 150))
-
-
 def test_mask_weight_takes_the_predicted_mask_that_far(whole: Case) -> None:
     mask = torch.full((150, 150, 3), 0.3)
     mask[:10] = torch.tensor([1.0, 0.0, 0.0])
@@ -555,20 +569,18 @@ def test_the_gaussian_model_has_no_prior_of_its_own(whole: Case) -> None:
     torch.testing.assert_close(prior, GAUSSIAN.log_prior(150, 150))
 
 
-def test_belief_weight_takes_the_recognizers_word_on_elevation_shape_and_albedo(
-    whole: Case, teapot: ObjectClass
-) -> None:
-    assert belief_of(whole.prediction, replace(SETTINGS, belief_weight=0.0)) is None
+def test_recognition_weight_scales_the_predicted_gaussians(whole: Case, teapot: ObjectClass) -> None:
+    assert prior_of(whole.prediction, replace(SETTINGS, recognition_weight=0.0)) is None
     weight = 0.5
-    belief = belief_of(whole.prediction, replace(SETTINGS, belief_weight=weight))
+    predicted_prior = prior_of(whole.prediction, replace(SETTINGS, recognition_weight=weight))
     best = whole.prediction.best().to_vector()[0]
     said = [*range(10), 11, 12, 13, 14]
-    torch.testing.assert_close(belief.mean[said], best[said])
-    torch.testing.assert_close(belief.precision[said], torch.full((14,), weight / 0.3**2))
-    assert belief.precision[10] == 0  # azimuth has peaks, not a Gaussian
+    torch.testing.assert_close(predicted_prior.mean[said], best[said])
+    torch.testing.assert_close(predicted_prior.precision[said], torch.full((14,), weight / 0.3**2))
+    assert predicted_prior.precision[10] == 0  # azimuth has peaks, not a Gaussian
     plain, believing = (
         objective_of(
-            whole.photo, whole.prediction, teapot, replace(SETTINGS, belief_weight=w, prior_weight=7.0)
+            whole.photo, whole.prediction, teapot, replace(SETTINGS, recognition_weight=w, prior_weight=7.0)
         )
         for w in (0.0, weight)
     )

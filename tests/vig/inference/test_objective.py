@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.inference import Belief, Objective
+from vig.inference import Objective, RecognitionPrior
 from vig.scene import Latents, ObjectClass, rotate_z
 from vig.scene.layout import FRAMING
 
@@ -61,9 +61,10 @@ def test_the_priors_weight_multiplies_all_of_it_but_the_framings(
     studio, objective: Objective, teapot
 ) -> None:
     rng = np.random.default_rng(11)
-    belief = some_belief(rng)
+    recognition = some_recognition_prior(rng)
     once, sevenfold = (
-        Objective(objective.likelihood, teapot, True, belief, prior_weight=weight).prior for weight in (1, 7)
+        Objective(objective.likelihood, teapot, True, recognition, prior_weight=weight).prior
+        for weight in (1, 7)
     )
     latents = studio.latents(rng, 2)
     points = objective.point(latents)
@@ -115,32 +116,34 @@ def test_the_prior_is_that_of_shape_light_and_framing(
     torch.testing.assert_close(objective.prior.value(moved), objective.prior.value(points))
 
 
-def some_belief(rng: np.random.Generator) -> Belief:
-    belief = Belief(torch.from_numpy(rng.normal(size=24)), torch.from_numpy(rng.uniform(0, 4, 24)))
-    belief.precision[[2, 10]] = 0.0  # nothing is said of a component and of azimuth
-    return belief
+def some_recognition_prior(rng: np.random.Generator) -> RecognitionPrior:
+    recognition = RecognitionPrior(
+        torch.from_numpy(rng.normal(size=24)), torch.from_numpy(rng.uniform(0, 4, 24))
+    )
+    recognition.precision[[2, 10]] = 0.0  # nothing is said of a component and of azimuth
+    return recognition
 
 
-def test_a_belief_multiplies_the_prior_its_light_in_the_heading_frame(
+def test_a_recognition_prior_multiplies_the_prior_its_light_in_the_heading_frame(
     studio, objective: Objective, teapot: ObjectClass
 ) -> None:
     rng = np.random.default_rng(8)
-    belief = some_belief(rng)
-    believing = Objective(objective.likelihood, teapot, free_framing=True, belief=belief)
+    recognition = some_recognition_prior(rng)
+    believing = Objective(objective.likelihood, teapot, free_framing=True, recognition=recognition)
     latents = studio.latents(rng, 4)
     points = objective.point(latents)
     seen = points[:, :24].clone()
     seen[:, 15:] = rotate_z(latents.light, -latents.azimuth)
-    said = -0.5 * (belief.precision * (seen - belief.mean) ** 2).sum(1)
+    said = -0.5 * (recognition.precision * (seen - recognition.mean) ** 2).sum(1)
     off = believing.prior.value(points) - objective.prior.value(points) - said
     torch.testing.assert_close(off, off[:1].expand(4))  # equal up to one constant
 
 
-def test_a_beliefs_derivatives_are_exact_and_its_matrix_is_that_of_its_residuals(
+def test_a_recognition_priors_derivatives_are_exact_and_its_matrix_is_that_of_its_residuals(
     studio, objective: Objective, teapot: ObjectClass
 ) -> None:
     rng = np.random.default_rng(9)
-    prior = Objective(objective.likelihood, teapot, belief=some_belief(rng)).prior
+    prior = Objective(objective.likelihood, teapot, recognition=some_recognition_prior(rng)).prior
     points = objective.point(studio.latents(rng, 3))
     value, gradient, normal = prior.with_derivatives(points)
     torch.testing.assert_close(value, prior.value(points))

@@ -10,6 +10,7 @@ import torch
 
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.kernels.types import REST
 from vig.likelihood.passes import Pass
 from vig.likelihood.reference import constant_mask_value, shade, surface_at
 from vig.renderer import rasterize
@@ -75,8 +76,10 @@ def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
     modes = studio.geometry.rows.modes
     torch.testing.assert_close(run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
     assert not run.shape_rows[0, used][:, modes:].any()
-    torch.testing.assert_close(run.rest_rows[0, used][:, 2:11], jacobian[:, modes + 5 : modes + 14])
-    torch.testing.assert_close(run.rest_rows[0, used][:, 11], run.irradiances[0, used])
+    torch.testing.assert_close(
+        run.rest_rows[0, used][:, REST["light"]], jacobian[:, studio.geometry.layout["light"]]
+    )
+    torch.testing.assert_close(run.rest_rows[0, used][:, REST.at("irradiance")], run.irradiances[0, used])
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -239,7 +242,7 @@ def test_no_points_have_no_values(studio) -> None:
     )
 
 
-def test_rims_stiffen_what_moves_them(studio) -> None:
+def test_edges_stiffen_what_moves_them(studio) -> None:
     """The normal matrix of the exact silhouette is the paper's and what the edges' gain adds to it."""
     given = case(studio, 60)
     photos = Photos(given.photo, given.log_prior)

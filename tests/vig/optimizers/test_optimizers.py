@@ -10,13 +10,12 @@ import torch
 
 from vig.inference import Objective
 from vig.optimizers.annealing import Annealed
-from vig.optimizers.bfgs import BFGS
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
-from vig.optimizers.lbfgs import LBFGS
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget, Descent, Optimizer
+from vig.optimizers.quasi_newton import BFGS, LBFGS
 from vig.scene import Latents, ObjectClass
 
 SIGMA = 0.03

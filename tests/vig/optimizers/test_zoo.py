@@ -9,13 +9,12 @@ import pytest
 import torch
 
 from vig.optimizers.annealing import Annealed
-from vig.optimizers.bfgs import BFGS
 from vig.optimizers.conjugate_gradient import ConjugateGradient
 from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
-from vig.optimizers.lbfgs import LBFGS
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget, Optimizer
+from vig.optimizers.quasi_newton import BFGS, LBFGS
 
 OPTIMIZERS: dict[str, Optimizer] = {
     "levenberg_marquardt": LevenbergMarquardt(),

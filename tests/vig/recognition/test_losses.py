@@ -7,9 +7,8 @@ import math
 import pytest
 import torch
 
-from vig.recognition.losses import losses, total
 from vig.recognition.network import Heads
-from vig.recognition.training import Schedule
+from vig.recognition.training import Schedule, losses, total
 
 
 def heads(mask: torch.Tensor) -> Heads:

@@ -16,10 +16,10 @@ from safetensors.torch import load_file, save_file
 
 from vig.dataset import Dataset
 from vig.errors import UserError
-from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer, TrainingSettings, train
+from vig.recognition import Epoch, NetworkSettings, RecognitionNetwork, Recognizer, TrainingSettings, train
 from vig.recognition.augmentation import Augmentation
 from vig.recognition.checkpoint import save_weights
-from vig.recognition.log import Log
+from vig.recognition.training import LOSS_WEIGHTS
 
 SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)
 COUNT = 40
@@ -76,6 +76,21 @@ def test_a_run_says_one_line_an_epoch_and_writes_weights_that_can_be_read(traine
     assert (prediction.deviation > 0).all()
 
 
+def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_path: Path) -> None:
+    small = NetworkSettings(widths=(4, 4, 8), features=16)
+    epochs: list[Epoch] = []
+    said: list[str] = []
+    train(
+        dataset, tmp_path, dataclasses.replace(SETTINGS, epochs=2, network=small), said.append, epochs.append
+    )
+    assert [epoch.number for epoch in epochs] == [1, 2]
+    for epoch, line in zip(epochs, said, strict=True):
+        assert epoch.trained.keys() == epoch.validated.keys() == {"azimuth", "numbers", "mask"}
+        assert np.isfinite([*epoch.trained.values(), *epoch.errors.values()]).all()
+        loss = sum(LOSS_WEIGHTS[name] * value for name, value in epoch.validated.items())
+        assert f"loss {loss:.3f}" in line and f"wrong_view {epoch.errors['wrong_view']:.3g}" in line
+
+
 def test_the_loss_falls(trained) -> None:
     losses = [float(line.split("loss ")[1].split()[0]) for line in trained[1]]
     assert losses[-1] < losses[0]
@@ -104,9 +119,7 @@ def seeded(
         given = dataclasses.replace(
             SETTINGS, epochs=epochs, network=small, augmentation=Watched(), learning_rate=0.0, seed=seed
         )
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Log, "add", lambda *row: None)  # its plot takes most of the time
-            path = train(dataset, tmp_path_factory.mktemp(name), given, lambda line: None)
+        path = train(dataset, tmp_path_factory.mktemp(name), given, lambda line: None)
         runs[name] = load_file(path)["network.azimuth.weight"], list(Watched.seen)
     return runs
 
@@ -244,16 +257,39 @@ def test_weights_with_a_tensor_too_few_or_too_many_are_refused(
         Recognizer(tmp_path / "bad.safetensors")
 
 
-@pytest.mark.parametrize("change", ["missing", "extra"])
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("average.numbers.bias", "missing"),
+        ("average.numbers.more", "extra"),
+        ("optimizer.0.exp_avg", "missing"),
+        ("optimizer.0.more", "extra"),
+        ("optimizer.999.step", "extra"),
+        ("more.numbers.bias", "extra"),
+    ],
+)
 def test_a_checkpoint_with_a_tensor_too_few_or_too_many_is_not_continued(
-    change: str, trained, dataset: Dataset, tmp_path: Path
+    name: str, change: str, trained, dataset: Dataset, tmp_path: Path
 ) -> None:
     path = trained[0].parent / "checkpoint.safetensors"
     tensors, metadata = load_file(path), told(path)
     if change == "missing":
-        del tensors["average.numbers.bias"]
+        del tensors[name]
     else:
-        tensors["average.numbers.more"] = torch.zeros(3)
+        tensors[name] = torch.zeros(3)
     save_file(tensors, tmp_path / path.name, metadata=metadata)
-    with pytest.raises((UserError, RuntimeError)):
+    with pytest.raises(UserError, match="tensors are missing or unknown") as caught:
         train(dataset, tmp_path, SETTINGS)
+    assert name in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["average.numbers.bias", "optimizer.0.exp_avg", "optimizer.0.step"])
+def test_a_checkpoint_with_a_tensor_of_another_shape_is_not_continued(
+    name: str, trained, dataset: Dataset, tmp_path: Path
+) -> None:
+    path = trained[0].parent / "checkpoint.safetensors"
+    tensors, metadata = load_file(path) | {name: torch.zeros(2, 3)}, told(path)
+    save_file(tensors, tmp_path / path.name, metadata=metadata)
+    with pytest.raises(UserError, match="expected a checkpoint of a training run") as caught:
+        train(dataset, tmp_path, SETTINGS)
+    assert "\n" not in str(caught.value)

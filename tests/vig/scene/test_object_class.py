@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, face_normals
+
+FINGERPRINT = "de30279b73603cfd"
+"""Of the packaged teapot, as datasets of version 0.1 hold it."""
 
 
 def test_a_saved_pack_is_read_back(teapot: ObjectClass, tmp_path: Path) -> None:
@@ -23,6 +27,19 @@ def test_a_saved_pack_is_read_back(teapot: ObjectClass, tmp_path: Path) -> None:
     for name, value in ours.items():
         np.testing.assert_array_equal(theirs[name], value)
         assert getattr(theirs[name], "dtype", None) == getattr(value, "dtype", None)
+
+
+def test_the_fingerprint_is_of_the_shapes_and_the_height(teapot: ObjectClass, tmp_path: Path) -> None:
+    assert teapot.fingerprint == FINGERPRINT
+    assert replace(teapot, name="other").fingerprint == teapot.fingerprint
+    assert replace(teapot, target_height=0.2).fingerprint != teapot.fingerprint
+    model = teapot.shape_model
+    for changed in (
+        replace(model, mean=model.mean + 1e-3),
+        replace(model, basis=2 * model.basis),
+        replace(model, faces=model.faces[::-1].copy()),
+    ):
+        assert replace(teapot, shape_model=changed).fingerprint != teapot.fingerprint
 
 
 def test_saving_leaves_the_weights_that_lie_there(teapot: ObjectClass, tmp_path: Path) -> None:

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 from vig.cli.main import main
 from vig_lab.cli.reproduce import command_line
-from vig_lab.cli.settings import Reproduce, Stage
-from vig_lab.reproduction import STAGES
-
-
-def test_the_stages_that_help_offers_are_the_stages() -> None:
-    assert get_args(Stage) == STAGES
+from vig_lab.cli.settings import Reproduce
 
 
 def test_the_command_tells_all_that_changes_numbers() -> None:

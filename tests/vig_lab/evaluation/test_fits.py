@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from vig.dataset import Dataset
-from vig.inference import Calibration, ExplainSettings
-from vig.inference.calibration import CLUES
+from vig.inference import ExplainSettings, FitCalibration
+from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_lab.evaluation import evaluate, fits
@@ -76,8 +76,8 @@ def test_fits_of_something_else_are_not_taken(
     run, what: str, quick: ExplainSettings, untrained, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     run()
-    clues = torch.ones(len(CLUES)).double()
-    boastful = Calibration(clues, 9.0, clues, 9.0, 0.0, torch.ones(2, 24), torch.zeros(2, 24))
+    features = torch.ones(len(CONFIDENCE_FEATURES)).double()
+    boastful = FitCalibration(features, 9.0, features, 9.0, 0.0, torch.ones(2, 24), torch.zeros(2, 24))
     larger = replace(teapot.shape_model, mean=teapot.shape_model.mean * np.float32(1.01))
     other = {
         "settings": lambda: {"settings": replace(quick, view_weight=299.0)},

@@ -21,8 +21,9 @@ from vig.likelihood import GAUSSIAN, SPATIAL
 from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_lab.evaluation import evaluate, write_csv
-from vig_lab.evaluation.protocol import MASK_HEAD, METHODS
-from vig_lab.evaluation.rendering import rendered, silhouettes
+from vig_lab.evaluation.protocol import MASK_HEAD, silhouettes
+from vig_lab.figures.style import draw
+from vig_lab.names import METHODS
 from vig_world.assets.target import target_vertices
 
 COUNT = 4
@@ -94,7 +95,7 @@ def test_processes_fit_as_threads_do(
     quick: ExplainSettings,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vig_lab.evaluation.fits.LEAST_APART", 2)
+    monkeypatch.setattr("vig_lab.evaluation.fits.LEAST_FOR_PROCESSES", 2)
     apart = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=2, processes=True)
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(apart["robust"].errors[metric], values)
@@ -115,7 +116,7 @@ def test_silhouettes_of_the_truth_are_nearly_the_datasets_masks(
 def test_a_silhouette_is_as_large_as_what_is_covered(dataset: Dataset, teapot: ObjectClass) -> None:
     """A pixel counts from half coverage on, so that as much is added at edges as is left out."""
     truth = Latents.from_vector(torch.from_numpy(dataset.latents))
-    coverage = rendered(truth, teapot)[1]
+    coverage = draw(truth, teapot)[1]
     area, covered = silhouettes(truth, teapot).sum((1, 2)), coverage.sum((1, 2))
     np.testing.assert_allclose(area, covered, rtol=0.003)
     edge = ((coverage > 0.05) & (coverage < 0.95)).sum((1, 2))
@@ -217,7 +218,7 @@ def test_the_command_writes_its_files_and_prints_the_folder_last(
     assert set(table["rows"]) == PAPER | {"shape_ratio", "segmentation_iou"}
     assert set(table["other_rows"]) == POSE - PAPER
     assert max(map(len, printed.splitlines()[:-1])) <= 100
-    for said in ("Table 1", "Beside it", "azimuth off by > 30", "stated 90 % interval"):
+    for said in ("Table 1", "Further metrics", "azimuth off by > 30", "predicted 90 % interval"):
         assert said in printed and said in (out / "table.md").read_text().replace("<br>", " ")
 
 

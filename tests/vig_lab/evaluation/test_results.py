@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from vig.recognition import Prediction
-from vig_lab.evaluation.results import stated_deviation
+from vig_lab.evaluation.results import predicted_deviation
 
 
 def prediction(azimuth: dict[int, float], deviation: torch.Tensor) -> Prediction:
@@ -23,7 +23,7 @@ def prediction(azimuth: dict[int, float], deviation: torch.Tensor) -> Prediction
 def test_deviations_stand_in_the_latents_order() -> None:
     # One shape component, elevation, albedo, light; facing azimuth 2.5 degrees the light hardly turns.
     deviation = torch.tensor([0.2, 0.1, 0.3, 0.4, 0.5, *[1.0] * 9])
-    found = stated_deviation(prediction({0: 1.0}, deviation))
+    found = predicted_deviation(prediction({0: 1.0}, deviation))
     np.testing.assert_allclose(found, [[0.2, 0.0, 0.1, 0.3, 0.4, 0.5, *[1.0] * 9]], atol=1e-6)
 
 
@@ -31,11 +31,11 @@ def test_the_light_is_turned_into_the_world() -> None:
     # At azimuth 90 degrees the heading's x is the world's y: coefficients (1,-1) and (1,1) change places.
     deviation = torch.ones(14)
     deviation[5 + 1], deviation[5 + 3] = 2.0, 3.0
-    found = stated_deviation(prediction({17: 0.5, 18: 0.5}, deviation))
+    found = predicted_deviation(prediction({17: 0.5, 18: 0.5}, deviation))
     np.testing.assert_allclose(found[0, [7, 9]], [3.0, 2.0], rtol=1e-5)
 
 
 def test_a_second_hypothesis_widens_the_azimuth() -> None:
     # A quarter of the mass lies 180 degrees off: root of 0.25 x 180 squared.
-    found = stated_deviation(prediction({10: 0.75, 46: 0.25}, torch.ones(14)))
+    found = predicted_deviation(prediction({10: 0.75, 46: 0.25}, torch.ones(14)))
     assert math.degrees(found[0, 1]) == pytest.approx(90.0, abs=1e-3)

@@ -131,7 +131,7 @@ def test_pooled_coverage_is_the_mean_of_its_components() -> None:
 
 
 def test_what_states_nothing_has_no_coverage() -> None:
-    with pytest.raises(ValueError, match="states latents"):
+    with pytest.raises(ValueError, match="with latents and their deviations"):
         statistics.standardised(MethodResult({}, [""]), np.zeros((1, 24)))
 
 

@@ -69,10 +69,10 @@ def test_pose_and_shape_look_at_grey_appearance_and_light_at_red_green_blue() ->
     image = torch.zeros(1, 3, 150, 150)
     image[:, 0], image[:, 2] = 1.0, 0.5  # purple
     for factor in ("appearance", "light"):
-        assert torch.equal(networks.of(factor).seen(image), image)
+        assert torch.equal(networks.of(factor).channels(image), image)
         assert networks.of(factor).layers[0].in_channels == 3
     for factor in ("pose", "shape"):
-        grey = networks.of(factor).seen(image)
+        grey = networks.of(factor).channels(image)
         assert grey.shape == (1, 1, 150, 150)
         assert grey[0, 0, 0, 0] == pytest.approx(0.299 + 0.5 * 0.114)
 

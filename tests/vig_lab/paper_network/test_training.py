@@ -76,7 +76,7 @@ def test_the_pose_is_learned_and_every_loss_stands_in_the_log(trained: tuple[Pat
         assert factor != "pose" or losses[-1] < 0.8 * losses[0]  # the others have little to see
 
 
-def test_the_stated_deviations_are_those_of_the_held_out_images(
+def test_the_predicted_deviations_are_those_of_the_held_out_images(
     trained: tuple[Path, list[str]], dataset: Dataset
 ) -> None:
     recognizer = PaperRecognizer(trained[0])
@@ -143,7 +143,7 @@ def test_another_runs_checkpoint_is_not_continued(trained: tuple[Path, list[str]
     before = checkpoint.read_bytes()
     with pytest.raises(UserError, match="another training run"):
         train_paper(dataset, checkpoint.parent, replace(SETTINGS, epochs=7))
-    own = TrainingSettings().describe(dataset)
+    own = TrainingSettings().fingerprint(dataset)
     with pytest.raises(UserError, match="another training run"):
         load_checkpoint(checkpoint, {}, torch.optim.SGD([torch.zeros(1)]), own)
     assert checkpoint.read_bytes() == before

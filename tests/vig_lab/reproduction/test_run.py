@@ -1,171 +1,150 @@
-"""The whole of it, from an empty folder to the page, on a handful of photos."""
+"""Steps are done once, in order, and again when what they take is made anew."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from vig.cli.main import main
-from vig_lab import ablation
-from vig_lab.evaluation import fits
-from vig_lab.reproduction import stages
+from vig.errors import UserError
+from vig_lab.names import STEP_KINDS
+from vig_lab.reproduction import Record, Run, duration, reproduce, work
 
-SETTINGS = (
-    *("--scale", "tiny", "--train-images", "24", "--epochs", "1", "--validation-images", "4"),
-    *("--test-images", "4", "--ablation-images", "1", "--methods", "baseline", "rm", "robust"),
-    *("--seed", "999", "--workers", "1", "--no-cycles"),
-)
-
-
-def reproduce(out: Path, *more: str) -> tuple[int, str, str]:
-    """`vig reproduce` with the settings above: exit code, what it printed, what it said of errors."""
-    printed, errors = io.StringIO(), io.StringIO()
-    with (
-        contextlib.redirect_stdout(printed),
-        contextlib.redirect_stderr(errors),
-        pytest.raises(SystemExit) as ended,
-    ):
-        main(["reproduce", *SETTINGS, "--out", str(out), *more])
-    return int(ended.value.code or 0), printed.getvalue(), errors.getvalue()
-
-
-def files(root: Path) -> dict[str, bytes]:
-    found = (path for path in root.rglob("*") if path.is_file())
-    return {str(path.relative_to(root)): path.read_bytes() for path in found}
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder of a run with a single ablation, and what it printed."""
-    out = tmp_path_factory.mktemp("reproduced") / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ablation, "ABLATIONS", {"annealing": ablation.ABLATIONS["annealing"]})
-        code, printed, errors = reproduce(out)
-    assert code == 0, errors
-    return out, printed
+ALL = [
+    "data train",
+    "data validation",
+    "data test_raster",
+    "train",
+    "calibrate",
+    "evaluate raster",
+    "ablations",
+    "figures raster",
+    "page",
+]
 
 
 @pytest.fixture
-def copied(finished: tuple[Path, str], tmp_path: Path) -> Path:
-    """A copy of the finished run, to be spoiled."""
-    return Path(shutil.copytree(finished[0], tmp_path / "run"))
+def go(done: list[str]) -> Callable[..., Record]:
+    """Reproduces with a page that is only a file."""
+
+    def page(root: Path) -> None:
+        done.append("page")
+        (root / "index.html").touch()
+
+    return lambda run, chosen=STEP_KINDS: reproduce(run, page, chosen)
 
 
-@pytest.mark.slow
-def test_a_run_leaves_data_weights_tables_figures_and_a_page(finished: tuple[Path, str]) -> None:
-    out, printed = finished
-    assert printed.splitlines()[-1] == str(out)
-    assert "the path-traced tier is left out, as --no-cycles asks" in printed
-    held = set(files(out))
-    assert held >= {
-        "index.html",
-        "run.json",
-        "data/train/train/latents.parquet",
-        "data/validation/validation/latents.parquet",
-        "data/test_raster/test/latents.parquet",
-        "recognition/recognition.safetensors",
-        "recognition/losses.png",
-        "tables/raster/errors.csv",
-        "tables/raster/table.json",
-        "tables/raster/table.md",
-        "tables/ablations.json",
-        "tables/ablations.md",
-        *(f"figures/raster/{name}.png" for name in ("photos", "figure3", "figure3_bins", "reliability")),
-        *(
-            f"figures/raster/{name}"
-            for name in ("figure4.png", "figure5.png", "figure4_worst.png", "fit.webp")
-        ),
-    }
-    record = json.loads((out / "run.json").read_text())
-    assert all(step["complete"] for step in record["steps"].values())
-    assert record["command"].startswith("vig reproduce --scale tiny --out ")
-    assert record["machine"]["packages"]["torch"] and record["settings"]["seed"] == 999
+def test_every_step_is_done_once_and_in_order(begin, go, done: list[str]) -> None:
+    record = go(begin())
+    assert done == ALL and all(record.complete(step) for step in ALL)
+    go(begin())
+    assert done == ALL
 
 
-@pytest.mark.slow
-def test_a_second_run_passes_over_everything(finished: tuple[Path, str]) -> None:
-    out, first = finished
-    before = files(out)
-    code, printed, _ = reproduce(out)
-    steps = [line.split(":")[0] for line in first.splitlines() if line.endswith(": begun")]
-    assert code == 0 and len(steps) == 9
-    assert [line.split(":")[0] for line in printed.splitlines() if ": already done, in " in line] == steps
-    assert ": begun" not in printed and files(out) == before
+def test_path_traced_photos_can_come_later(begin, go, done: list[str]) -> None:
+    go(begin())
+    done.clear()
+    go(begin(("raster", "cycles")))
+    assert done == ["data test_cycles", "evaluate cycles", "figures cycles", "page"]
 
 
-@pytest.mark.slow
-def test_json_tells_tables_and_the_comparison(finished: tuple[Path, str]) -> None:
-    code, printed, _ = reproduce(finished[0], "--json")
-    told = json.loads(printed)
-    assert code == 0 and told["folder"] == str(finished[0]) and set(told["tables"]) == {"raster"}
-    cells = {(cell["metric"], cell["method"]) for cell in told["comparison"]["raster"]}
-    assert ("azimuth_deg", "robust") in cells and ("segmentation_iou", "rm") in cells
+def test_given_weights_need_no_training_photos(begin, go, done: list[str], tmp_path: Path) -> None:
+    go(begin(weights=tmp_path / "w.safetensors"))
+    assert done == ["data test_raster", "train", "evaluate raster", "ablations", "figures raster", "page"]
 
 
-@pytest.mark.slow
-def test_other_settings_are_refused_in_a_line(finished: tuple[Path, str]) -> None:
-    before = files(finished[0])
-    code, printed, errors = reproduce(finished[0], "--epochs", "2")
-    assert code == 2 and printed == "" and errors.count("\n") == 1
-    assert "holds a run with epochs 1; 2 was asked for" in errors
-    assert files(finished[0]) == before
+def test_steps_can_be_chosen_but_not_without_what_they_need(begin, go, done: list[str]) -> None:
+    go(begin(), ("data",))
+    assert done == ALL[:3]
+    with pytest.raises(UserError, match="expected calibrate done before evaluate raster; choose those"):
+        go(begin(), ("evaluate",))
+    go(begin(), ("train", "calibrate", "evaluate", "page"))
+    assert done == [*ALL[:6], "page"]  # a page without figures
 
 
-@pytest.mark.slow
-def test_a_stopped_evaluation_goes_on_with_the_fits_it_has(
-    copied: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_page_is_made_again_when_there_is_more_to_show(begin, go, done: list[str]) -> None:
+    go(begin(), tuple(kind for kind in STEP_KINDS if kind != "ablations"))
+    done.clear()
+    go(begin())
+    assert done == ["ablations", "page"]
+
+
+@pytest.mark.parametrize(
+    ("removed", "again"),
+    [
+        ("recognition", ["train", "calibrate", "evaluate raster", "ablations", "figures raster", "page"]),
+        ("figures", ["figures raster", "page"]),
+        ("data/validation", ["data validation", *ALL[4:]]),
+        ("index.html", ["page"]),
+    ],
+)
+def test_what_is_removed_is_made_again_and_all_that_takes_it(
+    begin, go, done: list[str], removed: str, again: list[str]
 ) -> None:
-    """Stopped when its fits are made and its tables are not; nothing may then be fitted again."""
-    shutil.rmtree(copied / "tables" / "raster")
-    fewer = ("--stages", "data", "train", "calibrate", "evaluate", "page")
+    run: Run = begin()
+    go(run)
+    done.clear()
+    path = run.folder.root / removed
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    go(run)
+    assert done == again
 
-    def stopped(*arguments) -> None:
+
+def test_a_step_that_was_stopped_is_done_again_and_its_time_counts(
+    begin, go, done: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, whole = begin(), work.evaluate
+
+    def stopped(run: Run, tier: str) -> None:
+        whole(run, tier)  # its product is there, and yet it is not done
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(stages, "write_csv", stopped)
-        code, _, errors = reproduce(copied, *fewer)
-    assert code == 130 and errors.splitlines()[-1] == "vig: interrupted; what is finished stays"
-
-    monkeypatch.setattr(fits, "explain_one", stopped)
-    code, printed, _ = reproduce(copied, *fewer)
-    assert code == 0
-    begun = [line.split(":")[0] for line in printed.splitlines() if line.endswith(": begun")]
-    assert begun == ["evaluate raster", "page"]
-    record = json.loads((copied / "run.json").read_text())
-    assert record["steps"]["evaluate raster"]["sittings"] == 3
+        patch.setattr(work, "evaluate", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            go(run)
+    assert done == ALL[:6]
+    record = go(run)
+    assert done == [*ALL[:6], *ALL[5:]]
+    assert record.data["steps"]["evaluate raster"]["sittings"] == 2
 
 
-@pytest.mark.slow
-def test_given_weights_and_photos_are_used(finished: tuple[Path, str], tmp_path: Path) -> None:
-    folder, out = finished[0], tmp_path / "other"
-    given = ("--weights", folder / "recognition" / "recognition.safetensors")
-    given += ("--test-raster", folder / "data" / "test_raster")
-    code, printed, errors = reproduce(out, *map(str, given), "--stages", "data", "train", "evaluate")
-    assert code == 0, errors
-    assert not (out / "data").exists() and "data train" not in printed
-    one, other = (json.loads((each / "tables/raster/table.json").read_text()) for each in (folder, out))
-    assert one == other
-
-
-def test_photos_of_the_wrong_tier_are_refused(finished: tuple[Path, str], tmp_path: Path) -> None:
-    run = stages.Run(
-        stages.RunFolder(tmp_path), stages.Settings.of("tiny", test_cycles=finished[0] / "data/test_raster")
-    )
-    with pytest.raises(Exception, match="expected cycles photos in .*; got raster"):
-        stages.make_data(run, "test_cycles")
-
-
-def test_without_blender_the_path_traced_tier_is_left_out_and_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_removed_material_that_is_half_made_does_not_count_as_made(
+    begin, go, done: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("VIG_BLENDER_PYTHON", str(tmp_path / "nothing"))
-    said: list[str] = []
-    run = stages.Run(stages.RunFolder(tmp_path / "r"), stages.Settings.of("tiny"), say=said.append)
-    assert run.tiers() == ("raster",)
-    assert len(said) == 1 and "left out" in said[0] and "VIG_BLENDER_PYTHON" in said[0]
+    run, whole = begin(), work.make_data
+    go(run)
+    shutil.rmtree(run.folder.data("test_raster"))
+
+    def stopped(run: Run, name: str) -> None:
+        whole(run, name)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(work, "make_data", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            go(run)
+    done.clear()
+    go(run)
+    assert done == ["data test_raster", "evaluate raster", "ablations", "figures raster", "page"]
+
+
+@pytest.mark.parametrize(
+    ("chosen", "workers", "said"),
+    [
+        (("paint",), None, "got paint"),
+        ((), None, "got none"),
+        (STEP_KINDS, 0, "--workers of at least 1; got 0"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_written(begin, go, chosen, workers, said: str) -> None:
+    run: Run = begin(workers=workers)
+    with pytest.raises(UserError, match=said):
+        go(run, chosen)
+    assert not run.folder.root.exists()
+
+
+def test_durations_for_people() -> None:
+    assert [duration(s) for s in (4.26, 75, 7512)] == ["4.3 s", "1 min 15 s", "2 h 5 min"]

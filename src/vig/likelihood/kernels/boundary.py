@@ -3,7 +3,7 @@
 Between two neighbouring pixels an occlusion edge may pass, at a share t of the way from one centre to the
 other. The nearer pixel is then partly the other's surface: by |t - 1/2|, which is its analytic coverage
 along that direction. Log-likelihoods (not colours) are blended by it, so the objective is continuous and
-differentiable in the edge's place (docs/objective.md says where it is not). An edge is seen both by rows and
+differentiable in the edge's place (docs/objective.md lists where it is not). An edge is seen both by rows and
 by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
 area is kept and nothing jumps where one edge hands over to the next.
 
@@ -77,16 +77,11 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """What blending across a crossing adds to Eq. 4, and its derivatives."""
     t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
     p, e = pixel_functions(dtype, modes), edge_functions(dtype, modes)
-    real, vec2, vec3, vec4, rest_row = t.real, t.vec2, t.vec3, t.vec4, t.rest_row
+    real, vec2, vec3, vec4, shape_row, rest_row = t.real, t.vec2, t.vec3, t.vec4, t.shape_row, t.rest_row
     Mesh, Vertices, Photos, Cotangents = groups.mesh, groups.vertices, groups.photos, groups.cotangents
     NormalRows, Eye, Noise = groups.normal_rows, f.Eye, p.Noise
     Edge, Crossing, Sides, along, explained = e.Edge, e.Crossing, e.Sides, e.along, p.explained
-    camera_cotangent, pull_pixel, along_basis, moved = (
-        f.camera_cotangent,
-        f.pull_pixel,
-        f.along_basis,
-        f.moved,
-    )
+    camera_cotangent, pull_pixel, add_basis, moved = f.camera_cotangent, f.pull_pixel, f.add_basis, f.moved
     least_brightness, least_gain = real(LEAST_BRIGHTNESS), real(LEAST_GAIN)
     half, one = real(0.5), real(1.0)
 
@@ -168,33 +163,9 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         return wp.dot(on_normal, edge.normal_b - edge.normal_a)
 
     @wp.func
-    def pull_front(
+    def pull_colours(
+        painted: vec3,
         image: int,
-        on_front: real,
-        on_share: real,
-        edge: Edge,
-        c: Crossing,
-        perspective: real,
-        vertices: Vertices,
-        cotangents: Cotangents,
-    ):
-        """Pull a cotangent on the edge's irradiance, and one on `share`, back to the edge's ends."""
-        edge_q = (one - c.share) * edge.a[2] + c.share * edge.b[2]
-        step = vertices.irradiances[image, edge.j] - vertices.irradiances[image, edge.i]
-        on_perspective = on_front * step
-        by_q = on_perspective * c.share * (one - c.share) / (edge_q * edge_q)
-        by_share = (on_share + on_perspective * edge.a[2] * edge.b[2] / (edge_q * edge_q)) / c.length
-        on_a = along(c.axis, real(0.0), -(one - c.share) * by_share)
-        on_b = along(c.axis, real(0.0), -c.share * by_share)
-        lit_a = on_front * (one - perspective)
-        lit_b = on_front * perspective
-        wp.atomic_add(cotangents.on_corner, image, edge.i, vec4(on_a[0], on_a[1], -by_q * edge.b[2], lit_a))
-        wp.atomic_add(cotangents.on_corner, image, edge.j, vec4(on_b[0], on_b[1], by_q * edge.a[2], lit_b))
-
-    @wp.func
-    def pull_blend(
-        image: int,
-        edge: Edge,
         c: Crossing,
         sides: Sides,
         blend: Blend,
@@ -203,68 +174,98 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         photos: Photos,
         cotangents: Cotangents,
     ):
-        """Pull everything but the edge's motion along the line back; returns the cotangent on albedo."""
+        """Pull the colours on both sides back to their faces. Returns `painted` with what is added to the
+        cotangent on albedo, and the cotangent on the edge's own irradiance."""
         colour = photos.albedo[image]
         precision = real(2.0) * noise.half_precision
-        on_share = pull_normal(image, edge, c, blend, cotangents)
         error = blend.observed - colour * blend.front_irradiance
         strength = blend.taken * blend.front_fit[1] * precision
-        painted = error * (strength * blend.front_irradiance)
-        on_front = strength * wp.dot(colour, error)
+        painted += error * (strength * blend.front_irradiance)
+        on_edge = strength * wp.dot(colour, error)
         if blend.gives:
-            pull_pixel(image, sides.front, c.inner_pixel, sides.front_seen, on_front, vertices, cotangents)
-            on_front = real(0.0)
-        pull_front(image, on_front, on_share, edge, c, blend.perspective, vertices, cotangents)
+            pull_pixel(image, sides.front, c.inner_pixel, sides.front_seen, on_edge, vertices, cotangents)
+            on_edge = real(0.0)
         if sides.has_behind:
             error = blend.observed - colour * sides.behind_seen[0]
             strength = -blend.taken * blend.back_fit[1] * precision
-            painted = painted + error * (strength * sides.behind_seen[0])
+            painted += error * (strength * sides.behind_seen[0])
             on_behind = strength * wp.dot(colour, error)
             pull_pixel(image, sides.behind, c.outer_pixel, sides.behind_seen, on_behind, vertices, cotangents)
-        return painted
+        return painted, on_edge
 
     @wp.func
-    def add_row(
-        slot: int, image: int, edge: Edge, on_a: vec3, on_b: vec3, mesh: Mesh, eye: Eye, rows: NormalRows
-    ):
-        """A row of the normal matrix from cotangents on the edge's screen points."""
-        back = wp.transpose(eye.rotation)
-        to_a = back * camera_cotangent(eye, edge.a, on_a)
-        to_b = back * camera_cotangent(eye, edge.b, on_b)
-        rows.normal_shape[image, slot] = along_basis(mesh, edge.i, to_a) + along_basis(mesh, edge.j, to_b)
-        rows.normal_rest[image, slot] = moved(moved(rest_row(), eye, on_a, edge.a), eye, on_b, edge.b)
+    def motion_of(edge: Edge, c: Crossing, blend: Blend):
+        """Cotangents on the screen points of the edge's ends, through u, where it crosses the line."""
+        on_u = -c.inside * blend.weight * blend.gain
+        on_a = (one - c.share) * on_u
+        on_b = c.share * on_u
+        slope = (edge.b[c.axis] - edge.a[c.axis]) / c.length
+        return along(c.axis, on_a, -on_a * slope), along(c.axis, on_b, -on_b * slope)
 
     @wp.func
-    def pull_motion(
+    def pull_edge(
         image: int,
         edge: Edge,
         c: Crossing,
+        perspective: real,
+        on_edge: real,
+        on_share: real,
+        motion_a: vec3,
+        motion_b: vec3,
+        vertices: Vertices,
+        cotangents: Cotangents,
+    ):
+        """Pull cotangents on the edge's irradiance, on `share` and on u back to the edge's ends."""
+        edge_q = (one - c.share) * edge.a[2] + c.share * edge.b[2]
+        step = vertices.irradiances[image, edge.j] - vertices.irradiances[image, edge.i]
+        on_perspective = on_edge * step
+        by_q = on_perspective * c.share * (one - c.share) / (edge_q * edge_q)
+        by_share = (on_share + on_perspective * edge.a[2] * edge.b[2] / (edge_q * edge_q)) / c.length
+        on_a = motion_a + along(c.axis, real(0.0), -(one - c.share) * by_share)
+        on_b = motion_b + along(c.axis, real(0.0), -c.share * by_share)
+        lit_a = on_edge * (one - perspective)
+        lit_b = on_edge * perspective
+        wp.atomic_add(cotangents.on_corner, image, edge.i, vec4(on_a[0], on_a[1], -by_q * edge.b[2], lit_a))
+        wp.atomic_add(cotangents.on_corner, image, edge.j, vec4(on_b[0], on_b[1], by_q * edge.a[2], lit_b))
+
+    @wp.func
+    def add_row(
+        image: int,
+        edge: Edge,
         blend: Blend,
+        motion_a: vec3,
+        motion_b: vec3,
         colour: vec3,
         curvature: real,
         mesh: Mesh,
         eye: Eye,
-        cotangents: Cotangents,
         rows: NormalRows,
     ):
-        """Pull the edge's motion along the line back to its ends; with curvature > 0 add its row.
+        """The edge's motion along the line as a row of the normal matrix.
 
         Gauss-Newton has no residual here: the cusp of gain per pixel is taken one pixel wide.
         """
-        on_u = -c.inside * blend.weight * blend.gain
-        slope = (edge.b[c.axis] - edge.a[c.axis]) / c.length
-        on_a = along(c.axis, (one - c.share) * on_u, -(one - c.share) * on_u * slope)
-        on_b = along(c.axis, c.share * on_u, -c.share * on_u * slope)
-        wp.atomic_add(cotangents.on_corner, image, edge.i, vec4(on_a[0], on_a[1], real(0.0), real(0.0)))
-        wp.atomic_add(cotangents.on_corner, image, edge.j, vec4(on_b[0], on_b[1], real(0.0), real(0.0)))
-        if curvature > real(0.0):
-            slot = wp.atomic_add(rows.row_count, image, 1)
-            if slot < rows.normal_shape.shape[1]:
-                brightness = wp.max(wp.dot(colour, colour), least_brightness)
-                root = wp.sqrt(curvature / ((wp.abs(on_u) + least_gain) * brightness))
-                add_row(slot, image, edge, on_a * root, on_b * root, mesh, eye, rows)
+        slot = wp.atomic_add(rows.row_count, image, 1)
+        if slot < rows.normal_shape.shape[1]:
+            brightness = wp.max(wp.dot(colour, colour), least_brightness)
+            steepness = wp.abs(blend.weight * blend.gain) + least_gain
+            root = wp.sqrt(curvature / (steepness * brightness))
+            back = wp.transpose(eye.rotation)
+            on_a = motion_a * root
+            on_b = motion_b * root
+            row = add_basis(shape_row(), mesh, edge.i, back * camera_cotangent(eye, edge.a, on_a))
+            row = add_basis(row, mesh, edge.j, back * camera_cotangent(eye, edge.b, on_b))
+            rows.normal_shape[image, slot] = row
+            rows.normal_rest[image, slot] = moved(moved(rest_row(), eye, on_a, edge.a), eye, on_b, edge.b)
 
-    return SimpleNamespace(blend_of=blend_of, pull_blend=pull_blend, pull_motion=pull_motion)
+    return SimpleNamespace(
+        blend_of=blend_of,
+        pull_normal=pull_normal,
+        pull_colours=pull_colours,
+        motion_of=motion_of,
+        pull_edge=pull_edge,
+        add_row=add_row,
+    )
 
 
 @functools.cache
@@ -279,7 +280,8 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     Eye, Edge, Noise = f.Eye, e.Edge, p.Noise
     eye_of, noise_of, edge_of, in_frame = f.eye_of, p.noise_of, e.edge_of, e.in_frame
     lines_of, crossing_of, sides_of = e.lines_of, e.crossing_of, e.sides_of
-    blend_of, pull_blend, pull_motion = g.blend_of, g.pull_blend, g.pull_motion
+    blend_of, pull_normal, pull_colours = g.blend_of, g.pull_normal, g.pull_colours
+    motion_of, pull_edge, add_row = g.motion_of, g.pull_edge, g.add_row
     least_square, one = real(LEAST_SQUARE), real(1.0)
     module = module_name("boundary", dtype, modes)
 
@@ -309,6 +311,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def cross_line(
+        total: vec4,
         image: int,
         edge: Edge,
         axis: int,
@@ -323,24 +326,27 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         normal_rows: NormalRows,
         pictures: Pictures,
     ):
-        """(What blending where an edge crosses a line adds to Eq. 4, its derivative by albedo.)"""
+        """`total`, Eq. 4 and its derivative by albedo, with what blending across an edge on a line adds."""
         c = crossing_of(edge, axis, line, view)
         sides = sides_of(image, edge, c, mesh, vertices, keys)
         normal = edge.normal_a * (one - c.share) + edge.normal_b * c.share
         if not sides.crossed or normal[0] * normal[0] + normal[1] * normal[1] < least_square:
-            return vec4()
+            return total
         blend = blend_of(image, normal, edge, c, sides, vertices, photos, task.noise)
         if task.images != 0 and not sides.has_behind:
             wp.atomic_add(pictures.coverage, image, blend.at, blend.taken)
-        painted = vec3()
+        painted = vec3(total[1], total[2], total[3])
         if task.differentiate != 0:
-            painted = pull_blend(image, edge, c, sides, blend, task.noise, vertices, photos, cotangents)
-            stiffness = task.curvature
-            if task.differentiate < 2:
-                stiffness = real(0.0)
-            colour = photos.albedo[image]
-            pull_motion(image, edge, c, blend, colour, stiffness, mesh, task.eye, cotangents, normal_rows)
-        return vec4(blend.taken * blend.gain, painted[0], painted[1], painted[2])
+            on_share = pull_normal(image, edge, c, blend, cotangents)
+            painted, on_edge = pull_colours(
+                painted, image, c, sides, blend, task.noise, vertices, photos, cotangents
+            )
+            on_a, on_b = motion_of(edge, c, blend)
+            pull_edge(image, edge, c, blend.perspective, on_edge, on_share, on_a, on_b, vertices, cotangents)
+            if task.differentiate > 1:
+                colour = photos.albedo[image]
+                add_row(image, edge, blend, on_a, on_b, colour, task.curvature, mesh, task.eye, normal_rows)
+        return vec4(total[0] + blend.taken * blend.gain, painted[0], painted[1], painted[2])
 
     @wp.kernel(module=module)
     def boundary(
@@ -377,7 +383,8 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             for axis in range(2):
                 first, end = lines_of(edge, axis, view)
                 for line in range(first, end):
-                    total += cross_line(
+                    total = cross_line(
+                        total,
                         image,
                         edge,
                         axis,

@@ -17,11 +17,15 @@ from vig.scene.light import L_COUNT
 class Geometry:
     """A shape model on one device, in one precision.
 
-    positions (K + 1, V * 3): mean and components, so that (1, coefficients) @ positions are the vertices.
-    faces (F, 3), edges (E, 5), ring_start (V + 1,) and ring (R, 3), all int32: see `edges_of`, `rings_of`.
-    basis (V, 3, padded K): the components again, one row per vertex and axis. transfer (K + 1, V * 9) or
-    None: what self-shadow and bounces add to the lobes A_l Y_lm of each vertex, see `ObjectClass.transfer`.
-    kept: what others made for this geometry and may use again, for as long as it lives.
+    Attributes:
+        layout: Blocks of a point: latents, then framing.
+        rows: Columns of a row of derivatives.
+        positions: (K + 1, V * 3) mean and components: (1, coefficients) @ positions are the vertices.
+        faces, edges, ring_start, ring: (F, 3), (E, 5), (V + 1,), (R, 3) int32, see `edges_of`, `rings_of`.
+        basis: (V, 3, padded K) the components again, one row per vertex and axis.
+        transfer: (K + 1, V * 9) or None: what self-shadowing and interreflection add to the lobes A_l Y_lm of
+            each vertex, see `ObjectClass.transfer`.
+        kept: Passes and the like that may be used again for as long as the geometry lives.
     """
 
     def __init__(

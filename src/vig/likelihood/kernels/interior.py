@@ -28,7 +28,7 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     Photos, Cotangents, Totals = groups.photos, groups.cotangents, groups.totals
     NormalRows, Pictures = groups.normal_rows, groups.pictures
     eye_of, camera_cotangent, surface_of, seen_at = f.eye_of, f.camera_cotangent, f.surface_of, f.seen_at
-    moved, along_basis, face_mask, negligible = f.moved, f.along_basis, wp.int64(FACE_MASK), real(NEGLIGIBLE)
+    moved, add_basis, face_mask, negligible = f.moved, f.add_basis, wp.int64(FACE_MASK), real(NEGLIGIBLE)
     module = module_name("interior", dtype, modes)
     code = native_file(
         dtype,
@@ -140,13 +140,13 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                     on_spot,
                     spot,
                 )
-                normal_rows.normal_shape[image, slot] = (
+                row = (
                     vertex_rows.shape_rows[image, surface.i] * u
                     + vertex_rows.shape_rows[image, surface.j] * v
                     + vertex_rows.shape_rows[image, surface.k] * w
-                    + along_basis(mesh, surface.i, cotangent * u)
-                    + along_basis(mesh, surface.j, cotangent * v)
-                    + along_basis(mesh, surface.k, cotangent * w)
                 )
+                row = add_basis(row, mesh, surface.i, cotangent * u)
+                row = add_basis(row, mesh, surface.j, cotangent * v)
+                normal_rows.normal_shape[image, slot] = add_basis(row, mesh, surface.k, cotangent * w)
 
     return SimpleNamespace(interior=interior, interior_rows=interior_rows)

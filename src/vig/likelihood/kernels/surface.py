@@ -25,7 +25,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """Device functions for one scalar type and number of shape components."""
     t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
     real, vec2, vec3, vec4, mat33 = t.real, t.vec2, t.vec3, t.vec4, t.mat33
-    rest_row, lobe_vector = t.rest_row, t.lobe_vector
+    shape_row, rest_row, lobe_vector = t.shape_row, t.rest_row, t.lobe_vector
     Mesh, View, Vertices, Cotangents = groups.mesh, groups.view, groups.vertices, groups.cotangents
     azimuth, elevation, framing, light_at = (
         REST.at(name) for name in ("azimuth", "elevation", "framing", "light")
@@ -37,7 +37,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Eye:
-        """One image's camera; world: rows of camera_from_world's rotation."""
+        """One image's camera; rotation: camera_from_world."""
 
         rotation: mat33
         distance: real
@@ -76,13 +76,13 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def turned(eye: Eye, cotangent: vec3, arm: vec3):
-        """What a cotangent on a vector that turns with the camera's rotation says of azimuth, elevation."""
+        """Pull a cotangent on a vector that turns with the camera's rotation back to azimuth, elevation."""
         up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
         return vec2(-wp.dot(cotangent, wp.cross(up, arm)), cotangent[2] * arm[1] - cotangent[1] * arm[2])
 
     @wp.func
     def framed(eye: Eye, on_screen: vec3, screen: vec3):
-        """What a cotangent on pixel coordinates says of the framing."""
+        """Pull a cotangent on pixel coordinates back to the framing."""
         return vec3(
             on_screen[0] * eye.width,
             on_screen[1] * eye.width,
@@ -233,17 +233,18 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         )
 
     @wp.func
-    def along_basis(mesh: Mesh, vertex: wp.int32, cotangent: vec3):
-        """What a cotangent on a vertex's place in the world is on the shape coefficients."""
+    def add_basis(row: shape_row, mesh: Mesh, vertex: wp.int32, cotangent: vec3):
+        """Add what a cotangent on a vertex's place in the world is on the shape coefficients."""
         return (
-            mesh.basis[vertex, 0] * cotangent[0]
+            row
+            + mesh.basis[vertex, 0] * cotangent[0]
             + mesh.basis[vertex, 1] * cotangent[1]
             + mesh.basis[vertex, 2] * cotangent[2]
         )
 
     @wp.func
     def moved(row: rest_row, eye: Eye, on_screen: vec3, screen: vec3):
-        """Add what a cotangent on a screen point says of pose and framing to a row's rest."""
+        """Add a cotangent on a screen point, pulled back to pose and framing, to a row's rest."""
         point = camera_point(eye, screen)
         arm = vec3(point[0], point[1], point[2] - eye.distance)
         pose = turned(eye, camera_cotangent(eye, screen, on_screen), arm)
@@ -267,6 +268,6 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         lobes=lobes,
         add_lobes=add_lobes,
         light_slope=light_slope,
-        along_basis=along_basis,
+        add_basis=add_basis,
         moved=moved,
     )

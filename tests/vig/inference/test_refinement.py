@@ -6,6 +6,9 @@ import torch
 
 from vig.inference import starts
 from vig.recognition import Prediction
+from vig.scene import regressed_layout
+
+LAYOUT = regressed_layout(10)
 
 
 def prediction(peaks: dict[int, float]) -> Prediction:
@@ -13,7 +16,8 @@ def prediction(peaks: dict[int, float]) -> Prediction:
     for bin_, weight in peaks.items():
         azimuth[0, bin_] = weight
     numbers = torch.zeros(1, 23)
-    numbers[0, 0], numbers[0, 11:14], numbers[0, 14] = 0.5, 0.5, 2.356
+    numbers[0, LAYOUT["elevation"]], numbers[0, LAYOUT["albedo"]] = 0.5, 0.5
+    numbers[0, LAYOUT.at("light")] = 2.356
     return Prediction(
         azimuth / azimuth.sum(), numbers, torch.ones(1, 23), torch.full((1, 150, 150, 3), 1 / 3)
     )
@@ -43,12 +47,12 @@ def test_starts_stay_within_bounds():
     assert (found.shape.abs() <= 3).all()
 
 
-def test_starts_are_strewn_by_eight_degrees_and_seven_tenths_of_the_stated_deviations():
+def test_starts_are_perturbed_by_eight_degrees_and_seven_tenths_of_the_stated_deviations():
     """511 draws: their standard deviation is known to 3 %."""
     given = prediction({10: 1.0})
-    given.numbers[0, 0] = 0.8
-    given.deviation[:, 0] = 0.1  # of elevation
-    given.deviation[:, 1:11] = 0.5  # of shape
+    given.numbers[0, LAYOUT["elevation"]] = 0.8
+    given.deviation[:, LAYOUT["elevation"]] = 0.1
+    given.deviation[:, LAYOUT["shape"]] = 0.5
     found = starts(given, 512)
     azimuth = torch.rad2deg(found.azimuth[1:])
     assert abs(float(azimuth.mean()) - 52.5) < 1.5

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from vig.inference.roll import ROLL, roll_gain
+from vig.inference.confidence import ROLL, roll_gain
 from vig.likelihood import ROBUST
 
 

@@ -1,12 +1,13 @@
-"""A problem as scipy's minimisers see it: one search, double precision, scaled parameters."""
+"""BFGS and L-BFGS by scipy, one search after the other, in double precision and scaled parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.optimize import OptimizeResult
+from scipy.optimize import Bounds, OptimizeResult, minimize
 
 from vig.optimizers.bounds import held_by_bounds, scales
 from vig.optimizers.optimizer import Budget, Descent, Problem
@@ -15,11 +16,65 @@ EVALUATIONS_PER_STEP = 20
 """A search may value its problem this often for each iteration of its budget; then it ends."""
 
 
-class SpentError(Exception):
+@dataclass(frozen=True)
+class BFGS:
+    """BFGS with an active set: scipy's knows no bounds.
+
+    It runs over the parameters that no bound holds, and again from where it ended with those that are free
+    there, until a run gains less than the tolerance.
+    """
+
+    def __call__(
+        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
+        """Maximise from starts (B, P'); see `Optimizer`."""
+        return _search_each(problem, starts, photo, sigma, budget, _bfgs)
+
+
+@dataclass(frozen=True)
+class LBFGS:
+    """L-BFGS with bounds (Byrd, Lu, Nocedal and Zhu's L-BFGS-B).
+
+    Attributes:
+        memory: Steps back from which the curvature is estimated.
+    """
+
+    memory: int = 20
+
+    def __call__(
+        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
+        """Maximise from starts (B, P'); see `Optimizer`."""
+        return _search_each(problem, starts, photo, sigma, budget, self._run)
+
+    def _run(self, search: _Search) -> None:
+        bounds = Bounds(search.scaled(search.problem.lower), search.scaled(search.problem.upper))
+        options = {
+            "maxcor": self.memory,
+            "maxiter": search.budget.iterations,
+            "maxls": EVALUATIONS_PER_STEP,
+            "maxfun": EVALUATIONS_PER_STEP * search.budget.iterations + 1,
+            "ftol": 0.0,
+            "gtol": 1e-12,
+        }
+        found = minimize(
+            search.negative,
+            search.scaled(search.point),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds,
+            callback=search.after_step,
+            options=options,
+        )
+        # 0: the gradient vanished; 2: no point of the line is better. Nothing is left to gain either way.
+        search.converged |= found.status in (0, 2)
+
+
+class _SpentError(Exception):
     """The evaluations are spent."""
 
 
-class Search:
+class _Search:
     """One search from `start` (P',): what it values, the best of it, and when it ends.
 
     Parameters are counted in their own standard deviations at the start (`scales`), so that the first step of
@@ -45,7 +100,7 @@ class Search:
 
     def _valued(self, point: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor | None]:
         if self.evaluations > EVALUATIONS_PER_STEP * self.budget.iterations:
-            raise SpentError
+            raise _SpentError
         self.evaluations += 1
         valued = self.problem(point[None], self.photo, self.noise)
         assert valued.gradient is not None and valued.normal is not None
@@ -89,22 +144,22 @@ class Search:
         return ~held[0].cpu().numpy()
 
 
-def search_each(
+def _search_each(
     problem: Problem,
     starts: torch.Tensor,
     photo: torch.Tensor,
     sigma: float,
     budget: Budget,
-    run: Callable[[Search], None],
+    run: Callable[[_Search], None],
 ) -> Descent:
     """Run one search after the other from starts (B, P')."""
     searches = []
     for index, start in enumerate(starts):
-        search = Search(problem, start, photo[index : index + 1], sigma, budget)
+        search = _Search(problem, start, photo[index : index + 1], sigma, budget)
         if np.isfinite(search.value) and budget.iterations:
             try:
                 run(search)
-            except SpentError:
+            except _SpentError:
                 search.converged = False
         searches.append(search)
     return Descent(
@@ -113,3 +168,27 @@ def search_each(
         torch.tensor([search.evaluations for search in searches], device=problem.device),
         torch.tensor([search.converged for search in searches], dtype=torch.bool, device=problem.device),
     )
+
+
+def _bfgs(search: _Search) -> None:
+    while search.steps < search.budget.iterations:
+        before, free = search.value, search.free()
+        origin = search.scaled(search.point)
+        search.converged = not free.any()
+        if search.converged:
+            return
+
+        def negative(
+            part: np.ndarray, origin: np.ndarray = origin, free: np.ndarray = free
+        ) -> tuple[float, np.ndarray]:
+            whole = origin.copy()
+            whole[free] = part
+            value, gradient = search.negative(whole)
+            return value, gradient[free]
+
+        options = {"maxiter": search.budget.iterations - search.steps, "gtol": 1e-12}
+        steps = search.steps
+        minimize(negative, origin[free], jac=True, method="BFGS", callback=search.after_step, options=options)
+        search.converged = search.value - before < search.budget.tolerance
+        if search.converged or search.steps == steps:
+            return

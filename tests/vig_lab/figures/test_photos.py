@@ -13,7 +13,7 @@ import torch
 
 from vig.dataset import Dataset
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, grey, project_panorama, rotate_z
-from vig_lab.figures import choose, explained, figure4, figure5, lights
+from vig_lab.figures import choose, figure4, figure5, photos
 from vig_world.library import Library
 
 
@@ -28,7 +28,7 @@ def pictures(panels) -> list[np.ndarray]:
 def test_a_row_has_photo_truth_every_method_and_masks(
     caught, results, dataset: Dataset, teapot: ObjectClass, tmp_path: Path
 ) -> None:
-    figures = caught(explained)
+    figures = caught(photos)
     figure4(dataset, teapot, results, [2, 0], tmp_path / "f.png")
     panels = figures[0].axes
     assert [axes.get_title() for axes in panels[:8]] == [
@@ -42,14 +42,14 @@ def test_a_row_has_photo_truth_every_method_and_masks(
     assert said(panels)[8].startswith("0: ")
     photo, *_, mask = pictures(panels[:8])
     np.testing.assert_allclose(photo, dataset.images[2] / 255)
-    changed = np.abs(mask - explained._faded(photo)).max(-1) > 1e-6
+    changed = np.abs(mask - photos._faded(photo)).max(-1) > 1e-6
     assert (changed == dataset.amodal[2]).mean() > 0.999
 
 
 def test_methods_that_are_not_there_have_no_column(
     caught, results, dataset: Dataset, teapot: ObjectClass, tmp_path: Path
 ) -> None:
-    figures = caught(explained)
+    figures = caught(photos)
     few = {name: results[name] for name in ("baseline", "rm")}
     figure4(dataset, teapot, few, choose(few, dataset, "rm")[:1], tmp_path / "f.png")
     assert len(figures[0].axes) == 5 and figures[0].axes[3].get_title() == "recognition model: mask"
@@ -61,7 +61,7 @@ def test_the_environment_map_is_turned_as_the_light_is(dataset: Dataset) -> None
     """As a panorama of the camera's own frame it has the coefficients that the scene's light has there."""
     spec, azimuth = dataset.specs()[0], float(dataset.latents[0, 10])
     library = Library(spec.split)
-    seen = lights.environment(library, spec, azimuth)
+    seen = photos.environment(library, spec, azimuth)
     # Columns fall from pi + 90 degrees; a panorama's rise from 0.
     panorama = np.roll(seen[:, ::-1], -len(seen) // 2, axis=1)
     found = grey(project_panorama(panorama))
@@ -84,13 +84,13 @@ def test_light_from_the_cameras_left_is_on_the_left() -> None:
     light[0, 0], light[0, 3] = 2.0, -1.0
     for azimuth in (0.0, 1.0):
         turned = rotate_z(light, azimuth)
-        seen = lights.light_map(turned[0], azimuth)
+        seen = photos.light_map(turned[0], azimuth)
         assert seen[32, 32] == pytest.approx(seen.max(), rel=1e-2)  # a quarter from the left edge
         assert (seen[:, :64] > seen[:, :63:-1]).all()
         latents = Latents(
             torch.zeros(1, 10), torch.tensor([azimuth]), torch.zeros(1), torch.ones(1, 3), turned
         )
-        sphere = lights.white_sphere(latents)[..., 0]
+        sphere = photos.white_sphere(latents)[..., 0]
         assert sphere[80, 10] > sphere[80, 80] > sphere[80, 149]
         assert sphere[0, 0] == 1  # around it is white
 
@@ -98,16 +98,16 @@ def test_light_from_the_cameras_left_is_on_the_left() -> None:
 def test_light_from_above_is_up() -> None:
     light = torch.zeros(1, 9)
     light[0, 0], light[0, 2] = 2.0, 1.0
-    seen = lights.light_map(light[0], 0.3)
+    seen = photos.light_map(light[0], 0.3)
     assert (np.diff(seen, axis=0) < 0).all() and np.ptp(seen, axis=1).max() < 1e-6
-    sphere = lights.white_sphere(looking(0.3, light))
+    sphere = photos.white_sphere(looking(0.3, light))
     assert sphere[10, 80, 0] > sphere[149, 80, 0]
 
 
 def test_lights_are_drawn_beside_the_environment_map(
     caught, results, dataset: Dataset, tmp_path: Path
 ) -> None:
-    figures = caught(lights)
+    figures = caught(photos)
     figure5(dataset, results, [1], tmp_path / "f.png")
     panels = figures[0].axes
     assert len(panels) == 6 and panels[1].get_title() == "environment map"
@@ -125,7 +125,7 @@ def test_a_users_own_panoramas_are_left_out(
     info = json.loads((root / "info.json").read_text())
     info["splits"]["test"]["own_assets"] = {"panorama/hall.hdr": "00"}
     (root / "info.json").write_text(json.dumps(info))
-    figures = caught(lights)
+    figures = caught(photos)
     figure5(replace(dataset, folder=root / "test"), results, [1], tmp_path / "f.png")
     assert [axes.get_title() for axes in figures[0].axes[:2]] == ["photo", "true light"]
     assert len(figures[0].axes) == 5

@@ -1,4 +1,4 @@
-"""A small dataset, a network that has learned nothing, and what the methods make of them."""
+"""A small dataset, an untrained network, and the results of the methods on them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Results = dict[str, MethodResult]
 
 @pytest.fixture(scope="session")
 def quick() -> ExplainSettings:
-    """A fit that hardly looks."""
+    """A fit of few iterations."""
     return ExplainSettings(stages=(Stage(2, 2),))
 
 
@@ -40,7 +40,7 @@ def dataset(made: Path) -> Dataset:
 
 @pytest.fixture(scope="session")
 def untrained() -> Callable[..., Path]:
-    """Writes weights of a small network that says about the same of every photo."""
+    """Writes weights of a small network that predicts about the same for every photo."""
 
     def write(path: Path, modes: int = 10, seed: int = 0) -> Path:
         torch.manual_seed(seed)
@@ -59,7 +59,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory, untrained: Callable[..., P
 
 @pytest.fixture(scope="session")
 def results(dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings) -> Results:
-    """What every method makes of the dataset."""
+    """Results of every method on the dataset."""
     fitted: list[int] = []
     found = evaluate(dataset, teapot, Recognizer(weights), settings=quick, advance=fitted.append)
     assert sum(fitted) == 2 * len(dataset)  # gaussian, and robust and spatial at once

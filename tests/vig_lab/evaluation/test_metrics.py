@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.dataset.metrics import (
+from vig_lab.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
     appearance_error,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vig.errors import UserError
-from vig_lab.evaluation import METHODS
+from vig_lab.names import METHODS
 from vig_lab.reproduction import SCALES, Settings
 
 

@@ -1,0 +1,128 @@
+"""Starts round the recognition model's hypotheses, and their refinement by descents in stages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from vig.inference.objective import Objective
+from vig.inference.settings import ExplainSettings
+from vig.recognition import Prediction
+from vig.recognition.targets import latents_of
+from vig.scene import Latents, angle_difference
+from vig.scene.layout import FRAMING
+
+PEAKS = 4
+LEAST_PEAK = 0.02
+"""Peaks of azimuth with less probability are left out."""
+AZIMUTH_SPREAD = math.radians(8.0)
+RELATIVE_SPREAD = 0.7
+"""Elevation and shape are perturbed by this share of the deviations that the network states."""
+DISTINCT_AZIMUTH = math.radians(25.0)
+"""Azimuths farther apart are different views."""
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where the descents of the last stage ended.
+
+    Attributes:
+        points: (S, P') of the objective.
+        evidence: (S,) float64, log posterior in nats.
+        scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
+        evaluations: Of the objective, in all stages.
+    """
+
+    points: torch.Tensor
+    evidence: torch.Tensor
+    scores: torch.Tensor
+    evaluations: int
+
+
+def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: ExplainSettings) -> Ends:
+    """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
+    objective, count = objectives[1.0], settings.stages[0].starts
+    framing = perturbed_framing(count) if settings.free_framing else None
+    points = objective.point(starts(prediction, count), framing)
+    evidence = scores = torch.zeros(len(points), dtype=torch.float64)
+    evaluations = 0
+    for stage in settings.stages:
+        points = points[survivors(objective.latents(points).azimuth, scores, stage.starts)]
+        descent = settings.optimizer(
+            objectives[stage.scale],
+            points,
+            torch.zeros(len(points), dtype=torch.int32),
+            settings.likelihood.sigma * stage.sigma,
+            stage.budget,
+        )
+        points, evidence = descent.points, descent.value
+        view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
+        scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
+        evaluations += int(descent.evaluations.sum())
+    return Ends(points, evidence, scores, evaluations)
+
+
+def survivors(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.Tensor:
+    """Indices of the `count` points that enter a stage: half by score alone, half the best of other views.
+
+    A view is `DISTINCT_AZIMUTH` away from the others; where there are no more views, score alone decides. So
+    the back of the object is not dropped before a fit at full size has compared it with the front.
+
+    Args:
+        azimuth: (B,) radians.
+        scores: (B,), higher is better.
+        count: At most B.
+    """
+    order = scores.argsort(descending=True, stable=True).tolist()
+    chosen = order[: (count + 1) // 2]
+    for index in order:
+        if (
+            len(chosen) < count
+            and (angle_difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
+        ):
+            chosen.append(index)
+    chosen += [index for index in order if index not in chosen][: count - len(chosen)]
+    return torch.tensor(chosen)
+
+
+def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
+    """`count` starts for one photo's prediction (N = 1), the first being the best guess itself.
+
+    Each peak of azimuth gets a share of the starts near its probability, at least one; beyond a peak's first,
+    azimuth, elevation and shape are perturbed at random. The same seed gives the same starts.
+    """
+    weights, angles = prediction.modes(PEAKS)
+    probability = weights[0].exp()
+    kept = int((probability / probability.sum() > LEAST_PEAK).sum().clamp(1, count))
+    peaks = _allot((probability[:kept] / probability[:kept].sum()).numpy(), count)
+    numbers, layout = prediction.numbers.expand(count, -1).clone(), prediction.layout
+    rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
+    repeated = np.array([peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
+    normal = rng.standard_normal((count, 2 + layout.count("shape"))).astype(np.float32)
+    noise = torch.from_numpy(normal * repeated)
+    moved = layout.indices("elevation", "shape")
+    numbers[:, moved] += RELATIVE_SPREAD * prediction.deviation[:, moved] * noise[:, 1:]
+    return latents_of(numbers, angles[0, peaks] + AZIMUTH_SPREAD * noise[:, 0])
+
+
+def perturbed_framing(count: int, seed: int = 0) -> torch.Tensor:
+    """Framings (count, 3) for as many starts, the first 0, the others drawn from the prior."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
+    noise = rng.standard_normal((count, FRAMING.size)).astype(np.float32)
+    noise[0] = 0.0
+    return torch.from_numpy(noise * np.array(FRAMING.deviation, np.float32))
+
+
+def _allot(share: np.ndarray, count: int) -> list[int]:
+    """Peaks of `count` starts: each peak once, then whichever has most too few for its share."""
+    given = list(range(len(share)))
+    numbers = np.ones(len(share))
+    while len(given) < count:
+        most = int(np.argmax(share * (count + 1) - numbers))
+        given.append(most)
+        numbers[most] += 1
+    return given[:count]
