@@ -1,4 +1,4 @@
-# make demo | test | check | wheel | clean: all but the last make their environment (.venv) when it is missing.
+# make demo | test | check | clean: all but the last make their environment (.venv) when it is missing.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip
 # reached, or is set to nothing (make TORCH_INDEX=), the default index serves torch.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
-.PHONY: demo test check wheel clean
+.PHONY: demo test check clean
 
 demo: $(INSTALLED)
 	$(BIN)/vig demo
@@ -22,9 +22,6 @@ check: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-
-wheel: $(INSTALLED)
-	$(PIP) wheel --quiet --no-deps --wheel-dir dist .
 
 # Torch comes first and pinned, so that no later package can pull another build of it.
 $(INSTALLED): pyproject.toml constraints.txt

@@ -39,7 +39,7 @@ def test_the_public_names_and_the_work_of_core_verbs_import_without_extras(tmp_p
     found = run_blocked(
         "import vig\n"
         "for name in vig.__all__: getattr(vig, name)\n"
-        "import vig.cli.fit, vig.cli.doctor\n"
+        "import vig.cli.fit, vig.cli.doctor, vig_lab.cli.demo\n"
         "explainer = vig.Explainer('teapot')\n"
         "print(type(explainer).__name__)",
         tmp_path,
