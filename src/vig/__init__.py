@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from vig.errors import UserError as UserError
     from vig.explainer import Explainer as Explainer
     from vig.explanation import Explanation as Explanation
-    from vig.inference.fit import Verdict as Verdict
+    from vig.inference.settings import Verdict as Verdict
     from vig.renderer.rendering import render as render
     from vig.scene.camera import Camera as Camera
     from vig.scene.latents import Latents as Latents

@@ -11,7 +11,7 @@ import torch
 
 from vig.errors import optional_import
 from vig.files import atomic_write
-from vig.recognition.targets import layout_of_numbers
+from vig.recognition.network import layout_of_numbers
 from vig_lab.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
 from vig_lab.training.training import Epoch, TrainingSettings, train
 from vig_world.dataset import Dataset

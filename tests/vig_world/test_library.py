@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vig.scene import ObjectClass
-from vig.scene.designs import NO_DESIGN, shape_vertices
+from vig.scene.object_class import NO_DESIGN, shape_vertices
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,

@@ -2,11 +2,10 @@
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one
-from vig.inference.fit import Fit, Verdict
 from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
-from vig.inference.settings import ExplainSettings, Stage
+from vig.inference.settings import ExplainSettings, Fit, Stage, Verdict
 
 __all__ = [
     "CONFIDENCE_FEATURES",

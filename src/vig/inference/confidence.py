@@ -9,11 +9,9 @@ import torch
 from torch.nn import functional
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
-from vig.inference.fit import Fit, Verdict
 from vig.inference.objective import Objective
-from vig.inference.refinement import DISTINCT_AZIMUTH
-from vig.inference.selection import Selection
-from vig.inference.settings import ExplainSettings
+from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
+from vig.inference.settings import ExplainSettings, Fit, Verdict
 from vig.likelihood import PixelModel, SpatialModel, mixture, spatial_posterior
 from vig.recognition import Prediction
 from vig.scene import Latents, angle_difference

@@ -8,11 +8,9 @@ import torch
 
 from vig.inference.calibration import calibration_of
 from vig.inference.confidence import assess
-from vig.inference.fit import Fit
 from vig.inference.posterior import objectives_of
-from vig.inference.refinement import refine
-from vig.inference.selection import select
-from vig.inference.settings import ExplainSettings
+from vig.inference.refinement import refine, select
+from vig.inference.settings import ExplainSettings, Fit
 from vig.likelihood import load_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer

@@ -9,7 +9,7 @@ import torch
 
 from vig.likelihood import Evaluation, Likelihood
 from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotations_z, turn_rate_z
-from vig.scene.layout import FRAMING
+from vig.scene.latents import FRAMING
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,8 @@
 
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
 from vig.likelihood.kernels.assembly import load_kernels
-from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, mixture
+from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, log_colour_density, mixture
 from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
-from vig.likelihood.surroundings import log_colour_density
 from vig.names import LikelihoodName
 
 LIKELIHOODS: dict[LikelihoodName, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}

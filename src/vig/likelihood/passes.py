@@ -12,7 +12,7 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.assembly import PARTS, likelihood_kernels
-from vig.likelihood.kernels.types import LANES
+from vig.likelihood.kernels.groups import LANES
 from vig.parallel.internals import group_fields, type_parts
 from vig.renderer import NOTHING, warp_array
 from vig.renderer.device import Prepared

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.optimizers.bounds import held_by_bounds, scales
-from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches, held_by_bounds, scales
 
 SUFFICIENT, CURVATURE = 1e-4, 0.1
 """Wolfe's conditions: share of the promised gain, and of the slope that may be left."""

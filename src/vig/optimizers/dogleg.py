@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.optimizers.bounds import bounded_step, newton, scales
-from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches, bounded_step, newton, scales
 
 
 @dataclass(frozen=True)

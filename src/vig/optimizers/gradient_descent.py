@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.optimizers.bounds import scales
-from vig.optimizers.optimizer import Budget, Descent, Problem, Searches
+from vig.optimizers.optimizer import Budget, Descent, Problem, Searches, scales
 
 STALL = 10
 """Steps over which the gain is compared with the budget's tolerance: single ones are small."""

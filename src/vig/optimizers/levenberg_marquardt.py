@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.optimizers.bounds import bounded_step
-from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.optimizers.optimizer import Budget, Descent, Problem, bounded_step
 from vig.parallel.threads import on_one_core
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import torch
 from scipy.optimize import Bounds, OptimizeResult, minimize
 
-from vig.optimizers.bounds import held_by_bounds, scales
-from vig.optimizers.optimizer import Budget, Descent, Problem
+from vig.optimizers.optimizer import Budget, Descent, Problem, held_by_bounds, scales
 
 EVALUATIONS_PER_STEP = 20
 """A search may value its problem this often for each iteration of its budget; then it ends."""

@@ -17,7 +17,7 @@ from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
 
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.scene.colour import linear_from_srgb, srgb8_from_linear
+from vig.scene.light import linear_from_srgb, srgb8_from_linear
 
 MIN_SIDE = 16
 MAX_PIXELS = 100_000_000

@@ -18,9 +18,11 @@ from vig.recognition.network import (
     NetworkSettings,
     RecognitionNetwork,
     bfloat16,
+    latents_of,
+    layout_of_numbers,
     load_network,
+    mask_at_pixels,
 )
-from vig.recognition.targets import latents_of, layout_of_numbers, mask_at_pixels
 from vig.scene import LatentLayout, Latents, ObjectClass, regressed_layout, srgb_from_linear
 
 

@@ -14,8 +14,7 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.device import initialise, native_code, scalar_type
-from vig.renderer.kernel_calls import launch
+from vig.renderer.device import initialise, launch, native_code, scalar_type
 from vig.scene import Camera
 
 NEAR = 0.01

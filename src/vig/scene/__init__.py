@@ -1,13 +1,11 @@
 """What is explained: latents, shape model, light, camera, object class."""
 
-from vig.scene.angles import angle_difference
-from vig.scene.camera import IMAGE_SIZE, Camera, camera_rotation
-from vig.scene.colour import linear_from_srgb, srgb8_from_linear, srgb_from_linear
-from vig.scene.latents import Latents
-from vig.scene.layout import (
+from vig.scene.camera import IMAGE_SIZE, Camera, angle_difference, camera_rotation
+from vig.scene.latents import (
     SHAPE_LIMIT,
     Block,
     LatentLayout,
+    Latents,
     latent_layout,
     layout_of_width,
     point_layout,
@@ -18,9 +16,12 @@ from vig.scene.light import (
     exposed,
     grey,
     irradiance,
+    linear_from_srgb,
     rotate_z,
     rotations_z,
     sh_basis,
+    srgb8_from_linear,
+    srgb_from_linear,
     turn_rate_z,
 )
 from vig.scene.object_class import ObjectClass

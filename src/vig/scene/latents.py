@@ -1,13 +1,223 @@
-"""The numbers that explain one object in one image."""
+"""The numbers that explain one object in one image, and the one order in which they stand in a vector."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import torch
 
-from vig.scene.layout import latent_layout, layout_of_width
 from vig.scene.light import L_COUNT
+
+SHAPE_LIMIT = 3.0
+"""Shape coefficients stay within this many standard deviations."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A named run of neighbouring numbers.
+
+    Attributes:
+        name: What other code asks for it by, such as `azimuth`.
+        size: How many numbers it has; 0 for one that this class or fit does without.
+        lower: Least value of each number; one for all, or `size` of them.
+        upper: Greatest value of each; a number whose bounds are equal is held.
+        labels: A name for each number, as written in tables; `name`, or `name_0`, `name_1`, ... by default.
+        deviation: Standard deviation of each number's Gaussian prior about 0; None when it has none, or one
+            that the class or the recognition model states.
+        weighted: Whether an objective's `prior_weight` applies to that prior.
+    """
+
+    name: str
+    size: int
+    lower: float | tuple[float, ...] = -math.inf
+    upper: float | tuple[float, ...] = math.inf
+    labels: tuple[str, ...] = ()
+    deviation: float | tuple[float, ...] | None = None
+    weighted: bool = True
+
+    def __post_init__(self) -> None:
+        if self.size < 0:
+            raise ValueError(
+                f"block '{self.name}' must have 0 or more numbers; got {self.size}. Give its size."
+            )
+        for what in ("lower", "upper", "labels", "deviation"):
+            value = getattr(self, what)
+            if isinstance(value, tuple) and value and len(value) != self.size:
+                raise ValueError(
+                    f"{what} of block '{self.name}' must be {self.size}; got {len(value)}. Give one for each."
+                )
+
+    def held(self, value: float = 0.0) -> Block:
+        """The same block with every number kept at `value`."""
+        return replace(self, lower=value, upper=value)
+
+
+@dataclass(frozen=True)
+class LatentLayout:
+    """Where each block of latents stands in a vector of P numbers: `layout["azimuth"]` is its slice.
+
+    Everything that knows a vector knows it through a layout: nothing else counts columns.
+    """
+
+    blocks: tuple[Block, ...]
+
+    def __post_init__(self) -> None:
+        names = [block.name for block in self.blocks]
+        if len(set(names)) != len(names):
+            raise ValueError(f"blocks must have different names; got {', '.join(names)}. Rename one.")
+
+    @cached_property
+    def _slices(self) -> dict[str, slice]:
+        slices, start = {}, 0
+        for block in self.blocks:
+            slices[block.name] = slice(start, start + block.size)
+            start += block.size
+        return slices
+
+    @cached_property
+    def size(self) -> int:
+        """P, how many numbers a vector has."""
+        return sum(block.size for block in self.blocks)
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """A name for each number, as written in tables."""
+        names: list[str] = []
+        for block in self.blocks:
+            alone = (block.name,) if block.size == 1 else ()
+            counted = tuple(f"{block.name}_{number}" for number in range(block.size))
+            names += block.labels or alone or counted
+        return tuple(names)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._slices
+
+    def __getitem__(self, name: str) -> slice:
+        """Where a block stands. KeyError with the blocks that there are when it is absent."""
+        if name not in self._slices:
+            held = ", ".join(self._slices)
+            raise KeyError(f"expected one of the blocks {held}; got '{name}'. Add it with `with_blocks`.")
+        return self._slices[name]
+
+    def at(self, name: str) -> int:
+        """The place of a block's first number."""
+        return int(self[name].start)
+
+    def count(self, name: str) -> int:
+        """How many numbers a block has, 0 when it is absent."""
+        return self._slices[name].stop - self._slices[name].start if name in self else 0
+
+    def indices(self, *names: str) -> list[int]:
+        """The places of all numbers of these blocks, block by block."""
+        return [place for name in names for place in range(self[name].start, self[name].stop)]
+
+    def with_blocks(self, *blocks: Block) -> LatentLayout:
+        """This layout with further blocks at its end; one of a name that is there takes its place."""
+        new = {block.name: block for block in blocks}
+        kept = tuple(new.pop(block.name, block) for block in self.blocks)
+        return LatentLayout((*kept, *new.values()))
+
+    def without(self, *names: str) -> LatentLayout:
+        """This layout without some blocks, which must be there."""
+        for name in names:
+            self[name]
+        return LatentLayout(tuple(block for block in self.blocks if block.name not in names))
+
+    def block(self, name: str) -> Block:
+        """A block by its name."""
+        self[name]
+        return next(block for block in self.blocks if block.name == name)
+
+    def split(self, vector: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The blocks of vectors (..., P) by name, each (..., size). ValueError on another width."""
+        if vector.ndim < 1 or vector.shape[-1] != self.size:
+            blocks = " + ".join(f"{block.size} {block.name}" for block in self.blocks)
+            came = tuple(vector.shape)
+            raise ValueError(
+                f"latents must be (..., {self.size}) for {blocks}; got {came}. Take their layout."
+            )
+        return {name: vector[..., place] for name, place in self._slices.items()}
+
+    def join(self, parts: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        """The inverse of `split`: vectors (..., P) of all blocks, each (..., size)."""
+        found = {name: part.shape[-1] for name, part in parts.items()}
+        wanted = {block.name: block.size for block in self.blocks}
+        if found != wanted:
+            raise ValueError(f"expected blocks of sizes {wanted}; got {found}. Name each block once.")
+        return torch.cat([parts[block.name] for block in self.blocks], dim=-1)
+
+    def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:
+        """The blocks that have a Gaussian prior about 0: deviation of each number, and `Block.weighted`."""
+        return {
+            block.name: (tuple(_each(block.deviation, block.size)), block.weighted)
+            for block in self.blocks
+            if block.deviation is not None
+        }
+
+    def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest value of each of the P numbers."""
+        lower = tuple(value for block in self.blocks for value in _each(block.lower, block.size))
+        upper = tuple(value for block in self.blocks for value in _each(block.upper, block.size))
+        return lower, upper
+
+
+def _each(value: float | tuple[float, ...], size: int) -> Iterable[float]:
+    return value if isinstance(value, tuple) else (value,) * size
+
+
+LIGHT_LABELS = tuple(f"light_{degree}_{order}" for degree in range(3) for order in range(-degree, degree + 1))
+
+FRAMING = Block(
+    "framing",
+    3,
+    (-0.15, -0.15, -0.35),
+    (0.15, 0.15, 0.35),
+    ("shift_x", "shift_y", "log_scale"),
+    deviation=(0.04, 0.04, 0.12),
+    weighted=False,
+)
+"""Shift of the image in its widths, right and down, and the log of its magnification."""
+
+
+def latent_layout(modes: int) -> LatentLayout:
+    """The latents of a scene with K shape components, as datasets and tables have them: P = K + 14."""
+    return LatentLayout(
+        (
+            Block(
+                "shape",
+                modes,
+                -SHAPE_LIMIT,
+                SHAPE_LIMIT,
+                tuple(f"shape_{mode}" for mode in range(modes)),
+                deviation=1.0,
+            ),
+            Block("azimuth", 1),
+            Block("elevation", 1, 0.0, math.pi / 2),
+            Block("albedo", 3, 0.0, 1.0, ("albedo_r", "albedo_g", "albedo_b")),
+            Block("light", L_COUNT, labels=LIGHT_LABELS),
+        )
+    )
+
+
+def layout_of_width(width: int) -> LatentLayout:
+    """The latents of a scene from how many numbers they have, P = K + 14. ValueError for too few."""
+    modes = width - latent_layout(0).size
+    if modes < 0:
+        raise ValueError(f"latents must be K + {latent_layout(0).size} numbers; got {width}")
+    return latent_layout(modes)
+
+
+def regressed_layout(modes: int) -> LatentLayout:
+    """What a recognition network regresses: the latents without azimuth, which it classifies."""
+    return latent_layout(modes).without("azimuth")
+
+
+def point_layout(modes: int) -> LatentLayout:
+    """What a fit moves: the latents, then the framing of the image."""
+    return latent_layout(modes).with_blocks(FRAMING)
 
 
 @dataclass(frozen=True)
@@ -50,7 +260,7 @@ class Latents:
         return Latents(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def to_vector(self) -> torch.Tensor:
-        """All latents as (B, P) in the order of `vig.scene.layout.latent_layout`."""
+        """All latents as (B, P) in the order of `vig.scene.latents.latent_layout`."""
         parts = {field.name: getattr(self, field.name) for field in fields(self)}
         columns = {name: part if part.ndim == 2 else part[:, None] for name, part in parts.items()}
         return latent_layout(self.shape.shape[1]).join(columns)

@@ -1,6 +1,6 @@
 """The experiments' verbs of the command line."""
 
-from vig.cli.verb import Verb
+from vig.cli.common import Verb
 from vig_lab.cli.settings import Calibrate, Demo, Evaluate, Reproduce, Train
 
 VERBS = (

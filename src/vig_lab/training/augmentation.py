@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from vig.recognition.targets import cell_shares, mirrored
+from vig.recognition.network import cell_shares, mirrored
 from vig_lab.training.examples import Examples
 
 GAMMA = 2.2

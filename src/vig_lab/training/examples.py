@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from vig.recognition.targets import mask_labels, numbers_of
+from vig.recognition.network import mask_labels, numbers_of
 from vig.scene import Latents
 from vig_world.dataset import Dataset
 

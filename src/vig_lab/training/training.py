@@ -15,8 +15,14 @@ import torch
 from torch.nn import functional
 
 from vig.errors import UserError
-from vig.recognition.network import Heads, NetworkSettings, RecognitionNetwork, bfloat16
-from vig.recognition.targets import azimuth_labels, layout_of_numbers
+from vig.recognition.network import (
+    Heads,
+    NetworkSettings,
+    RecognitionNetwork,
+    azimuth_labels,
+    bfloat16,
+    layout_of_numbers,
+)
 from vig.scene import angle_difference
 from vig_lab.training.augmentation import Augmentation
 from vig_lab.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig.scene import SHAPE_LIMIT, ObjectClass
-from vig.scene.designs import NO_DESIGN, nearest_shape, shape_vertices
+from vig.scene.object_class import NO_DESIGN, nearest_shape, shape_vertices
 from vig_world.dataset.spec import SceneSpec, Split
 
 DESIGN_SPREAD = 0.5

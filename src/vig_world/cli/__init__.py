@@ -1,6 +1,6 @@
 """The generator's verbs of the command line."""
 
-from vig.cli.verb import Verb
+from vig.cli.common import Verb
 from vig_world.cli.settings import Check, Export, Make, Show
 
 VERBS = (

@@ -9,8 +9,7 @@ import numpy as np
 import torch
 
 from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
-from vig.scene.designs import HeldOutDesigns
-from vig.scene.object_class import PACKAGED
+from vig.scene.object_class import PACKAGED, HeldOutDesigns
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
     PART_NAMES,

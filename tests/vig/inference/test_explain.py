@@ -22,14 +22,13 @@ from vig.inference import (
 from vig.inference.calibration import LEAST_DEVIATION
 from vig.inference.confidence import MOST_GAP, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
-from vig.inference.refinement import Ends, survivors
-from vig.inference.selection import AMBIGUOUS_NATS, select
+from vig.inference.refinement import AMBIGUOUS_NATS, Ends, select, survivors
 from vig.inference.settings import Stage
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.optimizers.optimizer import Budget, Descent
 from vig.recognition import Prediction
-from vig.recognition.targets import azimuth_labels, numbers_of
+from vig.recognition.network import azimuth_labels, numbers_of
 from vig.scene import Latents, ObjectClass
 
 SETTINGS = ExplainSettings(self_shadow=False, calibrated=False)
@@ -208,7 +207,7 @@ def test_a_search_without_steps_is_no_better_than_the_guess(whole: Case, teapot:
 def test_a_rival_from_another_side_makes_it_ambiguous(
     turned_deg: float, whole: Case, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vig.inference.selection.AMBIGUOUS_NATS", math.inf)
+    monkeypatch.setattr("vig.inference.refinement.AMBIGUOUS_NATS", math.inf)
     rival = replace(whole.truth, azimuth=whole.truth.azimuth + math.radians(turned_deg))
     found = explain_one(whole.photo, whole.prediction, teapot, ending_at(rival, whole.truth))
     assert azimuth_off(found.latents, whole.truth) < 1e-3

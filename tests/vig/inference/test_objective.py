@@ -8,7 +8,7 @@ import torch
 
 from vig.inference import Objective, RecognitionPrior
 from vig.scene import Latents, ObjectClass, rotate_z
-from vig.scene.layout import FRAMING
+from vig.scene.latents import FRAMING
 
 
 @pytest.fixture(scope="module")

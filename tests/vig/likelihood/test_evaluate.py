@@ -8,7 +8,7 @@ import torch
 
 from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
 from vig.likelihood.kernels.geometry import Geometry
-from vig.recognition.targets import latents_of, mirrored, numbers_of
+from vig.recognition.network import latents_of, mirrored, numbers_of
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Latents
 

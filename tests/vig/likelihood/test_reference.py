@@ -10,7 +10,7 @@ import torch
 
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.kernels.types import REST
+from vig.likelihood.kernels.groups import REST
 from vig.likelihood.passes import Pass
 from vig.likelihood.reference import constant_mask_value, shade, surface_at
 from vig.renderer import rasterize

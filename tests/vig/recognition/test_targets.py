@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from vig.recognition.targets import (
+from vig.recognition.network import (
     azimuth_labels,
     latents_of,
     mask_at_pixels,

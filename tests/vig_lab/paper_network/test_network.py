@@ -15,7 +15,7 @@ from safetensors.torch import load_file, save_file
 from vig.errors import UserError
 from vig.inference import ExplainSettings
 from vig.inference.posterior import pixel_prior
-from vig.recognition.targets import numbers_of
+from vig.recognition.network import numbers_of
 from vig.scene import Latents, linear_from_srgb
 from vig_lab.paper_network.network import FACTORS, PaperNetworks, PaperSettings, targets_of
 from vig_lab.paper_network.recognizer import PaperRecognizer

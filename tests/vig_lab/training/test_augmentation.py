@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.recognition.targets import mirrored
+from vig.recognition.network import mirrored
 from vig_lab.training.augmentation import NO_MASK, Augmentation, blobs
 from vig_lab.training.examples import Examples
 

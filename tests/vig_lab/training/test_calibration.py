@@ -12,7 +12,7 @@ from tests.vig.recognition.test_training import tiny_dataset
 
 from vig.errors import UserError
 from vig.recognition import NetworkCalibration, NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.targets import numbers_of
+from vig.recognition.network import numbers_of
 from vig.scene import Latents, linear_from_srgb
 from vig_lab.training.calibration import calibrate_network, temperature, widening
 from vig_lab.training.checkpoint import save_weights

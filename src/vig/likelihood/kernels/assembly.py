@@ -7,9 +7,8 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.boundary import boundary_kernels
-from vig.likelihood.kernels.groups import argument_groups
+from vig.likelihood.kernels.groups import RowLayout, argument_groups, kernel_types, module_name
 from vig.likelihood.kernels.interior import interior_kernels
-from vig.likelihood.kernels.types import RowLayout, kernel_types, module_name
 from vig.likelihood.kernels.vertices import vertex_kernels
 from vig.renderer.raster import raster_kernels
 

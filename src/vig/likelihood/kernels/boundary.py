@@ -18,9 +18,8 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.edges import LEAST_SQUARE, edge_functions
-from vig.likelihood.kernels.groups import argument_groups
+from vig.likelihood.kernels.groups import argument_groups, kernel_types, module_name
 from vig.likelihood.kernels.surface import surface_functions
-from vig.likelihood.kernels.types import kernel_types, module_name
 from vig.likelihood.pixel import LOG_UNIT
 
 LEAST_BRIGHTNESS = 1e-6

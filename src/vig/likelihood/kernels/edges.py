@@ -6,9 +6,8 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.groups import argument_groups
+from vig.likelihood.kernels.groups import argument_groups, kernel_types
 from vig.likelihood.kernels.surface import surface_functions
-from vig.likelihood.kernels.types import kernel_types
 from vig.renderer.raster import FACE_MASK, NOTHING
 
 BEHIND_EDGE = 0.002

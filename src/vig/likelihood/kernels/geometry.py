@@ -8,7 +8,7 @@ import numpy as np
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.types import RowLayout, kernel_types
+from vig.likelihood.kernels.groups import RowLayout, kernel_types
 from vig.renderer.device import warp_array
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT

@@ -6,9 +6,8 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.groups import argument_groups
+from vig.likelihood.kernels.groups import LANES, argument_groups, kernel_types, module_name, native_file
 from vig.likelihood.kernels.surface import surface_functions
-from vig.likelihood.kernels.types import LANES, kernel_types, module_name, native_file
 from vig.likelihood.pixel import LOG_UNIT
 from vig.renderer.raster import FACE_MASK, NOTHING
 

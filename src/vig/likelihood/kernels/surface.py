@@ -15,8 +15,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.groups import argument_groups
-from vig.likelihood.kernels.types import REST, kernel_types
+from vig.likelihood.kernels.groups import REST, argument_groups, kernel_types
 from vig.scene.light import COSINE_LOBE, L_COUNT, Y00, Y1, Y2, Y20
 
 

@@ -18,8 +18,16 @@ import torch
 import warp as wp
 
 from vig.checks import check_indices
-from vig.renderer.device import initialise, scalar_type
-from vig.renderer.kernel_calls import check_floats, check_size, check_table, kernel_module, launch, opaque
+from vig.renderer.device import (
+    check_floats,
+    check_size,
+    check_table,
+    initialise,
+    kernel_module,
+    launch,
+    opaque,
+    scalar_type,
+)
 from vig.renderer.primitives.visibility import beyond_near
 from vig.renderer.raster import NEAR
 

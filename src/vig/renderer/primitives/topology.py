@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from vig.checks import check_indices
-from vig.renderer.kernel_calls import check_table
+from vig.renderer.device import check_table
 
 
 @dataclass(frozen=True)

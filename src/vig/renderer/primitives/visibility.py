@@ -14,8 +14,15 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.renderer.device import scalar_type
-from vig.renderer.kernel_calls import check_floats, check_size, check_table, kernel_module, launch, opaque
+from vig.renderer.device import (
+    check_floats,
+    check_size,
+    check_table,
+    kernel_module,
+    launch,
+    opaque,
+    scalar_type,
+)
 from vig.renderer.raster import FACE_MASK, KEYS_MARGIN, NEAR, NOTHING, native_draw_faces
 
 

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig.scene.colour import linear_from_srgb
-from vig.scene.light import COSINE_LOBE, Y1
+from vig.scene.light import COSINE_LOBE, Y1, linear_from_srgb
 from vig_world.renderers.picture import CANVAS, Picture
 from vig_world.renderers.raster.items import HARMONICS, Item, Target, item_table
 from vig_world.renderers.raster.native import workspace

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import torch
 
-from vig.renderer.primitives.pyramid import Pyramid
+from vig.renderer.primitives.texture import Pyramid
 from vig.renderer.primitives.visibility import Visible
 from vig.renderer.raster import NEAR
 

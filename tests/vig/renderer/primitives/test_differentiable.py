@@ -10,7 +10,7 @@ import torch
 
 from tests.vig.renderer.primitives import reference
 from vig.renderer.primitives import barycentrics, interpolate, pyramid, sample_texture, stack_pyramids
-from vig.renderer.primitives.pyramid import Pyramid
+from vig.renderer.primitives.texture import Pyramid
 
 Function = Callable[..., torch.Tensor]
 

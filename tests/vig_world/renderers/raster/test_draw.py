@@ -11,9 +11,8 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.reference import shade
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
-from vig.scene.colour import linear_from_srgb
-from vig.scene.designs import NO_DESIGN, shape_vertices
-from vig.scene.light import Y00
+from vig.scene.light import Y00, linear_from_srgb
+from vig.scene.object_class import NO_DESIGN, shape_vertices
 from vig_world.assets.props import FAMILIES
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh, vertex_normals
