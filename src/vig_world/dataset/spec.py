@@ -80,10 +80,11 @@ class SceneSpec:
     """One scene: the 24 latents and everything else that is seen.
 
     shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
-    held-out design of the class whose deviation from the model the object also has, -1 for none. azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world
-    frame, as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
-    target: the occlusion asked for, in [0, 0.9]; occlusion: what the sampler measured, one sample per pixel.
-    rejected: how many candidate placements were thrown away, by reason.
+    held-out design of the class whose deviation from the model the object also has, -1 for none.
+    azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame,
+    as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
+    target: the occlusion asked for, in [0, 0.9]; occlusion: what the sampler measured, one sample per
+    pixel. rejected: how many candidate placements were thrown away, by reason.
     """
 
     seed: int
