@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.measuring import metric, report, write
-from vig.examples import example_photos
+from vig_lab.examples import example_photos
 
 WARM_RUNS, COLD_RUNS = 5, 2
 

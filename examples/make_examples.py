@@ -1,4 +1,4 @@
-"""Makes the packaged example photos (`src/vig/examples`): path-traced scenes of the test split, photographed.
+"""Makes the packaged example photos (`src/vig_lab/examples`): path-traced scenes of the test split, photographed.
 
     VIG_BLENDER_PYTHON=blender/bin/python python examples/make_examples.py      # to install: docs/cycles.md
 
@@ -22,10 +22,10 @@ from pathlib import Path
 
 import torch
 
-from vig.examples import FOLDER
 from vig.files import atomic_write
 from vig.photo.images import write_png
 from vig.scene import ObjectClass
+from vig_lab.examples import FOLDER
 from vig_world.composition.sampling import sample, target_occlusion
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation.job import photographed

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.examples import FOLDER, Example, example_photos
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
 from vig.scene.object_class import shape_vertices
+from vig_lab.examples import FOLDER, Example, example_photos
 from vig_world.assets.designs import HELD_OUT_DESIGNS
 
 EXAMPLES = example_photos()

@@ -32,7 +32,7 @@ BELOW = {
         "vig.optimizers",
         "vig.recognition",
     },
-    "vig.examples": {"vig.scene"},
+    "vig_lab.examples": {"vig.scene"},
     "vig.report": {"vig.scene", "vig.photo", "vig.renderer", "vig.inference"},
 }
 ROOMS |= {room: below | HELPERS for room, below in BELOW.items()}
@@ -71,6 +71,7 @@ WORLD = {
 for name in ("composition", "packs", "renderers", "generation", "cli"):
     WORLD[f"vig_world.{name}"] = set(WORLD)
 LAB = {
+    "vig_lab.examples": set(),
     "vig_lab.names": set(),
     "vig_lab.training": set(),
     "vig_lab.plots": {"vig_lab.training"},

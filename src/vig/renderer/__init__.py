@@ -2,8 +2,7 @@
 
 from vig.renderer.device import warp_array
 from vig.renderer.explained import render_latents, scene_of
-from vig.renderer.primitives import pyramid
-from vig.renderer.primitives.texture import Pyramid
+from vig.renderer.primitives.texture import Pyramid, pyramid
 from vig.renderer.primitives.topology import Topology
 from vig.renderer.raster import NOTHING, Fragments, raster_kernels, rasterize
 from vig.renderer.rendering import jacobian, render

@@ -15,7 +15,6 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from vig.examples import Example, example_photos
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings
@@ -23,6 +22,7 @@ from vig.photo.images import write_png
 from vig.scene.object_class import shape_vertices
 from vig_lab.cli.settings import Demo
 from vig_lab.evaluation.metrics import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
+from vig_lab.examples import Example, example_photos
 
 
 def demo(settings: Demo) -> int:

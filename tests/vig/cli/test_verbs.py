@@ -13,9 +13,9 @@ from PIL import Image
 
 from vig.cli.main import main
 from vig.cli.settings import Fit
-from vig.examples import example_photos
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
+from vig_lab.examples import example_photos
 
 
 def refused(capsys, *arguments: object) -> str:

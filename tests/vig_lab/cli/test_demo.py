@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from vig.cli.main import main
-from vig.examples import example_photos
+from vig_lab.examples import example_photos
 
 pytestmark = pytest.mark.slow
 FILES = {"explanation.json", "overlay.png", "mask.png", "object.glb"}
