@@ -1,4 +1,4 @@
-"""Makes the packaged example photos (`src/vig_lab/examples`): path-traced scenes of the test split, photographed.
+"""Makes the packaged example photos (`src/vig_lab/examples`): path-traced, photographed scenes of the test split.
 
     VIG_BLENDER_PYTHON=blender/bin/python python examples/make_examples.py      # to install: docs/cycles.md
 

@@ -32,7 +32,6 @@ BELOW = {
         "vig.optimizers",
         "vig.recognition",
     },
-    "vig_lab.examples": {"vig.scene"},
     "vig.report": {"vig.scene", "vig.photo", "vig.renderer", "vig.inference"},
 }
 ROOMS |= {room: below | HELPERS for room, below in BELOW.items()}

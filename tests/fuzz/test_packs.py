@@ -195,7 +195,7 @@ def test_fit_refuses_faces_out_of_range(tmp_path: Path) -> None:
     arrays = load_file(tmp_path / "pack" / "shape.safetensors")
     arrays["faces"][100:110] = 5_000_000
     save_file(arrays, tmp_path / "pack" / "shape.safetensors")
-    photo = next((PACKAGED.parent / "examples").glob("*.png"))
+    photo = next((PACKAGED.parents[1] / "vig_lab" / "examples").glob("*.png"))
     command = [sys.executable, "-c", "from vig.cli.main import main; main()", "fit", str(photo)]
     command += ["--out", str(tmp_path / "out"), "--class", str(tmp_path / "pack")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300)

@@ -56,7 +56,7 @@ def test_help_needs_no_extras(verb: list[str], tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_photo_is_explained_without_extras(tmp_path: Path) -> None:
-    photo = Path(__file__).parents[2] / "src" / "vig" / "examples" / "01_open.png"
+    photo = Path(__file__).parents[2] / "src" / "vig_lab" / "examples" / "01_open.png"
     found = run_vig(["fit", str(photo), "--out", "result"], tmp_path)
     assert found.returncode == 0, found.stderr
     assert list((tmp_path / "result").rglob("explanation.json"))
