@@ -1,4 +1,4 @@
-"""Makes the packaged example photos (`src/vig_lab/examples`): path-traced, photographed scenes of the test split.
+"""Makes the packaged example photos (`src/vig_lab/examples`): path-traced, photographed test scenes.
 
     VIG_BLENDER_PYTHON=blender/bin/python python examples/make_examples.py      # to install: docs/cycles.md
 

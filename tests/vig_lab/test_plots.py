@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from tests.vig.recognition.test_training import tiny_dataset
 
+from tests.vig_lab.training.test_training import tiny_dataset
 from vig.recognition import NetworkCalibration, NetworkSettings
 from vig.recognition.network import azimuth_labels
 from vig_lab.plots import TrainingLog, describe_calibration, plot_reliability, train_and_plot, view_levels

@@ -8,8 +8,8 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
-from tests.vig.recognition.test_training import tiny_dataset
 
+from tests.vig_lab.training.test_training import tiny_dataset
 from vig.errors import UserError
 from vig.recognition import NetworkCalibration, NetworkSettings, RecognitionNetwork, Recognizer
 from vig.recognition.network import numbers_of

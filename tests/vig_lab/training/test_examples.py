@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.vig.recognition.test_training import InMemory, tiny_dataset
 
+from tests.vig_lab.training.test_training import InMemory, tiny_dataset
 from vig_lab.training.examples import HELD_SHARE, hold_out
 
 
