@@ -20,6 +20,8 @@ FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
+    if not settings.images:
+        raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
     box = None if settings.box is None else parse_box(settings.box)
     folders = result_folders(settings.images, settings.out)
     how = ExplainSettings(

@@ -124,6 +124,10 @@ def test_dataset_of_nothing(capsys, tmp_path):
     assert "count" in refused(capsys, "dataset", "make", "--out", tmp_path / "d", "--count", 0)
 
 
+def test_fit_without_a_photo(capsys, tmp_path):
+    assert "at least one photo" in refused(capsys, "fit", "--out", tmp_path / "out")
+
+
 def test_unknown_verb(capsys):
     refused(capsys, "paint")
 
