@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -140,7 +140,7 @@ class Explainer:
         if isinstance(answer, UserError):
             return answer
         photo, window, fit = answer
-        return Explanation(photo, window, _map_arrays(Fit(**fit), torch.from_numpy), self.object_class)
+        return Explanation(photo, window, _unpacked(fit), self.object_class)
 
 
 def checked_box(box: Any) -> Box:
@@ -182,17 +182,24 @@ def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
         found = explainer._tried(item)
         if isinstance(found, UserError):
             return found
-        return found.photo, found.window, vars(_map_arrays(found.fit, lambda tensor: tensor.numpy()))
+        return found.photo, found.window, _packed(found.fit)
 
     return work
 
 
-def _map_arrays(value: Any, change: Callable[[Any], Any]) -> Any:
-    """A dataclass with every tensor or array in it changed, those in dataclasses within it, too."""
-    if isinstance(value, torch.Tensor | np.ndarray):
-        return change(value)
-    if isinstance(value, Fit | Latents):
-        return type(value)(
-            **{field.name: _map_arrays(getattr(value, field.name), change) for field in fields(value)}
-        )
-    return value
+def _packed(fit: Fit) -> dict[str, Any]:
+    """A fit's fields as arrays and plain values, to go to another process."""
+    fields = vars(fit) | {"latents": fit.latents.to_vector()}
+    if fit.alternative is not None:
+        fields["alternative"] = fit.alternative.to_vector()
+    return {name: each.numpy() if isinstance(each, torch.Tensor) else each for name, each in fields.items()}
+
+
+def _unpacked(fields: dict[str, Any]) -> Fit:
+    """The inverse of `_packed`."""
+    given = {
+        n: torch.from_numpy(each) if isinstance(each, np.ndarray) else each for n, each in fields.items()
+    }
+    for name in ("latents", "alternative"):
+        given[name] = None if given[name] is None else Latents.from_vector(given[name])
+    return Fit(**given)

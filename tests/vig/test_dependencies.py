@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -81,7 +82,7 @@ def test_a_verb_that_needs_an_extra_names_it(verb: list[str], tmp_path: Path) ->
 
 def test_a_missing_package_is_one_line_with_its_extra() -> None:
     with pytest.raises(UserError) as error, optional_import("world"):
-        pass
+        import_module("vig_package_that_nobody_has")
     assert str(error.value) == (
         "expected the package vig_package_that_nobody_has, which is not installed; install it with"
         " `pip install 'vig[world]'`."
