@@ -197,9 +197,9 @@ def _packed(fit: Fit) -> dict[str, Any]:
 
 def _unpacked(fields: dict[str, Any]) -> Fit:
     """The inverse of `_packed`."""
-    given = {
-        n: torch.from_numpy(each) if isinstance(each, np.ndarray) else each for n, each in fields.items()
-    }
-    for name in ("latents", "alternative"):
-        given[name] = None if given[name] is None else Latents.from_vector(given[name])
+    given: dict[str, Any] = dict(fields)
+    for name, each in fields.items():
+        if isinstance(each, np.ndarray):
+            tensor = torch.from_numpy(each)
+            given[name] = Latents.from_vector(tensor) if name in ("latents", "alternative") else tensor
     return Fit(**given)
