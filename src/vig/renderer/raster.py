@@ -1,8 +1,5 @@
 """Rasterisation: which triangle is seen at each pixel's centre, and where on it."""
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="untyped-decorator,no-untyped-def"
-
 import functools
 from dataclasses import dataclass
 from pathlib import Path

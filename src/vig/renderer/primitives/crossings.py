@@ -7,9 +7,6 @@ polygons: no tolerance in metres, no normals, no winding. Surfaces that pierce e
 do.
 """
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="untyped-decorator,no-untyped-def"
-
 import functools
 from dataclasses import dataclass
 from types import SimpleNamespace

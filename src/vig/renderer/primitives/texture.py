@@ -1,7 +1,6 @@
 """Texture look-up: bilinear in two levels of a mip pyramid, linear between them (trilinear)."""
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="assignment,type-var,untyped-decorator,no-untyped-def,no-any-return"
+# mypy: disable-error-code="assignment,type-var,no-any-return"
 
 import functools
 import math

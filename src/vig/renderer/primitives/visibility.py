@@ -4,9 +4,6 @@ Points are homogeneous on the screen: (x z, y z, z) with (x, y) in pixels and z 
 that reach behind the near plane are cut off there; then the rasteriser of `vig.renderer.raster` draws them.
 """
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="untyped-decorator,no-untyped-def"
-
 import functools
 from dataclasses import dataclass
 from typing import Any
