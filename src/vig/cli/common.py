@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 GROUP = "vig.verbs"
-"""Entry points under which a package hands its verbs, a tuple of `Verb`, to the command line."""
+"""Entry points under which a package adds its verbs, a tuple of `Verb`, to the command line."""
 
 
 @dataclass(frozen=True)

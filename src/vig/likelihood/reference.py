@@ -67,9 +67,7 @@ def value(
         geometry: In float64, as the point, so that kernels can be compared with it to rounding.
         camera: Of the photo.
         point: Latents followed by framing, in the order of `point_layout`.
-        photo: (H, W, 3) linear RGB.
-        log_prior: (H, W, 3) of each pixel being visible, hidden, background.
-        sigma: Standard deviation of the noise.
+        photo, log_prior, sigma: See `Target`.
         held: (H, W) each pixel's face or -1, constant, without coverage: `silhouette="paper"`.
     """
     shaded, target = shade(geometry, camera, point), Target(photo, log_prior, sigma)

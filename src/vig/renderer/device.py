@@ -130,7 +130,7 @@ def initialise() -> None:
         with _starting, _without_native_messages():
             wp.init()
     except (OSError, RuntimeError) as error:
-        raise UserError(f"Warp could not start: {error}; `vig doctor` tells more") from error
+        raise UserError(f"Warp could not start: {error}; `vig doctor` reports more") from error
 
 
 @contextmanager

@@ -186,9 +186,6 @@ def rasterize(
         translation: (3,) camera_from_world, metres.
         camera: Its intrinsics.
         cull: Leave out faces turned away (clockwise).
-
-    Raises:
-        ValueError: Other shapes and types, or faces that name vertices which are not there.
     """
     vertices, faces = _checked("vertices", vertices, "V, 3"), _checked("faces", faces, "F, 3", "iu")
     rotation, translation = _checked("rotation", rotation, "3, 3"), _checked("translation", translation, "3")
