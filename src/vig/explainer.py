@@ -1,4 +1,4 @@
-"""The library's front door: a photo of any size in, an explanation out."""
+"""The library's entry point: a photo of any size in, an explanation out."""
 
 from __future__ import annotations
 

@@ -14,14 +14,14 @@ from functools import lru_cache
 import numpy as np
 import torch
 
-from vig.scene import EXPOSURE_L00, grey, rotate_z
+from vig.scene import EXPOSURE_L00, rotate_z
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
 from vig_world.assets.furniture import FAMILIES as FURNITURE
 from vig_world.assets.furniture import Furniture
 from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
 from vig_world.assets.panoramas import light_parts, local_light, panorama
-from vig_world.assets.panoramas.light import project_panorama
+from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture

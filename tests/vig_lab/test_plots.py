@@ -12,9 +12,9 @@ import torch
 
 from tests.vig_lab.training.test_training import tiny_dataset
 from vig.recognition import NetworkCalibration, NetworkSettings
-from vig.recognition.network import azimuth_labels
 from vig_lab.plots import TrainingLog, describe_calibration, plot_reliability, train_and_plot, view_levels
 from vig_lab.training.calibration import CalibrationResult
+from vig_lab.training.targets import azimuth_labels
 from vig_lab.training.training import Epoch, TrainingSettings
 
 

@@ -1,1 +1,1 @@
-"""The command line: a face of vig, which imports the core and is imported by nothing."""
+"""The command line: imports the core and is imported by nothing in it."""

@@ -40,10 +40,10 @@ CONFIDENCE_FEATURES = (
     "shape_deviation",  # mean over the components, as the network states them
     "roll_gain",  # log likelihood a pixel gained by a small roll of the rendering in the image
 )
-"""What is measured of a fit to judge it by, in this order."""
+"""What the confidence in a fit is computed from, in this order."""
 
 LEAST_DEVIATION = 1e-3
-"""Of any latent: one that never varied, such as L00 at a set exposure, is not known infinitely well."""
+"""Of any latent: even one that never varied, such as L00 at a set exposure, is not certain."""
 
 
 def residual(features: torch.Tensor) -> torch.Tensor:

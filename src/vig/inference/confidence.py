@@ -45,14 +45,8 @@ def assess(
     """Make a `Fit` of a selection: masks, verdict, confidence, deviations.
 
     With a calibration, a fit is trusted when its confidence reaches the threshold; without, when no other
-    view comes near it and the recognition model's best guess is of the same view.
-
-    Args:
-        objective: Of the photo at its full size.
-        selection: What was chosen.
-        prediction: The photo's (N = 1).
-        settings: Of the fit.
-        calibration: None where there is none for these settings.
+    view comes near it and the recognition model's best guess is of the same view. `objective` is that of the
+    photo at its full size.
     """
     zero, sigma = torch.zeros(1, dtype=torch.int32), torch.tensor([settings.likelihood.sigma])
     at_fit = objective(selection.point, zero, sigma)

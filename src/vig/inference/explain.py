@@ -24,14 +24,9 @@ def explain(
     settings: ExplainSettings | None = None,
     valid: torch.Tensor | None = None,
 ) -> Iterator[Fit]:
-    """Explain photos in their order, as many at once as torch has threads.
+    """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
 
-    Args:
-        photos: (N, 150, 150, 3) linear RGB.
-        object_class: What they show.
-        recognizer: Its recognition network.
-        settings: How to fit.
-        valid: (N, 150, 150) bool, pixels that were photographed at all; others (padding) count for nothing.
+    Pixels outside `valid` (N, 150, 150) bool are padding and do not count.
     """
     chosen = settings or ExplainSettings()
     prediction = recognizer(photos)

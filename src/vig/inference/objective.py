@@ -102,7 +102,8 @@ class Valuation:
 class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
-    The likelihood's `layout` says what a point's numbers are and within which bounds they stay.
+    The likelihood's `layout` defines a point's numbers and their bounds. The framing is held at 0 unless
+    `free_framing`. For `recognition` and `prior_weight` see `Prior`.
     """
 
     def __init__(
@@ -113,15 +114,6 @@ class Objective:
         recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
     ):
-        """Put an objective together.
-
-        Args:
-            likelihood: Of the photos.
-            object_class: States the light's prior.
-            free_framing: Whether the framing moves, else it is held at 0.
-            recognition: A further factor of the prior.
-            prior_weight: Power of the prior; see `Prior`.
-        """
         self.likelihood = likelihood
         layout = likelihood.layout
         if not free_framing and "framing" in layout:

@@ -22,7 +22,7 @@ CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
 
 FREE_POINTS = 64
-"""Points that passes are for which a geometry keeps while nobody uses them: 2.5 MB each at 150 pixels."""
+"""Points of idle passes that a geometry keeps for reuse: 2.5 MB each at 150 pixels."""
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,7 @@ def value(
     photo: torch.Tensor,
     log_prior: torch.Tensor,
     sigma: float,
+    held: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """Eq. 4 of one point (P',) with analytic coverage; autograd gives the exact gradient.
 
@@ -66,29 +67,17 @@ def value(
         geometry: In float64, as the point, so that kernels can be compared with it to rounding.
         camera: Of the photo.
         point: Latents followed by framing, in the order of `point_layout`.
-        photo: (H, W, 3) linear RGB.
-        log_prior: (H, W, 3) of each pixel being visible, hidden, background.
-        sigma: Standard deviation of the noise.
+        photo, log_prior, sigma: See `Target`.
+        held: (H, W) each pixel's face or -1, constant, without coverage: `silhouette="paper"`.
     """
     shaded, target = shade(geometry, camera, point), Target(photo, log_prior, sigma)
+    if held is not None:
+        return _interior(geometry, shaded, target, held)
     seen = faces_seen(geometry, shaded.screen.detach(), camera)
     total = _interior(geometry, shaded, target, seen)
     for axis in (0, 1):
         total = total + _crossings(geometry, shaded, target, seen, axis)
     return total
-
-
-def constant_mask_value(
-    geometry: Geometry,
-    camera: Camera,
-    point: torch.Tensor,
-    photo: torch.Tensor,
-    log_prior: torch.Tensor,
-    sigma: float,
-    seen: torch.Tensor,
-) -> torch.Tensor:
-    """Eq. 4 of one point with the mask held, `silhouette="paper"`: seen (H, W) is each pixel's face or -1."""
-    return _interior(geometry, shade(geometry, camera, point), Target(photo, log_prior, sigma), seen)
 
 
 def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:

@@ -102,7 +102,7 @@ class Valued(Protocol):
 class Problem(Protocol):
     """A function to be maximised over points (B, P') with lower <= point <= upper, (P',) each.
 
-    `vig.inference.Objective` is one: optimisers know nothing else of photos.
+    `vig.inference.Objective` is one: optimisers depend on nothing else of photos.
     """
 
     lower: torch.Tensor

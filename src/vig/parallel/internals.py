@@ -1,4 +1,4 @@
-"""Private interfaces of torch and Warp, all here: each function says what it does when one is gone."""
+"""Private interfaces of torch and Warp, all here: each function documents what it does when one is missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 
 def has_bfloat16() -> bool:
-    """Whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when torch does not say."""
+    """Whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when torch does not report it."""
     ask = getattr(torch.cpu, "_is_avx512_bf16_supported", None)
     return bool(ask()) if ask is not None else False
 
@@ -18,13 +18,13 @@ def has_bfloat16() -> bool:
 def type_parts(kind: Any) -> tuple[Any, tuple[int, ...]]:
     """Scalar type and shape of a Warp type: (float32, (3,)) of a vector, () of a scalar.
 
-    TypeError for a vector or matrix whose parts this version of Warp does not tell.
+    Raises TypeError for a vector or matrix whose parts this version of Warp does not expose.
     """
     scalar, shape = getattr(kind, "_wp_scalar_type_", None), getattr(kind, "_shape_", None)
     if scalar is not None and shape is not None:
         return scalar, tuple(shape)
     if getattr(kind, "_length_", 1) > 1:
-        raise TypeError(f"this version of Warp does not tell the parts of {kind}; install another")
+        raise TypeError(f"this version of Warp does not expose the parts of {kind}; install another")
     return kind, ()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,27 +12,10 @@ from torch.nn import functional
 
 from vig.checks import check_number
 from vig.parallel.internals import has_bfloat16
-from vig.scene import LatentLayout, Latents, angle_difference, regressed_layout, rotate_z
+from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
 
 MASK_STRIDE = 4
-
-_MIRRORED_LIGHT = (3, 4, 7)
-"""Heading-frame coefficients odd in x: (1,1), (2,-2), (2,1)."""
-
-
-def azimuth_labels(azimuth: torch.Tensor, bins: int, spread: float = math.radians(4.0)) -> torch.Tensor:
-    """Soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians."""
-    centres = (torch.arange(bins, device=azimuth.device) + 0.5) * (2 * math.pi / bins)
-    off = angle_difference(azimuth[:, None], centres)
-    return torch.softmax(-0.5 * (off / spread) ** 2, dim=1)
-
-
-def numbers_of(latents: Latents) -> torch.Tensor:
-    """The regressed numbers (B, M), see `regressed_layout`; light in the heading frame."""
-    light = rotate_z(latents.light, -latents.azimuth)
-    parts = {"shape": latents.shape, "elevation": latents.elevation[:, None], "albedo": latents.albedo}
-    return regressed_layout(latents.shape.shape[1]).join(parts | {"light": light})
 
 
 def layout_of_numbers(count: int) -> LatentLayout:
@@ -42,37 +24,13 @@ def layout_of_numbers(count: int) -> LatentLayout:
 
 
 def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
-    """The inverse of `numbers_of` for azimuths (B,) radians, clipped to what latents may be."""
+    """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to what latents may be."""
     layout = layout_of_numbers(numbers.shape[1])
     lower, upper = (numbers.new_tensor(bound) for bound in layout.bounds())
     parts = layout.split(numbers.clamp(lower, upper))
     return Latents(
         parts["shape"], azimuth, parts["elevation"][:, 0], parts["albedo"], rotate_z(parts["light"], azimuth)
     )
-
-
-def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Targets of the photo flipped left to right, for a class that is its own mirror image in y = 0."""
-    flipped = numbers.clone()
-    first_light = layout_of_numbers(numbers.shape[1]).at("light")
-    for coefficient in _MIRRORED_LIGHT:
-        flipped[:, first_light + coefficient] *= -1
-    return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped
-
-
-def mask_labels(amodal: torch.Tensor, visible: torch.Tensor) -> torch.Tensor:
-    """Shares (B, 3, ceil(H / 4), ceil(W / 4)) of `MASK_CLASSES` in each cell, from masks (B, H, W) bool.
-
-    Cell i is centred on pixel 4 i, as the features of the network's first convolution are.
-    """
-    return cell_shares(torch.stack([visible, amodal & ~visible, ~amodal], dim=1).float())
-
-
-def cell_shares(images: torch.Tensor) -> torch.Tensor:
-    """Means (B, C, ceil(H / 4), ceil(W / 4)) of images (B, C, H, W) over the mask head's cells."""
-    height, width = images.shape[2:]
-    pad = (2, -(width + 2) % MASK_STRIDE, 2, -(height + 2) % MASK_STRIDE)
-    return functional.avg_pool2d(functional.pad(images, pad, mode="replicate"), MASK_STRIDE)
 
 
 def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tensor:
@@ -125,7 +83,7 @@ class Heads:
 
     Attributes:
         azimuth: (B, bins) logits of equal bins, the first centred at half a bin.
-        mean: (B, M) regressed numbers (see `targets`), in units of the targets' standard deviations.
+        mean: (B, M) regressed numbers (see `regressed_layout`), in units of the targets' standard deviations.
         log_variance: (B, M) of these.
         mask: (B, 3, h, w) logits of MASK_CLASSES at a quarter of the size.
     """
@@ -215,7 +173,7 @@ class RecognitionNetwork(nn.Module):
         super().__init__()
         self.settings = settings
         a, b, c = settings.widths
-        # One strided convolution: cell i is centred on pixel 4 i, as `targets.mask_labels` has it.
+        # One strided convolution: cell i is centred on pixel 4 i, as `mask_at_pixels` has it.
         self.fine = nn.Sequential(_convolution(3, a, 7, 4), *_blocks(a, settings.blocks[0]))
         self.middle = nn.Sequential(_convolution(a, b, 3, 2), *_blocks(b, settings.blocks[1]))
         self.coarse = nn.Sequential(_convolution(b, c, 3, 2), *_blocks(c, settings.blocks[2]))

@@ -130,7 +130,7 @@ def initialise() -> None:
         with _starting, _without_native_messages():
             wp.init()
     except (OSError, RuntimeError) as error:
-        raise UserError(f"Warp could not start: {error}; `vig doctor` tells more") from error
+        raise UserError(f"Warp could not start: {error}; `vig doctor` reports more") from error
 
 
 @contextmanager
@@ -169,10 +169,10 @@ def native_code(folder: Path, *files: str, real: type, **constants: int | float)
     return "\n".join([*preamble, *((folder / file).read_text() for file in files)])
 
 
-def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array:
+def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array[Any]:
     """A Warp view of a contiguous tensor, no copy; trailing axes become the vector type's."""
     initialise()
-    return cast(wp.array, wp.from_torch(tensor, dtype=dtype, requires_grad=False))
+    return cast("wp.array[Any]", wp.from_torch(tensor, dtype=dtype, requires_grad=False))
 
 
 class Prepared:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 
 from vig.renderer.primitives import Pyramid, stack_pyramids
@@ -69,6 +70,7 @@ def pack(scenes: Sequence[Scene]) -> Packed:
     if height < 1 or width < 1:
         raise ValueError(f"an image must have at least one pixel; got {width} x {height}. Give its size.")
     owners, points, normals, albedo, lights, textures = [], [], [], [], [], []
+    coordinates, texture_faces = [], []
     for index, scene in enumerate(scenes):
         _check_scene(index, scene, (height, width), like)
         for place, item in enumerate(scene.objects):
@@ -80,60 +82,57 @@ def pack(scenes: Sequence[Scene]) -> Packed:
             albedo.append(item.albedo.expand(len(world), 3))
             lights.append(_lights(scene, item, like))
             textures.append(item.texture)
-    objects = [scenes[index].objects[place] for index, place in owners]
-    topologies = [item.topology for item in objects]
-    counts = [(len(t.faces), t.vertex_count, len(t.edges)) for t in topologies]
-    # An object without a texture has one row of coordinates, to which all its corners point.
-    plain = [item.texture is None or item.texture_coordinates is None for item in objects]
-    coordinates = [
-        like.new_zeros(1, 2) if bare or item.texture_coordinates is None else item.texture_coordinates
-        for item, bare in zip(objects, plain, strict=True)
-    ]
-    texture_faces = [
-        torch.zeros_like(t.faces) if bare else t.texture_faces
-        for t, bare in zip(topologies, plain, strict=True)
-    ]
-    starts = _starts([(f, v, len(uv)) for (f, v, _), uv in zip(counts, coordinates, strict=True)])
+            if item.texture is None or item.texture_coordinates is None:
+                # One row of coordinates, to which all corners point.
+                coordinates.append(like.new_zeros(1, 2))
+                texture_faces.append(torch.zeros_like(item.topology.faces))
+            else:
+                coordinates.append(item.texture_coordinates)
+                texture_faces.append(item.topology.texture_faces)
+    topologies = [scenes[index].objects[place].topology for index, place in owners]
+    counts = [(len(t.faces), t.vertex_count, len(uv)) for t, uv in zip(topologies, coordinates, strict=True)]
+    starts: list[list[int]] = np.cumsum([(0, 0, 0), *counts], axis=0).tolist()
     device = like.device
+    no_rows = torch.zeros((0, 6), dtype=torch.int32, device=device)
 
-    def whole(
-        numbers: list[Any], shape: tuple[int, ...] = (-1,), dtype: torch.dtype = torch.int64
-    ) -> torch.Tensor:
-        return torch.tensor(numbers, dtype=dtype, device=device).reshape(shape)
+    def whole(numbers: list[Any], dtype: torch.dtype = torch.int64) -> torch.Tensor:
+        return torch.tensor(numbers, dtype=dtype, device=device)
 
     def numbered(index: int) -> torch.Tensor:
-        return torch.arange(len(objects), device=device).repeat_interleave(whole([c[index] for c in counts]))
+        return torch.arange(len(owners), device=device).repeat_interleave(whole([c[index] for c in counts]))
+
+    def shifted(tables: list[torch.Tensor], column: int) -> torch.Tensor:
+        moved = [table + start[column] for table, start in zip(tables, starts, strict=False)]
+        return _joined(moved, no_rows[:, :3])
 
     own = [texture for texture in textures if texture is not None]
     order = iter(range(len(own)))
     light, direction, radiance, lit = zip(*lights, strict=True) if lights else ((), (), (), ())
+    background = [_background(scene, like) for scene in scenes]
+    if any(each.shape[1:3] != (1, 1) for each in background):
+        background = [each.expand(1, height, width, 3) for each in background]
     return Packed(
         points=_joined(points, like.new_zeros(0, 3)),
         normals=_joined(normals, like.new_zeros(0, 3)),
         albedo=_joined(albedo, like.new_zeros(0, 3)),
         vertex_object=numbered(1),
         face_object=numbered(0),
-        faces=_joined([t.faces + s[1] for t, s in zip(topologies, starts, strict=False)], _none(device, 3)),
-        texture_faces=_joined(
-            [corners + s[2] for corners, s in zip(texture_faces, starts, strict=False)], _none(device, 3)
-        ),
+        faces=shifted([t.faces for t in topologies], 1),
+        texture_faces=shifted(texture_faces, 2),
         edges=_joined(
-            [_shifted(t.edges, s[1], s[0]) for t, s in zip(topologies, starts, strict=False)],
-            _none(device, 6),
+            [_shifted(t.edges, s[1], s[0]) for t, s in zip(topologies, starts, strict=False)], no_rows
         ),
         coordinates=_joined(coordinates, like.new_zeros(0, 2)),
-        texture=whole([-1 if t is None else next(order) for t in textures], dtype=torch.int32),
+        texture=whole([-1 if t is None else next(order) for t in textures], torch.int32),
         textures=stack_pyramids(own) if own else None,
         light=torch.stack(light) if light else like.new_zeros(0, 9, 3),
         direction=torch.stack(direction) if direction else like.new_zeros(0, 3),
         radiance=torch.stack(radiance) if radiance else like.new_zeros(0, 3),
-        lit=whole(list(lit), dtype=torch.bool),
+        lit=whole(list(lit), torch.bool),
         image=whole([index for index, _ in owners]),
         place=whole([place for _, place in owners]),
         first_face=whole([s[0] for s in starts[:-1]]),
-        background=torch.cat([_background(scene, like) for scene in scenes])
-        if all(scene.background is None or scene.background.ndim == 1 for scene in scenes)
-        else torch.cat([_background(scene, like).expand(1, height, width, 3) for scene in scenes]),
+        background=torch.cat(background),
         size=(len(scenes), height, width),
     )
 
@@ -142,19 +141,6 @@ def _joined(parts: list[torch.Tensor], empty: torch.Tensor) -> torch.Tensor:
     if len(parts) == 1:
         return parts[0]
     return torch.cat(parts) if parts else empty
-
-
-def _none(device: torch.device, columns: int) -> torch.Tensor:
-    return torch.zeros((0, columns), dtype=torch.int32, device=device)
-
-
-def _starts(counts: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
-    """Running sums from zero, one more row than counts."""
-    rows = [(0, 0, 0)]
-    for row in counts:
-        last = rows[-1]
-        rows.append((last[0] + row[0], last[1] + row[1], last[2] + row[2]))
-    return rows
 
 
 def _shifted(edges: torch.Tensor, vertex: int, face: int) -> torch.Tensor:
@@ -194,11 +180,10 @@ def _lights(
 
 
 def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
+    """(1, 1, 1, 3), or (1, H, W, 3) of a picture."""
     if scene.background is None:
         return like.new_zeros(1, 1, 1, 3)
-    return scene.background.reshape(
-        1, *((1, 1) if scene.background.ndim == 1 else ()), *scene.background.shape
-    )
+    return scene.background[None] if scene.background.ndim == 3 else scene.background[None, None, None]
 
 
 def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Tensor) -> None:
@@ -208,34 +193,37 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
             f"images of one batch must be of one size, {size[1]} x {size[0]}; got {camera.width} x"
             f" {camera.height} {name}. Render other sizes apart."
         )
-    _check(f"focal {name}", camera.focal, [(2,)], like)
-    _check(f"centre {name}", camera.centre, [(2,)], like)
-    _check(f"camera rotation {name}", camera.rotation, [(3, 3)], like)
-    _check(f"camera translation {name}", camera.translation, [(3,)], like)
-    _check(f"background {name}", scene.background, [(3,), (*size, 3)], like)
+    own = {
+        "focal": (camera.focal, [(2,)]),
+        "centre": (camera.centre, [(2,)]),
+        "camera rotation": (camera.rotation, [(3, 3)]),
+        "camera translation": (camera.translation, [(3,)]),
+        "background": (scene.background, [(3,), (*size, 3)]),
+    }
     if scene.lamp is not None:
-        _check(f"lamp direction {name}", scene.lamp.direction, [(3,)], like)
-        _check(f"lamp radiance {name}", scene.lamp.radiance, [(3,)], like)
+        own |= {
+            "lamp direction": (scene.lamp.direction, [(3,)]),
+            "lamp radiance": (scene.lamp.radiance, [(3,)]),
+        }
+    _check(name, own, like)
 
 
 def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
     count = item.topology.vertex_count
-    _check(f"vertices of {name}", item.vertices, [(count, 3)], like)
-    _check(f"albedo of {name}", item.albedo, [(3,), (count, 3)], like)
-    _check(f"rotation of {name}", item.rotation, [(3, 3)], like)
-    _check(f"translation of {name}", item.translation, [(3,)], like)
-    _check(f"light of {name}", item.light, [(9,), (9, 3)], like)
-    _check(f"normals of {name}", item.normals, [(count, 3)], like)
-    coordinates = item.texture_coordinates
-    _check(
-        f"texture_coordinates of {name}",
-        coordinates,
-        [(0 if coordinates is None else len(coordinates), 2)],
-        like,
-    )
+    coordinates, texels = item.texture_coordinates, None if item.texture is None else item.texture.texels
+    own = {
+        "vertices": (item.vertices, [(count, 3)]),
+        "albedo": (item.albedo, [(3,), (count, 3)]),
+        "rotation": (item.rotation, [(3, 3)]),
+        "translation": (item.translation, [(3,)]),
+        "light": (item.light, [(9,), (9, 3)]),
+        "normals": (item.normals, [(count, 3)]),
+        "texture_coordinates": (coordinates, [(0 if coordinates is None else len(coordinates), 2)]),
+        "texture": (texels, [(0 if texels is None else len(texels), 3)]),
+    }
+    _check(f"of {name}", own, like)
     if item.texture is None:
         return
-    _check(f"texture of {name}", item.texture.texels, [(len(item.texture.texels), 3)], like)
     faces = item.topology.texture_faces
     if coordinates is None or (len(faces) and int(faces.max()) >= len(coordinates)):
         raise ValueError(
@@ -244,19 +232,23 @@ def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
         )
 
 
-def _check(name: str, tensor: torch.Tensor | None, shapes: list[tuple[int, ...]], like: torch.Tensor) -> None:
-    if tensor is None:
-        return
-    if not isinstance(tensor, torch.Tensor):
-        raise ValueError(f"{name} must be a tensor; got a {type(tensor).__name__}. Convert it.")
-    if tuple(tensor.shape) not in shapes:
-        wanted = " or ".join(map(str, shapes))
-        raise ValueError(f"{name} must be {wanted}; got {tuple(tensor.shape)}. Pass it in that shape.")
-    if tensor.dtype != like.dtype or tensor.device != like.device:
-        raise ValueError(
-            f"{name} must be {like.dtype} on {like.device}, like the camera; got {tensor.dtype} on "
-            f"{tensor.device}. Convert it."
-        )
-    if not bool(tensor.detach().isfinite().all()):
-        bad = int((~tensor.detach().isfinite()).sum())
-        raise ValueError(f"{name} must be finite; {bad} of {tensor.numel()} numbers are not. Clean them.")
+def _check(
+    of: str, given: Mapping[str, tuple[torch.Tensor | None, Sequence[tuple[int, ...]]]], like: torch.Tensor
+) -> None:
+    """ValueError unless each of the tensors has one of its shapes, the camera's type, and is finite."""
+    for what, (tensor, shapes) in given.items():
+        if tensor is None:
+            continue
+        name = f"{what} {of}"
+        if not isinstance(tensor, torch.Tensor):
+            raise ValueError(f"{name} must be a tensor; got a {type(tensor).__name__}. Convert it.")
+        if tuple(tensor.shape) not in shapes:
+            wanted = " or ".join(map(str, shapes))
+            raise ValueError(f"{name} must be {wanted}; got {tuple(tensor.shape)}. Pass it in that shape.")
+        if tensor.dtype != like.dtype or tensor.device != like.device:
+            raise ValueError(
+                f"{name} must be {like.dtype} on {like.device}, like the camera; got {tensor.dtype} on "
+                f"{tensor.device}. Convert it."
+            )
+        if bad := int((~tensor.detach().isfinite()).sum()):
+            raise ValueError(f"{name} must be finite; {bad} of {tensor.numel()} numbers are not. Clean them.")

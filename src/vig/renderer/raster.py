@@ -1,8 +1,5 @@
 """Rasterisation: which triangle is seen at each pixel's centre, and where on it."""
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="untyped-decorator,no-untyped-def"
-
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -189,9 +186,6 @@ def rasterize(
         translation: (3,) camera_from_world, metres.
         camera: Its intrinsics.
         cull: Leave out faces turned away (clockwise).
-
-    Raises:
-        ValueError: Other shapes and types, or faces that name vertices which are not there.
     """
     vertices, faces = _checked("vertices", vertices, "V, 3"), _checked("faces", faces, "F, 3", "iu")
     rotation, translation = _checked("rotation", rotation, "3, 3"), _checked("translation", translation, "3")

@@ -34,8 +34,8 @@ def overlay(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.nd
     hidden = amodal & ~visible
     picture[hidden] = (1 - HIDDEN_SHARE) * picture[hidden] + HIDDEN_SHARE * HIDDEN
     width = max(1, round(min(photo.shape[:2]) / 200))
-    rim = ndimage.binary_dilation(amodal, iterations=width) & ~amodal
-    picture[rim] = OUTLINE
+    outline = ndimage.binary_dilation(amodal, iterations=width) & ~amodal
+    picture[outline] = OUTLINE
     return picture.round().astype(np.uint8)
 
 
@@ -48,16 +48,11 @@ def write_explanation(
     latents: Latents,
     object_class: ObjectClass,
 ) -> None:
-    """Write the files of one explained photo.
+    """Write the files of one explained photo into `folder`, which is made when it is missing.
 
-    Args:
-        folder: Made when it is missing.
-        described: For explanation.json, see `describe`.
-        picture: (H, W, 3) uint8, for overlay.png.
-        amodal: (H, W) bool, all that the object covers.
-        visible: (H, W) bool, where it is seen; mask.png is 255 there, 128 where it is hidden, 0 elsewhere.
-        latents: The explanation (B = 1), for object.glb.
-        object_class: Its class.
+    explanation.json holds `described` (see `describe`), overlay.png the `picture` (H, W, 3) uint8. mask.png is
+    255 where the object is `visible` (H, W) bool, 128 where only `amodal` (H, W) bool holds, 0 elsewhere.
+    object.glb is the mesh of `latents` (B = 1).
     """
     write_png(folder / "overlay.png", picture)
     write_png(folder / "mask.png", np.where(visible, 255, np.where(amodal, 128, 0)).astype(np.uint8))
@@ -69,14 +64,10 @@ def write_explanation(
 def describe(
     fit: Fit, object_class: ObjectClass, window: Window, camera: Camera, hidden: float | None
 ) -> dict[str, Any]:
-    """A fit in plain numbers: degrees, linear RGB; what `explanation.json` holds.
+    """Return a window's fit in plain numbers, degrees and linear RGB, as `explanation.json` holds it.
 
-    Args:
-        fit: Of the window.
-        object_class: Its class.
-        window: Where in the photo it is.
-        camera: Of the whole photo.
-        hidden: Share of the object's pixels within the photo that are hidden, None when there are none.
+    `camera` is that of the whole photo; `hidden` the share of the object's pixels within the photo that are
+    hidden, None when there are none.
     """
     deviation = latent_layout(object_class.shape_model.modes).split(fit.deviation)
     pose = camera.camera_from_world(float(fit.latents.azimuth), float(fit.latents.elevation))

@@ -13,8 +13,6 @@ from vig.scene.latents import (
 )
 from vig.scene.light import (
     EXPOSURE_L00,
-    exposed,
-    grey,
     irradiance,
     linear_from_srgb,
     rotate_z,
@@ -39,8 +37,6 @@ __all__ = [
     "ShapeModel",
     "angle_difference",
     "camera_rotation",
-    "exposed",
-    "grey",
     "irradiance",
     "latent_layout",
     "layout_of_width",

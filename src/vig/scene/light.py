@@ -132,17 +132,3 @@ def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
     l00, y, z, x, xy, yz, zz, xz, x2y2 = light.unbind(-1)
     zero = torch.zeros_like(l00)
     return torch.stack([zero, x, zero, -y, 2 * x2y2, xz, zero, -yz, -2 * xy], dim=-1)
-
-
-def grey(light_rgb: np.ndarray) -> np.ndarray:
-    """Luminance (Rec. 709) of RGB light coefficients: (9, 3) to (9,)."""
-    luminance: np.ndarray = np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
-    return luminance
-
-
-def exposed(light: np.ndarray) -> np.ndarray:
-    """A grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
-    if not light[0] > 0:
-        raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
-    scaled: np.ndarray = light * (EXPOSURE_L00 / light[0])
-    return scaled

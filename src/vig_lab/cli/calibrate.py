@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 
-from vig.cli.common import check_workers, check_writable, progress_bar
 from vig.errors import UserError
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
 from vig_lab.calibration import calibrate_fits, describe, fits_of
+from vig_lab.cli.common import check_workers, check_writable, progress_bar
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.plots import calibrate_and_plot as calibrate_network

@@ -19,10 +19,10 @@ from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings
 from vig.photo.images import write_png
-from vig.scene.object_class import shape_vertices
 from vig_lab.cli.settings import Demo
 from vig_lab.evaluation.metrics import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
 from vig_lab.examples import Example, example_photos
+from vig_world.assets.target import shape_vertices
 
 
 def demo(settings: Demo) -> int:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from vig.cli.common import check_workers, check_writable, progress_bar
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
+from vig_lab.cli.common import check_workers, check_writable, progress_bar
 from vig_lab.cli.settings import Evaluate
 from vig_lab.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig_lab.evaluation import evaluate as run_methods

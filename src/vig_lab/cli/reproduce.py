@@ -10,8 +10,8 @@ from typing import Any
 
 from rich.console import Console
 
-from vig.cli.common import check_workers
 from vig.cli.doctor import machine
+from vig_lab.cli.common import check_workers
 from vig_lab.cli.settings import Reproduce
 from vig_lab.evaluation.paper import compare, comparison_block
 from vig_lab.reproduction import RENDERERS, Record, Run, RunFolder, Settings, reproduce

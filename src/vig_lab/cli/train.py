@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from vig.cli.common import check_writable
+from vig_lab.cli.common import check_writable
 from vig_lab.cli.settings import Train
 from vig_lab.paper_network import PaperTrainingSettings, train_paper
 from vig_lab.plots import train_and_plot as train_network

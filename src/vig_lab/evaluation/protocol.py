@@ -17,7 +17,6 @@ from vig.names import LikelihoodName
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, layout_of_width, linear_from_srgb
-from vig.scene.object_class import shape_vertices
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 from vig_lab.evaluation.metrics import (
     angle_error_deg,
@@ -32,6 +31,7 @@ from vig_lab.evaluation.metrics import (
 from vig_lab.evaluation.results import MethodResult, predicted_deviation
 from vig_lab.evaluation.table import BASELINE
 from vig_lab.names import METHODS
+from vig_world.assets.target import shape_vertices
 from vig_world.dataset import Dataset
 
 FITTED_AS = {"robust": "spatial"}

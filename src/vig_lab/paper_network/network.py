@@ -15,10 +15,11 @@ import torch
 from torch import nn
 
 from vig.checks import check_number, decode
-from vig.recognition.network import MASK_CLASSES, azimuth_labels, check_sizes, load_network
+from vig.recognition.network import MASK_CLASSES, check_sizes, load_network
 from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
 from vig.scene.shape_model import MOST_MODES
+from vig_lab.training.targets import azimuth_labels
 
 FACTORS = ("pose", "shape", "appearance", "light")
 GREY_FACTORS = ("pose", "shape")

@@ -19,9 +19,10 @@ from torch.nn import functional
 from vig.checks import read_tensors, reading
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.recognition.network import FORMAT, bfloat16, numbers_of
+from vig.recognition.network import FORMAT, bfloat16
 from vig.scene import Latents, angle_difference
 from vig_lab.paper_network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
+from vig_lab.training.targets import numbers_of
 from vig_world.dataset import Dataset
 
 _NORMAL_MAD = 1.4826

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from vig.recognition.network import mask_labels, numbers_of
 from vig.scene import Latents
+from vig_lab.training.targets import mask_labels, numbers_of
 from vig_world.dataset import Dataset
 
 HELD_SHARE = 1 / 16

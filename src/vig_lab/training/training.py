@@ -19,7 +19,6 @@ from vig.recognition.network import (
     Heads,
     NetworkSettings,
     RecognitionNetwork,
-    azimuth_labels,
     bfloat16,
     layout_of_numbers,
 )
@@ -27,6 +26,7 @@ from vig.scene import angle_difference
 from vig_lab.training.augmentation import Augmentation
 from vig_lab.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
 from vig_lab.training.examples import Examples, hold_out
+from vig_lab.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
 
 AVERAGING = 0.998

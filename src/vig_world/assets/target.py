@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import lru_cache
 
-from vig.scene import SHAPE_LIMIT, ObjectClass
-from vig.scene.object_class import NO_DESIGN, nearest_shape, shape_vertices
+import numpy as np
+import torch
+
+from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig_world.dataset.spec import SceneSpec, Split
 
 DESIGN_SPREAD = 0.5
 """Standard deviation of the model's modes by which an object's shape differs from its design."""
+
+NO_DESIGN = -1
 
 
 def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split) -> tuple[np.ndarray, int]:
@@ -20,7 +24,8 @@ def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split
     model's nearest shape.
     """
     draws = rng.standard_normal(object_class.shape_model.modes)
-    numbers = [] if object_class.designs is None else object_class.designs.numbers(split)
+    splits = () if object_class.designs is None else object_class.designs.splits
+    numbers = [number for number, of in enumerate(splits) if of == split]
     if not numbers:
         return np.clip(draws, -SHAPE_LIMIT, SHAPE_LIMIT), NO_DESIGN
     design = numbers[int(rng.integers(len(numbers)))]
@@ -31,3 +36,45 @@ def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split
 def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
     """The object's vertices (V, 3) float32, metres."""
     return shape_vertices(np.array(spec.shape), spec.design, object_class)
+
+
+def shape_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
+    """Vertices (V, 3) float32 at coefficients (K,), plus a held-out design's deviation from the model.
+
+    design: its number in `object_class.designs`, or `NO_DESIGN`.
+    """
+    return _vertices(tuple(np.asarray(coefficients).tolist()), design, object_class)
+
+
+@lru_cache(maxsize=8)
+def _vertices(coefficients: tuple[float, ...], design: int, object_class: ObjectClass) -> np.ndarray:
+    model = object_class.shape_model
+    vertices = model.vertices(torch.tensor([coefficients], dtype=torch.float32))[0].numpy()
+    if design != NO_DESIGN:
+        vertices = vertices + nearest_shape(object_class, design)[1]
+        vertices[:, 2] -= vertices[:, 2].min()
+    vertices.setflags(write=False)
+    return vertices
+
+
+@lru_cache(maxsize=64)
+def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
+    """The model's coefficients (K,) nearest to a held-out design, and what it deviates by, (V, 3) float32."""
+    designs, model = object_class.designs, object_class.shape_model
+    if designs is None or not 0 <= design < len(designs.vertices):
+        count = 0 if designs is None else len(designs.vertices)
+        raise ValueError(
+            f"expected one of the {count} held-out designs of '{object_class.name}'; got {design}"
+        )
+    vertices = designs.vertices[design]
+    coefficients = nearest_coefficients(model, vertices[None])
+    nearest = model.vertices(torch.from_numpy(coefficients))[0].numpy()
+    return coefficients[0], (vertices - nearest).astype(np.float32)
+
+
+def nearest_coefficients(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
+    """Least-squares coefficients (N, K) of shapes (N, V, 3) in the model's correspondence."""
+    flat = (vertices.astype(np.float64) - model.mean).reshape(len(vertices), -1)
+    basis = model.basis.reshape(model.modes, -1).astype(np.float64)
+    found: np.ndarray = np.linalg.lstsq(basis.T, flat.T, rcond=None)[0].T
+    return found

@@ -9,8 +9,7 @@ import numpy as np
 
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, ObjectClass
-from vig.scene.object_class import shape_vertices
-from vig_world.assets.target import draw_shape
+from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.place import find_place

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vig.scene import IMAGE_SIZE, ObjectClass, latent_layout
-from vig.scene.object_class import NO_DESIGN
+from vig_world.assets.target import NO_DESIGN
 from vig_world.dataset.format import DEPTH_SCALE, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop

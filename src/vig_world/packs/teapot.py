@@ -20,6 +20,7 @@ from vig_world.assets.designs import (
     TeapotDesign,
     teapot_vertices,
 )
+from vig_world.assets.target import nearest_coefficients
 from vig_world.library import Library
 
 MODES = 10
@@ -33,7 +34,7 @@ EXPOSURE_SD = 0.05
 def build_teapot_class() -> ObjectClass:
     """Fit shape model and light prior; a pure function of the code."""
     designs = np.stack([teapot_vertices(design) for design in TRAINING_DESIGNS])
-    model = ShapeModel.fit(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
+    model = fit_shape_model(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     library = Library("train")
     lights = np.array(
@@ -44,6 +45,38 @@ def build_teapot_class() -> ObjectClass:
     target_height = float(model.mean[:, 2].max() / 2)
     return ObjectClass(
         "teapot", model, round(target_height, 3), lights.mean(0), covariance, designs=held_out_designs()
+    )
+
+
+def fit_shape_model(
+    designs: np.ndarray,
+    faces: np.ndarray,
+    parts: np.ndarray,
+    part_names: tuple[str, ...],
+    modes: int = 10,
+) -> ShapeModel:
+    """PCA of designs (N, V, 3) in correspondence; at most N - 1 modes.
+
+    The sign of a component is such that its largest displacement is positive, so that the model does
+    not depend on the linear-algebra library.
+    """
+    count = len(designs)
+    if not 1 <= modes < count:
+        raise ValueError(f"modes must be from 1 to {count - 1} for {count} designs; got {modes}")
+    flat = designs.reshape(count, -1).astype(np.float64)
+    mean = flat.mean(0)
+    _, singular, components = np.linalg.svd(flat - mean, full_matrices=False)
+    variance = singular**2 / (count - 1)
+    largest = np.abs(components).argmax(axis=1)
+    components *= np.sign(components[np.arange(len(components)), largest])[:, None]
+    basis = components[:modes] * np.sqrt(variance[:modes, None])
+    return ShapeModel(
+        mean.reshape(-1, 3).astype(np.float32),
+        basis.reshape(modes, -1, 3).astype(np.float32),
+        faces.astype(np.int32),
+        parts.astype(np.int32),
+        tuple(part_names),
+        (variance[:modes] / variance.sum()).astype(np.float32),
     )
 
 
@@ -58,7 +91,7 @@ def held_out_designs() -> HeldOutDesigns:
 def beyond_model_mm(model: ShapeModel, designs: tuple[TeapotDesign, ...]) -> np.ndarray:
     """How far each design is from the model's nearest shape (N,): mean distance of its vertices, mm."""
     vertices = np.stack([teapot_vertices(design) for design in designs])
-    nearest = model.vertices(torch.from_numpy(model.coefficients(vertices))).numpy()
+    nearest = model.vertices(torch.from_numpy(nearest_coefficients(model, vertices))).numpy()
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 

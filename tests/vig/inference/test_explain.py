@@ -28,8 +28,8 @@ from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.optimizers.optimizer import Budget, Descent
 from vig.recognition import Prediction
-from vig.recognition.network import azimuth_labels, numbers_of
 from vig.scene import Latents, ObjectClass
+from vig_lab.training.targets import azimuth_labels, numbers_of
 
 SETTINGS = ExplainSettings(self_shadow=False, calibrated=False)
 """The studio's photos have no self-shadow, and its predictions are made by hand."""

@@ -8,9 +8,10 @@ import torch
 
 from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
 from vig.likelihood.kernels.geometry import Geometry
-from vig.recognition.network import latents_of, mirrored, numbers_of
+from vig.recognition.network import latents_of
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Latents
+from vig_lab.training.targets import mirrored, numbers_of
 
 
 def still(count: int = 1) -> torch.Tensor:

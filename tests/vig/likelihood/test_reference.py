@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import Likelihood, Photos
+from vig.likelihood import Likelihood, Photos, reference
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.groups import REST
 from vig.likelihood.passes import Pass
-from vig.likelihood.reference import constant_mask_value, shade, surface_at
+from vig.likelihood.reference import shade, surface_at
 from vig.renderer import rasterize
 from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents
@@ -88,7 +88,7 @@ def test_with_the_mask_held_value_and_gradient_are_autograds(studio, seed: int) 
     run = evaluated(studio.geometry, studio.camera, given)
     seen = faces_seen(run, studio.camera)
     point = given.point[0].requires_grad_()
-    value = constant_mask_value(
+    value = reference.value(
         studio.geometry, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
     )
     value.backward()
@@ -187,7 +187,7 @@ def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> No
         run = evaluated(shadowed, studio.camera, given)
         seen = faces_seen(run, studio.camera)
         point = given.point[0].requires_grad_()
-        value = constant_mask_value(
+        value = reference.value(
             shadowed, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
         )
         value.backward()

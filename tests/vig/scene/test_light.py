@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from vig.scene import EXPOSURE_L00, exposed, grey, irradiance, rotate_z, rotations_z, sh_basis
-from vig_world.assets.panoramas.light import project_panorama
+from vig.scene import EXPOSURE_L00, irradiance, rotate_z, rotations_z, sh_basis
+from vig_world.assets.panoramas.light import exposed, grey, project_panorama
 
 
 def sphere(rows: int, columns: int) -> tuple[torch.Tensor, torch.Tensor]:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import torch
 
-from vig.scene import EXPOSURE_L00, Latents, ObjectClass, grey, rotate_z
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass, rotate_z
 from vig_lab.figures import choose, figure4, figure5, photos
-from vig_world.assets.panoramas.light import project_panorama
+from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset import Dataset
 from vig_world.library import Library
 

@@ -15,11 +15,11 @@ from safetensors.torch import load_file, save_file
 from vig.errors import UserError
 from vig.inference import ExplainSettings
 from vig.inference.posterior import pixel_prior
-from vig.recognition.network import numbers_of
 from vig.scene import Latents, linear_from_srgb
 from vig_lab.paper_network.network import FACTORS, PaperNetworks, PaperSettings, targets_of
 from vig_lab.paper_network.recognizer import PaperRecognizer
 from vig_lab.paper_network.training import save_paper_weights
+from vig_lab.training.targets import numbers_of
 
 SMALL = PaperSettings(filters=(4, 4, 4), dense=(8, 8))
 SPREAD = math.radians(12.0)

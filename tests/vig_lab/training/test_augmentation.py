@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from vig.recognition.network import mirrored
 from vig_lab.training.augmentation import NO_MASK, Augmentation, blobs
 from vig_lab.training.examples import Examples
+from vig_lab.training.targets import mirrored
 
 NOTHING = Augmentation(0, 0, 0, 0, 0, 0, 0, 0.9, 0)
 

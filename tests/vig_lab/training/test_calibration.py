@@ -12,10 +12,10 @@ from safetensors.torch import load_file, save_file
 from tests.vig_lab.training.test_training import tiny_dataset
 from vig.errors import UserError
 from vig.recognition import NetworkCalibration, NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.network import numbers_of
 from vig.scene import Latents, linear_from_srgb
 from vig_lab.training.calibration import calibrate_network, temperature, widening
 from vig_lab.training.checkpoint import save_weights
+from vig_lab.training.targets import numbers_of
 
 
 def test_temperature_undoes_a_factor_of_the_logits() -> None:

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from vig.scene import EXPOSURE_L00, grey, irradiance, rotate_z
-from vig.scene.light import exposed
+from vig.scene import EXPOSURE_L00, irradiance, rotate_z
 from vig_world.assets.panoramas import directions, light_parts, local_light, panorama
-from vig_world.assets.panoramas.light import project_panorama
+from vig_world.assets.panoramas.light import exposed, grey, project_panorama
 from vig_world.assets.panoramas.painting import paint
 from vig_world.assets.panoramas.parts import Box, Bulb, Finish, Panel, Room
 from vig_world.assets.panoramas.tracing import first_met, seen

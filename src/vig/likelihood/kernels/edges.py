@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from vig.likelihood.kernels.camera import camera_functions
 from vig.likelihood.kernels.groups import argument_groups, kernel_types
 from vig.likelihood.kernels.surface import surface_functions
 from vig.renderer.raster import FACE_MASK, NOTHING
@@ -26,7 +27,8 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
     real, vec2, vec3 = t.real, t.vec2, t.vec3
     Mesh, View, Vertices, Occluding = groups.mesh, groups.view, groups.vertices, groups.occluding
-    Eye, Surface, surface_of, seen_at = f.Eye, f.Surface, f.surface_of, f.seen_at
+    Eye, Surface = camera_functions(dtype, modes).Eye, f.Surface
+    surface_of, seen_at = f.surface_of, f.seen_at
     behind_edge, before_edge = real(BEHIND_EDGE), real(BEFORE_EDGE)
     face_mask, nothing = wp.int64(FACE_MASK), wp.int64(NOTHING)
     half, one = real(0.5), real(1.0)

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from vig.likelihood.kernels.camera import camera_functions
 from vig.likelihood.kernels.groups import LANES, argument_groups, kernel_types, module_name, native_file
+from vig.likelihood.kernels.rows import row_functions
 from vig.likelihood.kernels.surface import surface_functions
 from vig.likelihood.pixel import LOG_UNIT
 from vig.renderer.raster import FACE_MASK, NOTHING
@@ -21,13 +23,14 @@ FARTHEST = 80.0
 @functools.cache
 def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The kernels for one scalar type and number of shape components, compiled at first use."""
-    t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
+    t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
+    c, r, f = camera_functions(dtype, modes), row_functions(dtype, modes), surface_functions(dtype, modes)
     real, vec2, vec3 = t.real, t.vec2, t.vec3
     Mesh, View, Vertices, VertexRows = groups.mesh, groups.view, groups.vertices, groups.vertex_rows
     Photos, Cotangents, Totals = groups.photos, groups.cotangents, groups.totals
     NormalRows, Pictures = groups.normal_rows, groups.pictures
-    eye_of, camera_cotangent, surface_of, seen_at = f.eye_of, f.camera_cotangent, f.surface_of, f.seen_at
-    moved, add_basis, face_mask, negligible = f.moved, f.add_basis, wp.int64(FACE_MASK), real(NEGLIGIBLE)
+    eye_of, camera_cotangent, surface_of, seen_at = c.eye_of, c.camera_cotangent, f.surface_of, f.seen_at
+    moved, add_basis, face_mask, negligible = r.moved, r.add_basis, wp.int64(FACE_MASK), real(NEGLIGIBLE)
     module = module_name("interior", dtype, modes)
     code = native_file(
         dtype,

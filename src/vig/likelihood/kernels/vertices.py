@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from vig.likelihood.kernels.camera import camera_functions
 from vig.likelihood.kernels.groups import (
     REST,
     RowLayout,
@@ -14,7 +15,7 @@ from vig.likelihood.kernels.groups import (
     module_name,
     native_file,
 )
-from vig.likelihood.kernels.surface import surface_functions
+from vig.likelihood.kernels.rows import row_functions
 from vig.renderer.raster import NEAR
 from vig.scene.light import L_COUNT
 
@@ -23,23 +24,19 @@ from vig.scene.light import L_COUNT
 def ring_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The device functions for one scalar type and number of shape components."""
     groups, vec3 = argument_groups(dtype, modes), kernel_types(dtype, modes).vec3
-    Mesh, Vertices, VertexRows, Cotangents = (
-        groups.mesh,
-        groups.vertices,
-        groups.vertex_rows,
-        groups.cotangents,
-    )
-    width = RowLayout(modes).shape
+    Mesh, Vertices = groups.mesh, groups.vertices
+    VertexRows, Cotangents = groups.vertex_rows, groups.cotangents
+    ring = native_file(dtype, "ring.cc", WIDTH=RowLayout(modes).shape)
 
-    @wp.func_native(snippet=native_file(dtype, "ring.cc", "ring_normal.cc"))
+    @wp.func_native(snippet=ring + "return normal();")
     def ring_normal(image: wp.int32, vertex: wp.int32, mesh: Mesh, vertices: Vertices) -> vec3: ...
 
-    @wp.func_native(snippet=native_file(dtype, "ring.cc", "ring_arm.cc", "ring_row.cc", WIDTH=width))
+    @wp.func_native(snippet=ring + "write_row(mesh.basis, tangent, rows.shape_rows);")
     def ring_row(
         image: wp.int32, vertex: wp.int32, tangent: vec3, mesh: Mesh, vertices: Vertices, rows: VertexRows
     ): ...
 
-    @wp.func_native(snippet=native_file(dtype, "ring.cc", "ring_arm.cc", "ring_pull.cc"))
+    @wp.func_native(snippet=ring + "pull(tangent, in_world, cotangents.on_world);")
     def ring_pull(
         image: wp.int32,
         vertex: wp.int32,
@@ -59,12 +56,13 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     Points are rows of (1, latents in their order, framing).
     """
-    t, groups, f = kernel_types(dtype, modes), argument_groups(dtype, modes), surface_functions(dtype, modes)
+    t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
+    c, r = camera_functions(dtype, modes), row_functions(dtype, modes)
     real, vec3, mat33, rest_row = t.real, t.vec3, t.mat33, t.rest_row
     Mesh, View, Vertices, VertexRows = groups.mesh, groups.view, groups.vertices, groups.vertex_rows
     Lighting, Cotangents = groups.lighting, groups.cotangents
-    eye_of, camera_cotangent, turned = f.eye_of, f.camera_cotangent, f.turned
-    lobes, add_lobes, light_slope, moved = f.lobes, f.add_lobes, f.light_slope, f.moved
+    eye_of, camera_cotangent, turned = c.eye_of, c.camera_cotangent, c.turned
+    lobes, add_lobes, light_slope, moved = r.lobes, r.add_lobes, r.light_slope, r.moved
     rings = ring_functions(dtype, modes)
     ring_normal, ring_row, ring_pull = rings.ring_normal, rings.ring_row, rings.ring_pull
     modes_ = modes

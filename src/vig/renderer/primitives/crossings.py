@@ -7,9 +7,6 @@ polygons: no tolerance in metres, no normals, no winding. Surfaces that pierce e
 do.
 """
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="untyped-decorator,no-untyped-def"
-
 import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -80,12 +77,12 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
 
     @wp.func
     def first_line(low: real):
-        """The first row or column from `low` on, clamped before it becomes a whole number."""
+        """The first row or column from `low` on, clamped before the conversion to an integer."""
         return int(wp.ceil(wp.max(low, real(0.0))))
 
     @wp.func
     def last_line(high: real, count: int):
-        """The last row or column up to `high`, clamped before it becomes a whole number."""
+        """The last row or column up to `high`, clamped before the conversion to an integer."""
         return int(wp.floor(wp.min(high, real(count - 1))))
 
     @wp.func
@@ -269,7 +266,7 @@ def find_crossings(
 
     Edges with an end nearer than NEAR to the eye's plane are left out. Nothing of the result has a
     derivative: see `antialias`. `edges` is (E, 6) int32: see `Topology`, the vertices and faces of all meshes
-    numbered through. Raises ValueError as `visible_faces`.
+    numbered through.
     """
     check_size(size)
     chosen, cells, hidden = opaque(

@@ -75,9 +75,6 @@ def barycentrics(
     Returns:
         (N, 3, 3): the weights, then their derivatives per pixel to the right, and per pixel downwards;
         without `derivatives` (N, 1, 3).
-
-    Raises:
-        ValueError: Other shapes and types, or corners that are not there.
     """
     check_floats(points=(points, (None, 3)))
     check_table("corners", corners, (None, 3), len(points))
@@ -105,16 +102,8 @@ def barycentrics(
 def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
     """Interpolate vertex attributes at N seen points: sum_i weights[n, i] attributes[corners[n, i]].
 
-    Args:
-        attributes: (V, C) float32 or float64.
-        corners: (N, 3) int32.
-        weights: (N, 3) barycentric weights, or their derivatives along the screen for the attributes' own.
-
-    Returns:
-        (N, C), differentiable in attributes and weights.
-
-    Raises:
-        ValueError: Other shapes and types, or corners that are not there.
+    attributes (V, C), corners (N, 3) int32 and barycentric weights (N, 3) give (N, C), differentiable in
+    attributes and weights; derivatives of the weights along the screen give those of the attributes.
     """
     check_table("corners", corners, (None, 3), len(attributes))
     check_floats(attributes=(attributes, (None, None)), weights=(weights, (len(corners), 3)))

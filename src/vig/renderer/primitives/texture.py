@@ -1,7 +1,6 @@
 """Texture look-up: bilinear in two levels of a mip pyramid, linear between them (trilinear)."""
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="assignment,type-var,untyped-decorator,no-untyped-def,no-any-return"
+# mypy: disable-error-code="assignment,type-var,no-any-return"
 
 import functools
 import math
@@ -289,10 +288,10 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
     return SimpleNamespace(forward=forward, backward=backward, tangent=tangent)
 
 
-def _forward(*arguments: torch.Tensor) -> torch.Tensor:
+def _look_up(kernel: str, *arguments: torch.Tensor) -> torch.Tensor:
     texels, uv = arguments[0], arguments[4]
     result = texels.new_empty(len(uv), texels.shape[1])
-    launch(_kernels(texels.dtype).forward, len(uv), *arguments, result)
+    launch(getattr(_kernels(texels.dtype), kernel), len(uv), *arguments, result)
     return result
 
 
@@ -303,13 +302,6 @@ def _backward(*arguments: torch.Tensor) -> tuple[torch.Tensor, ...]:
     return results
 
 
-def _tangent(*arguments: torch.Tensor) -> torch.Tensor:
-    texels, uv = arguments[0], arguments[4]
-    result = texels.new_empty(len(uv), texels.shape[1])
-    launch(_kernels(texels.dtype).tangent, len(uv), *arguments, result)
-    return result
-
-
 class _Texture(torch.autograd.Function):
     @staticmethod
     def forward(*arguments: torch.Tensor) -> torch.Tensor:
@@ -317,7 +309,7 @@ class _Texture(torch.autograd.Function):
         shapes = {"uv": (uv, (len(texture), 2)), "footprint": (footprint, (len(texture), 4))}
         check_floats(texels=(texels, (None, None)), **shapes)
         check_table("texture", texture, (None,), len(first) - 1, -1)
-        return _forward(*arguments)
+        return _look_up("forward", *arguments)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[torch.Tensor, ...], output: torch.Tensor) -> None:
@@ -336,10 +328,10 @@ class _Texture(torch.autograd.Function):
         texels, levels, first, texture, uv, footprint = ctx.saved_tensors
         uv_moved = torch.zeros_like(uv) if uv_moved is None else uv_moved
         footprint_moved = torch.zeros_like(footprint) if footprint_moved is None else footprint_moved
-        result = opaque(_tangent, *ctx.saved_tensors, uv_moved, footprint_moved)
+        result = opaque(_look_up, "tangent", *ctx.saved_tensors, uv_moved, footprint_moved)
         if texels_moved is not None:
             # Linear in the texels; where there is no texture the look-up is the constant one.
-            linear = opaque(_forward, texels_moved, levels, first, texture, uv, footprint)
+            linear = opaque(_look_up, "forward", texels_moved, levels, first, texture, uv, footprint)
             result = result + torch.where(texture[:, None] < 0, torch.zeros_like(linear), linear)
         return result
 

@@ -4,9 +4,6 @@ Points are homogeneous on the screen: (x z, y z, z) with (x, y) in pixels and z 
 that reach behind the near plane are cut off there; then the rasteriser of `vig.renderer.raster` draws them.
 """
 
-# Warp's decorators and annotations are not for type checkers.
-# mypy: disable-error-code="untyped-decorator,no-untyped-def"
-
 import functools
 from dataclasses import dataclass
 from typing import Any
@@ -56,8 +53,7 @@ def _draw_layers(dtype: torch.dtype) -> Any:
 class Visible:
     """The N pixels at whose centres something is seen, in B images (layers) of H x W.
 
-    pixel[n] = (b H + y) W + x says which pixel, int64, ascending; face[n] = f that face f is the nearest
-    there, int64.
+    pixel[n] = (b H + y) W + x, int64, ascending. face[n], int64: the face that is nearest there.
     """
 
     pixel: torch.Tensor
@@ -70,11 +66,6 @@ class Visible:
         _, height, width = self.size
         inside = self.pixel % (height * width)
         return torch.stack([inside % width, inside // width], dim=1).int()
-
-    @property
-    def layer(self) -> torch.Tensor:
-        """Which image each pixel is of: (N,)."""
-        return self.pixel // (self.size[1] * self.size[2])
 
     def image(self, values: torch.Tensor, nothing: torch.Tensor | float = 0.0) -> torch.Tensor:
         """Rows (N, C) spread into an image (B, H, W, C), `nothing` (broadcast) where nothing is seen."""
@@ -97,9 +88,6 @@ def visible_faces(
         faces: (F, 3) int32 into them.
         layer: (F,) int32, the image in which a face is drawn.
         size: (B, H, W).
-
-    Raises:
-        ValueError: Other shapes and types, or indices of vertices or images that are not there.
     """
     check_size(size)
     images, height, width = size

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from vig.scene.light import Y00, Y1, exposed, grey, sh_basis
+from vig.scene.light import EXPOSURE_L00, Y00, Y1, sh_basis
 
 Array = np.ndarray
 
@@ -77,3 +77,17 @@ def project_panorama(radiance: np.ndarray) -> np.ndarray:
     )
     basis = sh_basis(torch.from_numpy(np.ascontiguousarray(directions))).numpy()
     return np.einsum("hwl,hwc,h->lc", basis, radiance.astype(np.float64), solid_angle, optimize=True)
+
+
+def grey(light_rgb: np.ndarray) -> np.ndarray:
+    """Luminance (Rec. 709) of RGB light coefficients: (..., 3) to (...)."""
+    luminance: np.ndarray = np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
+    return luminance
+
+
+def exposed(light: np.ndarray) -> np.ndarray:
+    """A grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
+    if not light[0] > 0:
+        raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
+    scaled: np.ndarray = light * (EXPOSURE_L00 / light[0])
+    return scaled

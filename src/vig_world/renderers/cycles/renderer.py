@@ -15,8 +15,8 @@ import numpy as np
 import torch
 
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, grey, rotate_z, srgb8_from_linear
-from vig_world.assets.panoramas.light import project_panorama
+from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z, srgb8_from_linear
+from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library

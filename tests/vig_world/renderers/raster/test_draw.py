@@ -12,9 +12,9 @@ from vig.likelihood.reference import shade
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
 from vig.scene.light import Y00, linear_from_srgb
-from vig.scene.object_class import NO_DESIGN, shape_vertices
 from vig_world.assets.props import FAMILIES
 from vig_world.assets.props.material import Material
+from vig_world.assets.target import NO_DESIGN, shape_vertices
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.raster import Item, Packed, Pyramid, Target, depth, draw

@@ -5,15 +5,9 @@ import math
 import numpy as np
 import torch
 
-from vig.recognition.network import (
-    azimuth_labels,
-    latents_of,
-    mask_at_pixels,
-    mask_labels,
-    mirrored,
-    numbers_of,
-)
+from vig.recognition.network import latents_of, mask_at_pixels
 from vig.scene import Latents
+from vig_lab.training.targets import azimuth_labels, mask_labels, mirrored, numbers_of
 
 
 def some_latents(count: int = 5) -> Latents:

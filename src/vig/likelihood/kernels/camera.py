@@ -1,0 +1,82 @@
+"""Device functions of the camera: points between its frame and the screen, and how cotangents pull back.
+
+A point on the screen is (x, y, q): its pixel coordinates and one over its depth.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import torch
+import warp as wp
+
+from vig.likelihood.kernels.groups import argument_groups, kernel_types
+
+
+@functools.cache
+def camera_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
+    """The device functions for one scalar type and number of shape components."""
+    t, View = kernel_types(dtype, modes), argument_groups(dtype, modes).view
+    real, vec2, vec3, mat33 = t.real, t.vec2, t.vec3, t.mat33
+
+    @wp.struct
+    class Eye:
+        """One image's camera; rotation: camera_from_world."""
+
+        rotation: mat33
+        distance: real
+        focal: real
+        cx: real
+        cy: real
+        width: real
+
+    @wp.func
+    def eye_of(image: int, view: View):
+        eye = Eye()
+        eye.rotation = view.rotation[image]
+        eye.distance = view.distance
+        intrinsics = view.intrinsics[image]
+        eye.focal = intrinsics[0]
+        eye.cx = intrinsics[1]
+        eye.cy = intrinsics[2]
+        eye.width = real(view.width)
+        return eye
+
+    @wp.func
+    def camera_point(eye: Eye, screen: vec3):
+        """Where a point on the screen is in the camera's frame, metres."""
+        depth = real(1.0) / screen[2]
+        scale = depth / eye.focal
+        return vec3((screen[0] - eye.cx) * scale, (screen[1] - eye.cy) * scale, depth)
+
+    @wp.func
+    def camera_cotangent(eye: Eye, screen: vec3, on_screen: vec3):
+        """Pull a cotangent on (x, y, q) back to the camera's frame."""
+        scale = eye.focal * screen[2]
+        along = on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy)
+        return vec3(
+            scale * on_screen[0], scale * on_screen[1], -screen[2] * (along + screen[2] * on_screen[2])
+        )
+
+    @wp.func
+    def turned(eye: Eye, cotangent: vec3, arm: vec3):
+        """Pull a cotangent on a vector that rotates with the camera back to azimuth and elevation."""
+        up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
+        return vec2(-wp.dot(cotangent, wp.cross(up, arm)), cotangent[2] * arm[1] - cotangent[1] * arm[2])
+
+    @wp.func
+    def framed(eye: Eye, on_screen: vec3, screen: vec3):
+        """Pull a cotangent on pixel coordinates back to the framing."""
+        return vec3(
+            on_screen[0] * eye.width,
+            on_screen[1] * eye.width,
+            on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy),
+        )
+
+    return SimpleNamespace(
+        Eye=Eye,
+        eye_of=eye_of,
+        camera_point=camera_point,
+        camera_cotangent=camera_cotangent,
+        turned=turned,
+        framed=framed,
+    )
