@@ -72,8 +72,8 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_corner(
-        image: int,
-        vertex: int,
+        image: wp.int32,
+        vertex: wp.int32,
         lit: real,
         depth: real,
         s: Surface,
@@ -87,7 +87,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_pixel(
-        image: int,
+        image: wp.int32,
         s: Surface,
         pixel: vec2,
         seen: vec2,
