@@ -57,7 +57,7 @@ class Packed:
 
 
 def pack(scenes: Sequence[Scene]) -> Packed:
-    """Place the objects of all scenes before their cameras. ValueError for what cannot be drawn."""
+    """Project the objects of all scenes and number them through. Raises ValueError for invalid scenes."""
     odd = (
         [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
     )
@@ -147,7 +147,7 @@ def _joined(parts: list[torch.Tensor], empty: torch.Tensor) -> torch.Tensor:
 
 
 def _shifted(edges: torch.Tensor, vertex: int, face: int) -> torch.Tensor:
-    """Edges whose vertices and faces count from `vertex` and `face`; -1 stays."""
+    """Add offsets to the vertices and faces of edges; -1 stays."""
     if vertex == face == 0:
         return edges
     shift = torch.tensor([vertex] * 4 + [face] * 2, dtype=torch.int32, device=edges.device)

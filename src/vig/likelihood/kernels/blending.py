@@ -47,7 +47,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Blend:
-        """What a target pixel takes of the front surface, or gives of it to what is behind.
+        """How much of the front surface a target pixel takes, or gives to the surface behind.
 
         weight: of this axis, times fold. taken: weight times |t - 1/2|, negative when the target is the
         inner pixel and gives. front_irradiance: the target's own if it gives, else the edge's there, which
