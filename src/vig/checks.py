@@ -31,7 +31,7 @@ MOST_TENSORS = 1 << 30
 
 @contextmanager
 def reading(path: str | Path, expected: str, remedy: str) -> Iterator[None]:
-    """Report whatever goes wrong in the block, which reads and checks `path`, as one UserError.
+    """Convert any exception of the block, which reads and checks `path`, to one UserError.
 
     Args:
         path: The file or folder that is read.

@@ -170,7 +170,7 @@ def _pairs(photos: Iterable[Photo], boxes: Iterable[Box | None] | None) -> Itera
 
 
 def _sendable(photo: Photo) -> str | np.ndarray:
-    """A photo as it goes to another process."""
+    """Return a photo in the form that is sent to another process."""
     return str(photo) if isinstance(photo, str | Path) else as_photo(photo)
 
 

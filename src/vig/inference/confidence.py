@@ -215,7 +215,7 @@ def roll_gain(
 
 
 def _rolled(picture: torch.Tensor, angle: float) -> torch.Tensor:
-    """A picture (1, C, H, W) of any size rolled about its centre; what comes in at the corners is 0."""
+    """A picture (1, C, H, W) of any size rolled about its centre; corners are filled with 0."""
     height, width = picture.shape[2:]
     cos, sin = math.cos(angle), math.sin(angle)
     # In units of half the height and half the width, which need not be the same.

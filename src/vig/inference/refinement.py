@@ -17,7 +17,7 @@ from vig.scene import Latents, angle_difference
 from vig.scene.latents import FRAMING
 
 AMBIGUOUS_NATS = 30.0
-"""A view whose score lies less behind than this is a rival."""
+"""A view whose score is less than this below the best is ambiguous with it."""
 
 
 @dataclass(frozen=True)

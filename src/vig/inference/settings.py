@@ -1,4 +1,4 @@
-"""How photos are fitted, and what comes out."""
+"""Settings of a fit, and its result."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Stage:
 
     @property
     def budget(self) -> Budget:
-        """What the stage gives its optimiser."""
+        """The budget of the stage's optimiser."""
         return Budget(self.iterations, self.tolerance)
 
 

@@ -68,7 +68,7 @@ class Photos:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Eq. 4 at B points of P' numbers each: latents, then framing. What was not asked for is None.
+    """Eq. 4 at B points of P' numbers each: latents, then framing. Results not requested are None.
 
     Attributes:
         value: (B,) log-likelihood in nats, float64.
@@ -202,7 +202,7 @@ class Likelihood:
         return Evaluation(value, gradient, normal, posterior, coverage, irradiance)
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
-        """ValueError for what kernels cannot see: they would read beyond an array, or answer NaN."""
+        """Raise ValueError for input that kernels do not check: out-of-range indices, NaN."""
         size, count = self.layout.size, len(points)
         if points.ndim != 2 or points.shape[1] != size:
             raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")

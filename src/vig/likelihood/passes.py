@@ -26,7 +26,7 @@ BOUNDARY_ROWS = 16
 """Rows of the normal matrix kept for occlusion edges, per pixel of the image's width and height."""
 
 LEAST_BOUNDARY_ROWS = 4096
-"""Such rows of a small image, whose object may be full of edges."""
+"""Minimum of such rows: a small image may be full of edges."""
 
 BOUNDARY_CURVATURE = 0.5
 """Share of an edge's gain per pixel that counts as curvature per pixel squared in the normal matrix."""
@@ -131,7 +131,7 @@ class Pass:
             self._exchange(launch, names, likelihood)
 
     def looks_at(self, likelihood: Likelihood) -> bool:
-        """Whether it is this one whose photos were taken last."""
+        """Whether this pass holds the photos of `likelihood`."""
         return self._likelihood() is likelihood
 
     def _exchange(self, launch: Prepared, arguments: dict[str, Any], likelihood: Likelihood) -> None:
@@ -240,7 +240,7 @@ class Pass:
         return made
 
     def _buffer(self, name: str, kind: Any, *shape: int) -> torch.Tensor:
-        """A kept tensor (B, *shape), with the kind's own axes behind, that kernels know by its name."""
+        """A kept tensor (B, *shape), with the kind's own axes behind, found by kernels by its name."""
         scalar, own = type_parts(kind)
         dtype = wp.dtype_to_torch(scalar)
         made = torch.zeros(self.count, *shape, *own, dtype=dtype, device=self.geometry.device)

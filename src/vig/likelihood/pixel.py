@@ -1,4 +1,4 @@
-"""The pixel likelihood, Eq. 2 and 3: what it means, and its settings.
+"""The pixel likelihood, Eq. 2 and 3, and its settings.
 
 At a pixel that the object covers: log(visible N(c; mu, s^2 I) + hidden U), with U = 1 on the unit cube of
 linear RGB and N the product over the three channels. At any other pixel: log(background U). The three
@@ -54,7 +54,7 @@ def _volume() -> torch.Tensor:
 
 
 def _smooth(cube: torch.Tensor) -> torch.Tensor:
-    """A binomial kernel (1, 2, 1) / 4 along each axis, borders reflected: the integral stays what it is."""
+    """A binomial kernel (1, 2, 1) / 4 along each axis, borders reflected: the integral is preserved."""
     kernel = torch.tensor([0.25, 0.5, 0.25], dtype=cube.dtype).view(1, 1, 3)
     for axis in range(3):
         moved = cube.movedim(axis, -1)

@@ -37,10 +37,10 @@ RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
 CAPACITY_PER_NAT = 1000
 
 SETTLING = 6
-"""Rounds in which a cut settles pixels beforehand."""
+"""Rounds of fixing pixels before a cut."""
 
 DAMPING = 0.5
-"""Share of the old q that an update keeps: all pixels change at once, and would swing without it."""
+"""Share of the old q that an update keeps: simultaneous updates oscillate without it."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def links(
 
 
 def messages(visible: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
-    """sum_j w_ij (2 q_j - 1): nats (N, H, W) by which its neighbours want a pixel visible, not hidden.
+    """sum_j w_ij (2 q_j - 1): nats (N, H, W) in favour of a pixel being visible, from its neighbours.
 
     visible (N, H, W): q; covered (N, H, W) bool; weights from `links`.
     """

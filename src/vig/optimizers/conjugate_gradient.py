@@ -12,7 +12,7 @@ SUFFICIENT, CURVATURE = 1e-4, 0.1
 """Wolfe's conditions: share of the promised gain, and of the slope that may be left."""
 
 EXTRAPOLATION, GROWTH = 3.0, 10.0
-"""How much farther a line search goes at a time, and where the next one begins, at most."""
+"""Largest factors of a line search's extrapolation, and of the next one's first step."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class ConjugateGradient:
 
 
 class _Lines(Searches):
-    """Line searches from where B searches stand."""
+    """Line searches from the current points of B searches."""
 
     def search(
         self, active: torch.Tensor, along: torch.Tensor, first: torch.Tensor, limit: int

@@ -35,7 +35,7 @@ def bounded_step(
     damping: torch.Tensor | float = 0.0,
     rounds: int = 4,
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """A step within the bounds; what would pass a bound rests on it, and the others are solved again.
+    """A step within the bounds: numbers that would pass a bound are held on it, the others solved again.
 
     Args:
         points: (B, P').
@@ -84,7 +84,7 @@ def newton(right: torch.Tensor, matrix: torch.Tensor, free: torch.Tensor) -> tor
 
 
 class Valued(Protocol):
-    """An objective at B points; gradient and normal are None where they were not asked for."""
+    """An objective at B points; gradient and normal are None where not requested."""
 
     @property
     def value(self) -> torch.Tensor:
@@ -165,7 +165,7 @@ class Optimizer(Protocol):
 
 
 class Searches:
-    """B batched searches under way: where each stands, and which are `active` (A,), indices."""
+    """State of B batched searches: the best points, and the indices `active` (A,) of unfinished ones."""
 
     def __init__(self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float):
         self.problem, self.photo, self.points = problem, photo, starts.clone()
@@ -204,5 +204,5 @@ class Searches:
         self.active = self.active[~done]
 
     def descent(self) -> Descent:
-        """Where they stand."""
+        """Return the current state as the result."""
         return Descent(self.points, self.value, self.evaluations, self.converged)

@@ -17,7 +17,7 @@ EVALUATIONS_PER_STEP = 20
 
 @dataclass(frozen=True)
 class BFGS:
-    """BFGS with an active set: scipy's knows no bounds.
+    """BFGS with an active set, as scipy's has no bounds.
 
     It runs over the parameters that no bound holds, and again from where it ended with those that are free
     there, until a run gains less than the tolerance.
@@ -74,7 +74,7 @@ class _SpentError(Exception):
 
 
 class _Search:
-    """One search from `start` (P',): what it values, the best of it, and when it ends.
+    """One search from `start` (P',): evaluation, best point, and stopping.
 
     Parameters are counted in their own standard deviations at the start (`scales`), so that the first step of
     a method that knows no curvature yet has a sensible length.

@@ -1,4 +1,4 @@
-"""Private interfaces of torch and Warp, all here: each function documents what it does when one is missing."""
+"""Private interfaces of torch and Warp: each function documents what it does when one is missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 
 def has_bfloat16() -> bool:
-    """Whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when torch does not report it."""
+    """Whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when unknown."""
     ask = getattr(torch.cpu, "_is_avx512_bf16_supported", None)
     return bool(ask()) if ask is not None else False
 

@@ -32,7 +32,7 @@ def thread_count() -> int:
 
 
 def on_one_core(work: Callable[[], Result]) -> Result:
-    """work(), with torch on one core, while `thread_count` stays what it is for what is worth sharing out.
+    """Call work() with torch on one core; `thread_count` keeps its value for work that is shared out.
 
     torch's setting is the process's: rather than changing it, work goes to a thread of ours and is awaited.
     """

@@ -1,4 +1,4 @@
-"""The object's square window in a photo of any size, and the way back from it."""
+"""The object's square window in a photo of any size: cutting it out and mapping results back."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Window:
         return Window(x + w / 2 - side / 2, y + h / 2 - (0.5 + BOX_BELOW_CENTRE) * side, side)
 
     def cut(self, photo: np.ndarray, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
-        """The window resampled: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in
+        """Resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in
         the photo. photo (H, W, 3) linear RGB. Beyond the photo its border is continued.
         """
         height, width = photo.shape[:2]

@@ -1,4 +1,4 @@
-"""The recognition network: what it is asked for, in frames that can be seen, and how it answers."""
+"""The recognition network: its outputs, their calibration, and its layers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def layout_of_numbers(count: int) -> LatentLayout:
 
 
 def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
-    """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to what latents may be."""
+    """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
     layout = layout_of_numbers(numbers.shape[1])
     lower, upper = (numbers.new_tensor(bound) for bound in layout.bounds())
     parts = layout.split(numbers.clamp(lower, upper))

@@ -176,7 +176,7 @@ def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array[Any]:
 
 
 class Prepared:
-    """A recorded launch as a call that costs as little as may be, and whose arrays can be exchanged.
+    """A recorded launch as a call of little overhead, whose arrays can be exchanged.
 
     The launch is kept; what its arguments point to, the caller keeps.
     """

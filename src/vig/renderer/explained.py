@@ -19,8 +19,8 @@ def vertex_irradiance(
 ) -> torch.Tensor:
     """Irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class has a table.
 
-    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a white surface reflects,
-    not below 0. The table is `ObjectClass.transfer`; without `self_shadow` it is left out.
+    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a white surface
+    reflects, not below 0. The table is `ObjectClass.transfer`; without `self_shadow` it is left out.
     """
     lobes = sh_basis(normals) * normals.new_tensor(COSINE_LOBE)
     if self_shadow and object_class.transfer is not None:

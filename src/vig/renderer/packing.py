@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,9 @@ import torch
 from vig.renderer.primitives import Pyramid, stack_pyramids
 from vig.renderer.scene import MeshObject, Scene
 from vig.renderer.shading import smooth_normals, unit
+
+_Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
+"""Tensors by name, each with the shapes that it may have."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Packed:
 
 
 def pack(scenes: Sequence[Scene]) -> Packed:
-    """Place the objects of all scenes before their cameras. ValueError for what cannot be drawn."""
+    """Project the objects of all scenes and number them through. Raises ValueError for invalid scenes."""
     odd = (
         [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
     )
@@ -144,7 +147,7 @@ def _joined(parts: list[torch.Tensor], empty: torch.Tensor) -> torch.Tensor:
 
 
 def _shifted(edges: torch.Tensor, vertex: int, face: int) -> torch.Tensor:
-    """Edges whose vertices and faces count from `vertex` and `face`; -1 stays."""
+    """Add offsets to the vertices and faces of edges; -1 stays."""
     if vertex == face == 0:
         return edges
     shift = torch.tensor([vertex] * 4 + [face] * 2, dtype=torch.int32, device=edges.device)
@@ -193,7 +196,7 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
             f"images of one batch must be of one size, {size[1]} x {size[0]}; got {camera.width} x"
             f" {camera.height} {name}. Render other sizes apart."
         )
-    own = {
+    own: _Tensors = {
         "focal": (camera.focal, [(2,)]),
         "centre": (camera.centre, [(2,)]),
         "camera rotation": (camera.rotation, [(3, 3)]),
@@ -211,7 +214,7 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
 def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
     count = item.topology.vertex_count
     coordinates, texels = item.texture_coordinates, None if item.texture is None else item.texture.texels
-    own = {
+    own: _Tensors = {
         "vertices": (item.vertices, [(count, 3)]),
         "albedo": (item.albedo, [(3,), (count, 3)]),
         "rotation": (item.rotation, [(3, 3)]),
@@ -232,9 +235,7 @@ def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
         )
 
 
-def _check(
-    of: str, given: Mapping[str, tuple[torch.Tensor | None, Sequence[tuple[int, ...]]]], like: torch.Tensor
-) -> None:
+def _check(of: str, given: _Tensors, like: torch.Tensor) -> None:
     """ValueError unless each of the tensors has one of its shapes, the camera's type, and is finite."""
     for what, (tensor, shapes) in given.items():
         if tensor is None:

@@ -216,7 +216,7 @@ def rasterize(
 
 
 def _checked(name: str, given: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
-    """An array of a shape such as "V, 3", in which a letter stands for any number. ValueError otherwise."""
+    """Check an array against a shape such as "V, 3", in which a letter is any number. Raises ValueError."""
     array = np.asarray(given)
     sizes = shape.split(", ")
     fits = array.ndim == len(sizes) and all(

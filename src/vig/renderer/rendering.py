@@ -120,7 +120,7 @@ def _surface(
     weights: torch.Tensor,
     shading: Literal["vertex", "pixel"] | None,
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Colour (N, 3), unit normal (N, 3) and depth (N, 1) of what is seen; no colour without shading."""
+    """Colour (N, 3), unit normal (N, 3) and depth (N, 1) of the covered pixels; no colour without shading."""
     attributes = [packed.normals, points[:, 2:], packed.albedo]
     if shading == "vertex":
         attributes.append(_reflected(packed, packed.normals, packed.vertex_object))

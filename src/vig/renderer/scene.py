@@ -1,4 +1,4 @@
-"""What `render` draws: meshes with a pose and a surface, lights, a camera, and what comes out."""
+"""Inputs and outputs of `render`: meshes with a pose and a surface, lights, a camera; the rendering."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light on surfaces, in plain torch: what a white Lambertian surface of a given normal reflects."""
+"""Shading in plain torch: light reflected by a white Lambertian surface of a given normal."""
 
 from __future__ import annotations
 

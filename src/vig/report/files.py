@@ -50,8 +50,8 @@ def write_explanation(
 ) -> None:
     """Write the files of one explained photo into `folder`, which is made when it is missing.
 
-    explanation.json holds `described` (see `describe`), overlay.png the `picture` (H, W, 3) uint8. mask.png is
-    255 where the object is `visible` (H, W) bool, 128 where only `amodal` (H, W) bool holds, 0 elsewhere.
+    explanation.json holds `described` (see `describe`), overlay.png the `picture` (H, W, 3) uint8. mask.png
+    is 255 where the object is `visible` (H, W) bool, 128 where only `amodal` (H, W) bool holds, 0 elsewhere.
     object.glb is the mesh of `latents` (B = 1).
     """
     write_png(folder / "overlay.png", picture)

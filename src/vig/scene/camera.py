@@ -109,11 +109,6 @@ class Camera:
         translation[..., 2] += self.distance
         return rotation, translation
 
-    def project(self, points: torch.Tensor) -> torch.Tensor:
-        """Pixel coordinates (..., 2) of points (..., 3) in the camera frame; z must be positive."""
-        x, y, z = points.unbind(-1)
-        return torch.stack([self.focal * x / z + self.cx, self.focal * y / z + self.cy], dim=-1)
-
 
 def _real(number: object) -> bool:
     return isinstance(number, int | float | np.number) and math.isfinite(number)

@@ -1,4 +1,4 @@
-"""The numbers that explain one object in one image, and the one order in which they stand in a vector."""
+"""The latents of one object in one image, and their order in a vector."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ class Block:
 
 @dataclass(frozen=True)
 class LatentLayout:
-    """Where each block of latents stands in a vector of P numbers: `layout["azimuth"]` is its slice.
+    """The slice of each block of latents in a vector of P numbers: `layout["azimuth"]`.
 
-    Everything that knows a vector knows it through a layout: nothing else counts columns.
+    The only place that defines offsets: no other code counts columns.
     """
 
     blocks: tuple[Block, ...]
@@ -96,7 +96,7 @@ class LatentLayout:
         return name in self._slices
 
     def __getitem__(self, name: str) -> slice:
-        """Where a block stands. KeyError with the blocks that there are when it is absent."""
+        """Return a block's slice. Raises KeyError, which lists the blocks, when it is absent."""
         if name not in self._slices:
             held = ", ".join(self._slices)
             raise KeyError(f"expected one of the blocks {held}; got '{name}'. Add it with `with_blocks`.")
@@ -115,13 +115,13 @@ class LatentLayout:
         return [place for name in names for place in range(self[name].start, self[name].stop)]
 
     def with_blocks(self, *blocks: Block) -> LatentLayout:
-        """This layout with further blocks at its end; one of a name that is there takes its place."""
+        """Return this layout with blocks appended; one whose name exists replaces that block."""
         new = {block.name: block for block in blocks}
         kept = tuple(new.pop(block.name, block) for block in self.blocks)
         return LatentLayout((*kept, *new.values()))
 
     def without(self, *names: str) -> LatentLayout:
-        """This layout without some blocks, which must be there."""
+        """Return this layout without some of its blocks."""
         for name in names:
             self[name]
         return LatentLayout(tuple(block for block in self.blocks if block.name not in names))

@@ -116,7 +116,7 @@ def rotations_z(angle: torch.Tensor) -> torch.Tensor:
 
 @functools.cache
 def _rotation_parts() -> torch.Tensor:
-    """What of a turn about Z is constant, goes with cos, sin, cos 2, sin 2 of its angle: (5, 81) float64."""
+    """Coefficients (5, 81) float64 of 1, cos, sin, cos 2, sin 2 of the angle in a rotation about Z."""
     angles = torch.arange(5, dtype=torch.float64) * (2 * math.pi / 5)
     harmonics = torch.stack(
         [angles * 0 + 1, angles.cos(), angles.sin(), (2 * angles).cos(), (2 * angles).sin()]

@@ -125,16 +125,7 @@ class ObjectClass:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
         model = self.shape_model
         with atomic_write(Path(folder) / "shape.safetensors") as temporary:
-            save_file(
-                {
-                    "mean": model.mean,
-                    "basis": np.ascontiguousarray(model.basis),
-                    "faces": model.faces,
-                    "parts": model.parts,
-                    "explained_variance_ratio": model.explained_variance_ratio,
-                },
-                temporary,
-            )
+            save_file({name: np.ascontiguousarray(getattr(model, name)) for name in _SHAPE}, temporary)
         description: dict[str, Any] = {
             "format": FORMAT,
             "name": self.name,
@@ -177,14 +168,7 @@ class ObjectClass:
         with reading(folder / "shape.safetensors", "a class's shapes", _DAMAGED):
             arrays, _ = read_tensors(folder / "shape.safetensors")
             check_arrays(arrays, _SHAPE)
-            model = ShapeModel(
-                arrays["mean"],
-                arrays["basis"],
-                arrays["faces"],
-                arrays["parts"],
-                described.part_names,
-                arrays["explained_variance_ratio"],
-            )
+            model = ShapeModel(part_names=described.part_names, **{name: arrays[name] for name in _SHAPE})
         transfer = None
         if (folder / TRANSFER_FILE).exists():
             with reading(folder / TRANSFER_FILE, "a class's transfer of light", _DAMAGED):

@@ -52,7 +52,7 @@ def test_types_are_scalars_and_shapes() -> None:
     assert type_parts(wp.float64) == (wp.float64, ())
     assert type_parts(wp.types.vector(5, wp.float32)) == (wp.float32, (5,))
     assert type_parts(wp.types.matrix((3, 2), wp.float64)) == (wp.float64, (3, 2))
-    with pytest.raises(TypeError, match="does not tell the parts"):
+    with pytest.raises(TypeError, match="does not expose the parts"):
         type_parts(type("Vector", (), {"_length_": 3}))
 
 

@@ -20,7 +20,8 @@ def eye(camera: Camera, azimuth: float, elevation: float) -> np.ndarray:
 
 def pixel(camera: Camera, azimuth: float, elevation: float, point: tuple[float, float, float]) -> np.ndarray:
     rotation, translation = camera.pose(*angles(azimuth, elevation))
-    return camera.project(rotation[0] @ torch.tensor(point, dtype=torch.float64) + translation[0]).numpy()
+    seen = camera.K @ (rotation[0] @ torch.tensor(point, dtype=torch.float64) + translation[0]).numpy()
+    return seen[:2] / seen[2]
 
 
 CAMERA = Camera.standard(target_height=0.08)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from vig.scene import EXPOSURE_L00, irradiance, rotate_z, rotations_z, sh_basis
-from vig_world.assets.panoramas.light import exposed, grey, project_panorama
+from vig.scene import irradiance, rotate_z, rotations_z, sh_basis
+from vig_world.assets.panoramas.light import project_panorama
 
 
 def sphere(rows: int, columns: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -147,27 +147,6 @@ def test_irradiance_is_never_negative() -> None:
     light[2] = 1.0
     below = torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64)
     assert irradiance(light, below).item() == 0.0
-
-
-def test_exposure_scales_a_light_to_the_papers() -> None:
-    light = np.random.default_rng(6).normal(size=9)
-    light[0] = 11.0
-    assert pytest.approx(0.75 * math.pi) == EXPOSURE_L00
-    assert exposed(light)[0] == pytest.approx(EXPOSURE_L00)
-    np.testing.assert_allclose(exposed(light) / EXPOSURE_L00, light / 11.0)
-    with pytest.raises(ValueError, match="positive mean radiance"):
-        exposed(np.zeros(9))
-
-
-def test_grey_is_rec_709_luminance() -> None:
-    np.testing.assert_allclose(grey(np.eye(3)), [0.2126, 0.7152, 0.0722])
-    np.testing.assert_allclose(grey(np.ones((9, 3))), np.ones(9))
-
-
-@pytest.mark.parametrize("shape", [(4, 8), (4, 8, 4), (9,)])
-def test_a_panorama_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="panorama must be"):
-        project_panorama(np.zeros(shape))
 
 
 def test_rotation_matrices_turn_as_rotate_z() -> None:

@@ -1,5 +1,7 @@
 """Panoramas: layout, determinism, and light statistics that span what real indoor panoramas show."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -195,3 +197,24 @@ def test_light_from_below_only_and_odd_rows_are_refused():
         local_light(uniform(0.0, 1.0), 0.5)
     with pytest.raises(ValueError, match="even number of rows"):
         light_parts(np.ones((31, 62, 3)))
+
+
+def test_exposure_scales_a_light_to_the_papers() -> None:
+    light = np.random.default_rng(6).normal(size=9)
+    light[0] = 11.0
+    assert pytest.approx(0.75 * math.pi) == EXPOSURE_L00
+    assert exposed(light)[0] == pytest.approx(EXPOSURE_L00)
+    np.testing.assert_allclose(exposed(light) / EXPOSURE_L00, light / 11.0)
+    with pytest.raises(ValueError, match="positive mean radiance"):
+        exposed(np.zeros(9))
+
+
+def test_grey_is_rec_709_luminance() -> None:
+    np.testing.assert_allclose(grey(np.eye(3)), [0.2126, 0.7152, 0.0722])
+    np.testing.assert_allclose(grey(np.ones((9, 3))), np.ones(9))
+
+
+@pytest.mark.parametrize("shape", [(4, 8), (4, 8, 4), (9,)])
+def test_a_panorama_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="panorama must be"):
+        project_panorama(np.zeros(shape))

@@ -65,20 +65,7 @@ def test_coefficients_undo_vertices(designs: np.ndarray) -> None:
     np.testing.assert_allclose(again, coefficients, atol=1e-6)
 
 
-def test_vertices_keep_the_coefficients_precision(designs: np.ndarray) -> None:
-    model = fit(designs, 2)
-    assert model.vertices(torch.zeros(3, 2)).dtype == torch.float32
-    zero = model.vertices(torch.zeros(1, 2, dtype=torch.float64))
-    np.testing.assert_array_equal(zero[0].numpy(), model.mean)
-
-
 @pytest.mark.parametrize("modes", [0, COUNT, 50])
 def test_more_modes_than_designs_can_give_are_refused(designs: np.ndarray, modes: int) -> None:
     with pytest.raises(ValueError, match=f"modes must be from 1 to 7 for 8 designs; got {modes}"):
         fit(designs, modes)
-
-
-@pytest.mark.parametrize("shape", [(1, 3), (2,), (1, 1, 2)])
-def test_coefficients_of_another_width_are_refused(designs: np.ndarray, shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=r"coefficients must be \(B, 2\)"):
-        fit(designs, 2).vertices(torch.zeros(shape))

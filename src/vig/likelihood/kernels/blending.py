@@ -7,7 +7,7 @@ differentiable in the edge's place (docs/objective.md lists where it is not). An
 by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
 area is kept and nothing jumps where one edge hands over to the next.
 
-`vig.likelihood.reference` computes the same value in plain torch.
+tests/vig/likelihood/reference.py computes the same value in plain torch.
 """
 
 import functools
@@ -47,7 +47,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Blend:
-        """What a target pixel takes of the front surface, or gives of it to what is behind.
+        """How much of the front surface a target pixel takes, or gives to the surface behind.
 
         weight: of this axis, times fold. taken: weight times |t - 1/2|, negative when the target is the
         inner pixel and gives. front_irradiance: the target's own if it gives, else the edge's there, which

@@ -1,4 +1,4 @@
-"""Kernels of Eq. 4 at occlusion edges: which edges these are, and what blending across them adds."""
+"""Kernels of Eq. 4 at occlusion edges: collection of the edges, and blending across them."""
 
 import functools
 from types import SimpleNamespace
@@ -46,7 +46,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Task:
-        """What is the same at all edges of an image."""
+        """Values shared by all edges of an image."""
 
         eye: Eye
         noise: Noise
@@ -110,7 +110,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         normal_rows: NormalRows,
         pictures: Pictures,
     ):
-        """Every `threads`th occlusion edge of an image: what blending across it adds to Eq. 4, the way back
+        """Every `threads`th occlusion edge of an image: the blending's part of Eq. 4, its gradient
         with differentiate >= 1, rows of the normal matrix with 2."""
         image, part = wp.tid()
         task = Task()

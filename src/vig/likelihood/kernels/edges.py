@@ -1,4 +1,4 @@
-"""Device functions of occlusion edges: where they pass between two pixels, and what these pixels show."""
+"""Device functions of occlusion edges: crossings between two pixels, and the surfaces on both sides."""
 
 import functools
 from types import SimpleNamespace
@@ -78,7 +78,7 @@ def edge_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def along(axis: int, u: real, v: real):
-        """(x, y) of what lies u along an axis and v across it."""
+        """Return (x, y) of a point at u along an axis and v across it."""
         if axis == 0:
             return vec3(u, v, real(0.0))
         return vec3(v, u, real(0.0))

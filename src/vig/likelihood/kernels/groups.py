@@ -24,8 +24,8 @@ REST = LatentLayout(
         Block("framing", 3),
     )
 )
-"""Columns of a row behind its shape part: a point's latents but albedo, in whose place stands the irradiance
-itself, as a colour is albedo times irradiance."""
+"""Columns of a row after its shape part: a point's latents, with the irradiance in place of albedo, as a
+colour is albedo times irradiance."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class RowLayout:
 
     @property
     def point(self) -> LatentLayout:
-        """Where a point's numbers stand in its vector: latents, then framing."""
+        """Layout of a point's vector: latents, then framing."""
         return point_layout(self.modes)
 
     @property

@@ -14,7 +14,7 @@ from vig.likelihood.pixel import LOG_UNIT
 from vig.renderer.raster import FACE_MASK, NOTHING
 
 NEGLIGIBLE = 1e-9
-"""Posterior of being visible below which a pixel moves nothing: most of what is hidden."""
+"""Posterior of being visible below which a pixel has no gradient: most hidden pixels."""
 
 FARTHEST = 80.0
 """Nats between the two components beyond which exp(-gap) is as good as 0: float32 ends at 87."""
@@ -75,7 +75,7 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         cotangents: Cotangents,
         pictures: Pictures,
     ):
-        """A chunk of an image's lines. Value: what its covered pixels gain over background."""
+        """A chunk of an image's lines. Value: the gain of its covered pixels over background."""
         image, part = wp.tid()
         explain_lines(
             image,

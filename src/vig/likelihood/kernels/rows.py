@@ -59,7 +59,7 @@ def row_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def light_slope(light: rest_row, n: vec3):
-        """d irradiance / d normal, the normal free in space; light stands in a row's light columns."""
+        """d irradiance / d normal, the normal unconstrained; light is in a row's light columns."""
         return vec3(
             linear * light[light_at + 3]
             + product
@@ -74,7 +74,7 @@ def row_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def add_basis(row: shape_row, mesh: Mesh, vertex: wp.int32, cotangent: vec3):
-        """Add what a cotangent on a vertex's place in the world is on the shape coefficients."""
+        """Add a cotangent on a vertex's position in the world, pulled back to the shape coefficients."""
         return (
             row
             + mesh.basis[vertex, 0] * cotangent[0]

@@ -1,4 +1,4 @@
-"""Device functions of the visible surface in screen space: what is seen at a pixel, and how it pulls back.
+"""Device functions of the visible surface in screen space: irradiance at a pixel, and its cotangents.
 
 Over a face, q (one over the depth) and q times irradiance are affine in the pixel, and their ratio is the
 perspective-correct irradiance. So a pixel costs two dot products and a division, and all pixels of a face
@@ -72,8 +72,8 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_corner(
-        image: int,
-        vertex: int,
+        image: wp.int32,
+        vertex: wp.int32,
         lit: real,
         depth: real,
         s: Surface,
@@ -87,7 +87,7 @@ def surface_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def pull_pixel(
-        image: int,
+        image: wp.int32,
         s: Surface,
         pixel: vec2,
         seen: vec2,

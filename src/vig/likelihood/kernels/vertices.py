@@ -1,4 +1,4 @@
-"""Kernels of the vertices: from a point's numbers to places, normals and irradiance, and back again."""
+"""Kernels of the vertices: positions, normals and irradiance of a point, and the backward pass."""
 
 import functools
 from types import SimpleNamespace
@@ -178,7 +178,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         cotangents: Cotangents,
         sums: wp.array2d(dtype=rest_row),
     ):
-        """The way back: cotangents on the screen, irradiance and camera-frame normals of the vertices become
+        """Backward pass: cotangents on the screen, irradiance and camera-frame normals of the vertices become
         those on world places and on pose, light and framing (sums, one per chunk)."""
         image, part = wp.tid()
         shining = lighting.light[image]

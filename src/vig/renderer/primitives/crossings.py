@@ -90,11 +90,7 @@ def _kernels(dtype: torch.dtype) -> SimpleNamespace:
         """On which side of the line from a to b, on the screen, the face with third vertex c lies."""
         x = a[0] / a[2]
         y = a[1] / a[2]
-        bx = b[0] - x * b[2]
-        by = b[1] - y * b[2]
-        cx = c[0] - x * c[2]
-        cy = c[1] - y * c[2]
-        return bx * cy - by * cx
+        return cross(from_pixel(b, x, y), from_pixel(c, x, y))
 
     @wp.kernel(module=module)
     def find_silhouette(

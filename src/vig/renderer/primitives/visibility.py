@@ -51,7 +51,7 @@ def _draw_layers(dtype: torch.dtype) -> Any:
 
 @dataclass(frozen=True)
 class Visible:
-    """The N pixels at whose centres something is seen, in B images (layers) of H x W.
+    """The N covered pixels of B images (layers) of H x W.
 
     pixel[n] = (b H + y) W + x, int64, ascending. face[n], int64: the face that is nearest there.
     """
@@ -125,7 +125,7 @@ def _draw(
 
 
 def beyond_near(points: torch.Tensor, faces: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Triangles of what lies beyond the near plane: points, corners (F', 3), and whose part each is (F',).
+    """Clip faces at the near plane: points, corners (F', 3) of triangles, and the face of each (F',).
 
     Points on the near plane are added at the end. A part's first corner is its farthest: the near ones may
     lie far outside the image, and what is drawn from there would be inexact.
