@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import vig
-from vig.cli.settings import Doctor
+from vig.cli.common import Doctor
 
 PACKAGES = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safetensors", "OpenImageIO")
 

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from vig.cli.settings import Fit
+from vig.cli.common import Fit
 from vig.errors import UserError
 from vig.explainer import Box, Explainer, checked_box
 from vig.explanation import Explanation

@@ -8,8 +8,7 @@ from typing import Any
 
 import tyro
 
-from vig.cli.common import Verb, verbs_of_packages
-from vig.cli.settings import Doctor, Fit
+from vig.cli.common import Doctor, Fit, Verb, verbs_of_packages
 from vig.errors import UserError
 
 VERBS = (

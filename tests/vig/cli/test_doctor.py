@@ -5,8 +5,8 @@ import pytest
 import vig
 import vig.renderer
 from vig.cli import doctor as module
+from vig.cli.common import Doctor
 from vig.cli.doctor import doctor, report_lines, run_doctor
-from vig.cli.settings import Doctor
 
 
 def test_the_report_is_ready_for_json_and_the_kernels_draw_the_triangle() -> None:

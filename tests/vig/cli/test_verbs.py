@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from vig.cli.common import Fit
 from vig.cli.main import main
-from vig.cli.settings import Fit
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
 from vig_lab.examples import example_photos

@@ -7,7 +7,7 @@ differentiable in the edge's place (docs/objective.md lists where it is not). An
 by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
 area is kept and nothing jumps where one edge hands over to the next.
 
-tests/vig/likelihood/reference.py computes the same value in plain torch.
+`vig.likelihood.reference` computes the same value in plain torch.
 """
 
 import functools
@@ -19,9 +19,8 @@ import warp as wp
 from vig.likelihood.kernels.camera import camera_functions
 from vig.likelihood.kernels.edges import edge_functions
 from vig.likelihood.kernels.groups import argument_groups, kernel_types
-from vig.likelihood.kernels.pixel import pixel_functions
 from vig.likelihood.kernels.rows import row_functions
-from vig.likelihood.kernels.surface import surface_functions
+from vig.likelihood.kernels.surface import pixel_functions, surface_functions
 
 LEAST_BRIGHTNESS = 1e-6
 """Squared albedo by which rows of edges are divided at least: a black object has edges, too."""

@@ -10,7 +10,7 @@ from vig.likelihood.kernels.blending import blend_functions
 from vig.likelihood.kernels.camera import camera_functions
 from vig.likelihood.kernels.edges import LEAST_SQUARE, edge_functions
 from vig.likelihood.kernels.groups import argument_groups, kernel_types, module_name
-from vig.likelihood.kernels.pixel import pixel_functions
+from vig.likelihood.kernels.surface import pixel_functions
 
 
 @functools.cache
