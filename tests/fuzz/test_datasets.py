@@ -197,6 +197,16 @@ def test_texts_that_repeat_are_refused_by_their_length(root: Path) -> None:
         read_dataset(root)
 
 
+def test_lists_that_repeat_are_refused_by_their_length(root: Path) -> None:
+    path = root / "train" / "latents.parquet"
+    table = pq.read_table(path)
+    long = pa.array([["x"] * 1_000_000] * COUNT, table["assets"].type)
+    pq.write_table(with_column(table, "assets", long), path)
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(UserError, match="a list in it has more than 256 entries"):
+        read_dataset(root)
+
+
 @pytest.mark.parametrize(
     "name", ["azimuth", "light_0_0", "occlusion", "truncated", "cause", "design", "hidden_by"]
 )

@@ -91,6 +91,30 @@ def test_a_photo_of_any_size_in_and_a_folder_out_as_vig_fit_writes_it(
     }
 
 
+@pytest.mark.parametrize(
+    ("size", "box", "free"),
+    [
+        ((150, 150), None, False),
+        ((150, 200), None, True),
+        ((200, 150), None, True),
+        ((150, 150), (20, 20, 100, 60), True),
+    ],
+)
+def test_the_framing_is_free_unless_the_photo_is_square_and_whole(
+    size: tuple[int, int], box: tuple | None, free: bool, explainer: vig.Explainer, monkeypatch
+) -> None:
+    """A photo cut by hand does not have the object where the paper's photos have it."""
+    asked = []
+
+    def explained(photos, object_class, recognizer, settings, valid):
+        asked.append(settings.free_framing)
+        return iter([None])
+
+    monkeypatch.setattr(vig.explainer, "explain", explained)
+    explainer.explain(np.full((*size, 3), 128, np.uint8), box)
+    assert asked == [free]
+
+
 def test_an_explanation_shows_itself_in_a_line_and_in_a_notebook(explanation: vig.Explanation) -> None:
     assert repr(explanation).startswith("Explanation(teapot in 200 x 140: ") and len(repr(explanation)) < 120
     shown = Image.open(io.BytesIO(explanation._repr_png_()))

@@ -15,7 +15,7 @@ from vig_world.assets.designs import (
 )
 from vig_world.assets.panoramas import local_light
 from vig_world.assets.props import FAMILIES
-from vig_world.assets.target import NO_DESIGN, draw_shape, shape_vertices
+from vig_world.assets.target import NO_DESIGN, draw_shape, nearest_shape, shape_vertices
 from vig_world.dataset.spec import SPLITS, Split
 from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
 from vig_world.packs.teapot import held_out_designs
@@ -107,6 +107,15 @@ def test_shapes_beyond_training_are_of_the_splits_own_designs(
     assert used == set(designs)
     assert draw_shape(rng, teapot, "train")[1] == NO_DESIGN
     assert len(TRAINING_DESIGNS) == 23
+
+
+def test_shapes_beyond_training_scatter_by_half_a_deviation_about_their_design() -> None:
+    teapot = ObjectClass.load("teapot")
+    rng = np.random.default_rng(3)
+    drawn = [draw_shape(rng, teapot, "test") for _ in range(200)]
+    off = np.stack([shape - nearest_shape(teapot, design)[0] for shape, design in drawn])
+    inner = off[np.abs(np.stack([shape for shape, _ in drawn])) < 2.9]  # the others are clipped
+    assert inner.std() == pytest.approx(0.5, abs=0.03) and abs(inner.mean()) < 0.05
 
 
 def test_a_brighter_support_sends_more_light_up(splits: tuple[Library, ...]) -> None:

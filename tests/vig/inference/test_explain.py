@@ -276,6 +276,18 @@ def test_deviations_are_widened_by_scale_floor_and_residual() -> None:
     assert said.widened(deviation, features, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
 
 
+def test_deviations_are_those_of_all_numbers_together(whole: Case, teapot: ObjectClass) -> None:
+    """Of the inverse of the whole normal matrix: shape and albedo trade off against light and pose."""
+    found = explain_one(whole.photo, whole.prediction, teapot, ending_at(whole.truth))
+    objective = objective_of(whole.photo, whole.prediction, teapot, SETTINGS)
+    sigma = torch.tensor([SETTINGS.likelihood.sigma])
+    normal = objective(objective.point(whole.truth), torch.zeros(1, dtype=torch.int32), sigma).normal
+    matrix = normal[0, :24, :24].double()  # the framing is held
+    expected = torch.linalg.inv(matrix).diagonal().sqrt()
+    torch.testing.assert_close(found.deviation, expected, rtol=1e-3, atol=0)
+    assert (expected > 2 * matrix.diagonal().rsqrt()).any(), "or the diagonal would do"
+
+
 @pytest.mark.parametrize(("in_distribution_bias", "unlike"), [(-0.05, True), (0.05, False)])
 def test_a_photo_is_of_an_unknown_kind_from_one_half_on(
     in_distribution_bias: float, unlike: bool, whole: Case, teapot: ObjectClass
@@ -427,6 +439,13 @@ def test_a_photo_with_self_shadow_is_explained_with_self_shadow(
             given = replace(ending_at(whole.truth), self_shadow=assumed)
             evidence[assumed] = explain_one(photo, whole.prediction, teapot, given).evidence
         assert evidence[shadow] > evidence[not shadow] + 300
+
+
+def test_what_is_covered_is_covered_by_half_or_more(whole: Case, studio, teapot: ObjectClass) -> None:
+    found = explain_one(whole.photo, whole.prediction, teapot, ending_at(whole.truth))
+    coverage = studio.render(whole.truth)[1][0]
+    assert ((coverage > 0.1) & (coverage < 0.4)).sum() > 20, "or any threshold would do"
+    assert not found.amodal[coverage < 0.4].any() and found.amodal[coverage > 0.6].all()
 
 
 def test_the_mask_is_what_is_more_likely_seen_than_not(occluded: Case, teapot: ObjectClass) -> None:

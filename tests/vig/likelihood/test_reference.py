@@ -66,6 +66,19 @@ def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
     torch.testing.assert_close(run.irradiances[0, used], expected.irradiances[used], rtol=0, atol=1e-10)
 
 
+def test_no_vertex_is_lit_by_less_than_nothing(studio) -> None:
+    """Under light of one side the other's sum of lobes is negative: it is dark."""
+    given = case(studio, 4)
+    light = torch.zeros(9, dtype=torch.float64)
+    light[0], light[3] = 2.0, 4.0
+    given.point[0, studio.geometry.layout["light"]] = light
+    run = evaluated(studio.geometry, studio.camera, given)
+    used = run.used[0].bool()
+    expected = shade(studio.geometry, studio.camera, given.point[0]).irradiances[used]
+    assert (expected == 0).sum() > 50 and (expected > 0).sum() > 50
+    torch.testing.assert_close(run.irradiances[0, used], expected, rtol=0, atol=1e-10)
+
+
 def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
     given = case(studio, 5)
     run = evaluated(studio.geometry, studio.camera, given)

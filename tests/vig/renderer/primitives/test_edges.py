@@ -82,6 +82,18 @@ def test_rims_behind_something_and_edges_within_a_surface_are_not_seen() -> None
     assert pairs == {(4, 5), (5, 6), (6, 7), (4, 7)}  # the diagonal (4, 6) is no rim
 
 
+def test_an_edge_that_runs_away_is_as_near_as_perspective_has_it() -> None:
+    """From a depth of 1/2 to 2 its middle on the screen is 0.8 away, before what is 1 away; not 1.25."""
+    receding = [(6.2, 2.1, 0.5), (16.1, 2.1, 0.5), (16.3, 22.1, 2.0), (6.4, 22.1, 2.0)]
+    behind = [(10.4, 10.1, 1.0), (25.2, 10.2, 1.0), (25.3, 13.8, 1.0), (10.3, 13.7, 1.0)]
+    points = np.array([(x * z, y * z, z) for x, y, z in receding + behind])
+    topology = Topology.of(np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]), points)
+    layer = torch.zeros(4).int()
+    found = find_crossings(torch.from_numpy(points), topology.faces, topology.edges, layer, SIZE)
+    right_edge = (found.edges[found.edge] == torch.tensor([1, 2])).all(1) & (found.axis == 0)
+    assert set(range(2, 22)) == set(found.line[right_edge].tolist())
+
+
 @pytest.mark.parametrize("right", [20.0, 20.3, 20.5, 20.6, 21.0])
 def test_upright_edges_cover_exactly_their_area(right: float) -> None:
     points, topology = flat([(5.25, 3.4), (right, 3.4), (right, 17.7), (5.25, 17.7)])
