@@ -27,8 +27,9 @@ check: $(INSTALLED)
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	{ test -n "$(TORCH_INDEX)" && $(PIP) install --quiet --index-url "$(TORCH_INDEX)" --retries 0 --timeout 5 \
-		--constraint constraints.txt torch; } || $(PIP) install --constraint constraints.txt torch
-	$(PIP) install --constraint constraints.txt --editable '.[dev]'
+		--constraint constraints.txt torch; } 2>/dev/null \
+		|| $(PIP) install --quiet --constraint constraints.txt torch
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
 clean:

@@ -185,3 +185,7 @@ def test_a_file_where_the_folder_should_be_is_told(fit: Fit, teapot: ObjectClass
     with pytest.raises(UserError, match="a part of the path is a file"):
         written(tmp_path / "taken", photo, Window.of(150, 150), fit, teapot)
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_a_verdict_prints_as_the_json_has_it() -> None:
+    assert [str(verdict) for verdict in Verdict] == ["trusted", "reverted", "ambiguous", "failed"]

@@ -22,6 +22,9 @@ class Verdict(Enum):
     AMBIGUOUS = "more than one explanation is within reach of the evidence"
     FAILED = "nothing of the object could be recognised in the photo"
 
+    def __str__(self) -> str:
+        return self.name.lower()
+
 
 @dataclass(frozen=True)
 class Fit:

@@ -147,9 +147,8 @@ class Likelihood:
         curvature: bool = True,
     ) -> Evaluation:
         """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise."""
-        return self.at(
-            torch.cat([latents.to_vector(), framing], 1), photo, sigma, derivatives, images, curvature
-        )
+        points = torch.cat([latents.to_vector(), framing], 1)
+        return self.at(points, photo, sigma, derivatives, images, curvature)
 
     def at(
         self,

@@ -93,7 +93,7 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
     if array.dtype == np.uint8:
         return _linear_of_bytes(array)
     if not np.issubdtype(array.dtype, np.floating):
-        refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to one.")
+        refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to uint8.")
     least, most = float(array.min()), float(array.max())
     if not (least >= 0 and most <= 1):  # NaN fails both
         remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."

@@ -60,7 +60,7 @@ def test_help_offers_what_there_is(option, known):
 
 
 def test_an_unknown_optimizer_is_refused(capsys, photo, tmp_path):
-    error = refused(capsys, "fit", photo, "--optimizer", "adam", "--out", tmp_path / "out")
+    error = refused(capsys, "fit", photo, "--optimizer", "no-such", "--out", tmp_path / "out")
     assert "lbfgs" in error
 
 

@@ -25,7 +25,8 @@ REST = LatentLayout(
     )
 )
 """Columns of a row after its shape part: a point's latents, with the irradiance in place of albedo, as a
-colour is albedo times irradiance."""
+colour is albedo times irradiance. A latent that kernels move is added here, too."""
+assert REST.size <= LANES, "kernels keep the rest of a row in one padded vector: raise LANES"
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The house rules that a machine can check (CONTRIBUTING.md): who imports whom, and what nobody uses."""
+"""Rules of the structure that a machine can check (CONTRIBUTING.md): imports, pickle, randomness."""
 
 import ast
 from collections.abc import Iterator
@@ -9,8 +9,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src"
 
-# Who may import whom, from the ground up. Modules at the top of vig are importable by every room above them.
-ROOMS = {
+# Who may import whom, from the ground up. Modules at the top of vig are importable by all above them.
+MAY_IMPORT = {
     "vig.errors": set(),
     "vig.names": set(),
     "vig.checks": {"vig.errors"},
@@ -34,11 +34,11 @@ BELOW = {
     },
     "vig.report": {"vig.scene", "vig.photo", "vig.renderer", "vig.inference"},
 }
-ROOMS |= {room: below | HELPERS for room, below in BELOW.items()}
-ROOMS["vig.explanation"] = set(ROOMS)
-ROOMS["vig.explainer"] = set(ROOMS)
-ROOMS["vig.cli"] = set(ROOMS)
-CORE = set(ROOMS)
+MAY_IMPORT |= {subpackage: below | HELPERS for subpackage, below in BELOW.items()}
+MAY_IMPORT["vig.explanation"] = set(MAY_IMPORT)
+MAY_IMPORT["vig.explainer"] = set(MAY_IMPORT)
+MAY_IMPORT["vig.cli"] = set(MAY_IMPORT)
+CORE = set(MAY_IMPORT)
 WORLD = {
     "vig_world.names": set(),
     "vig_world.mesh": set(),
@@ -82,8 +82,8 @@ LAB = {
 }
 LAB["vig_lab.reproduction"] = set(LAB)
 LAB["vig_lab.cli"] = set(LAB)
-ROOMS |= {room: below | CORE for room, below in WORLD.items()}
-ROOMS |= {room: below | CORE | set(WORLD) for room, below in LAB.items()}
+MAY_IMPORT |= {subpackage: below | CORE for subpackage, below in WORLD.items()}
+MAY_IMPORT |= {subpackage: below | CORE | set(WORLD) for subpackage, below in LAB.items()}
 PACKAGES = ("vig", "vig_world", "vig_lab")
 """No package imports one that stands after it here."""
 
@@ -91,20 +91,24 @@ PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "sh
 SEEDED = {"Generator", "SeedSequence", "default_rng", "BitGenerator", "PCG64", "PCG64DXSM", "Philox", "SFC64"}
 
 
-def room_of(module: str) -> str:
+def subpackage_of(module: str) -> str:
     """`vig.renderer` of `vig.renderer.primitives.texture`; a package's own `__init__` is its package."""
     parts = module.split(".")
     inner = ".".join(parts[:3])
-    return inner if inner in ROOMS else ".".join(parts[:2])
+    return inner if inner in MAY_IMPORT else ".".join(parts[:2])
 
 
-def allowed(room: str) -> set[str]:
-    """Rooms that modules of a room may import: itself, and those below it."""
-    if room in PACKAGES or room == "vig.__main__":  # hands out names of all rooms of its package and below
+def allowed(subpackage: str) -> set[str]:
+    """Rooms that modules of a subpackage may import: itself, and those below it."""
+    if (
+        subpackage in PACKAGES or subpackage == "vig.__main__"
+    ):  # hands out names of all subpackages of its package and below
         return {
-            each for each in ROOMS if PACKAGES.index(each.split(".")[0]) <= PACKAGES.index(room.split(".")[0])
+            each
+            for each in MAY_IMPORT
+            if PACKAGES.index(each.split(".")[0]) <= PACKAGES.index(subpackage.split(".")[0])
         }
-    return ROOMS[room] | {room}
+    return MAY_IMPORT[subpackage] | {subpackage}
 
 
 def imports(tree: ast.AST, package: list[str]) -> Iterator[str]:
@@ -118,16 +122,16 @@ def imports(tree: ast.AST, package: list[str]) -> Iterator[str]:
             yield from (".".join([*origin, alias.name]) for alias in node.names)
 
 
-def upward_imports(source: str, room: str, package: list[str]) -> list[str]:
-    """Names that a module of `room` imports from rooms that do not lie below it."""
+def upward_imports(source: str, subpackage: str, package: list[str]) -> list[str]:
+    """Names that a module of `subpackage` imports from subpackages that do not lie below it."""
     found = []
     for name in imports(ast.parse(source), package):
         parts = name.split(".")
         if parts[0] not in PACKAGES or (len(parts) > 1 and parts[1].startswith("__")):
-            continue  # `from vig import __version__` names no room
-        if len(parts) == 1 and parts[0] == room.split(".")[0]:
+            continue  # `from vig import __version__` names no subpackage
+        if len(parts) == 1 and parts[0] == subpackage.split(".")[0]:
             continue
-        if room_of(name) not in allowed(room):
+        if subpackage_of(name) not in allowed(subpackage):
             found.append(name)
     return found
 
@@ -171,10 +175,10 @@ MODULES = sorted(SOURCE.rglob("*.py"))
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_nothing_imports_upwards(path: Path) -> None:
     parts = path.relative_to(SOURCE).with_suffix("").parts
-    room = room_of(".".join(part for part in parts if part != "__init__"))
-    if room not in {*ROOMS, *PACKAGES}:
-        pytest.fail(f"{room} has no place in the house: add it to BELOW, WORLD or LAB")
-    assert upward_imports(path.read_text(), room, list(parts[:-1])) == []
+    subpackage = subpackage_of(".".join(part for part in parts if part != "__init__"))
+    if subpackage not in {*MAY_IMPORT, *PACKAGES}:
+        pytest.fail(f"{subpackage} has no place in the structure: add it to BELOW, WORLD or LAB")
+    assert upward_imports(path.read_text(), subpackage, list(parts[:-1])) == []
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
@@ -182,14 +186,14 @@ def test_no_pickle_and_no_global_randomness(path: Path) -> None:
     assert forbidden(path.read_text()) == []
 
 
-def test_the_rooms_form_no_circle() -> None:
-    order = list(ROOMS)
-    for room, below in ROOMS.items():
-        assert all(order.index(other) < order.index(room) for other in below)
+def test_the_subpackages_form_no_circle() -> None:
+    order = list(MAY_IMPORT)
+    for subpackage, below in MAY_IMPORT.items():
+        assert all(order.index(other) < order.index(subpackage) for other in below)
 
 
 def test_modules_import_each_other_in_no_circle() -> None:
-    """Within a room, too: imports at the top of modules, those for type checkers left out."""
+    """Within a subpackage, too: imports at the top of modules, those for type checkers left out."""
     names = {".".join(path.relative_to(SOURCE).with_suffix("").parts): path for path in MODULES}
     names = {name.removesuffix(".__init__"): path for name, path in names.items()}
     graph = {
