@@ -14,7 +14,7 @@ from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.renderer import rasterize
 from vig.renderer.explained import render_latents
-from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel
+from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel, latent_layout
 
 SIZES = (75, 150, 300)
 STANDARD_SIZE = 150
@@ -71,8 +71,12 @@ def make_case(size: int, subdivisions: int = 0, seed: int = 0) -> Case:
     rng = np.random.default_rng(seed)
     light = np.concatenate([[EXPOSURE_L00, 0.0, 1.0, 0.0], np.zeros(5)]) + rng.normal(0, 0.2, 9)
     shape = rng.normal(0, 0.5, model.modes)
-    truth = torch.from_numpy(np.concatenate([shape, [AZIMUTH, ELEVATION], [0.6, 0.4, 0.3], light]))[None]
-    spread = np.array([0.2] * model.modes + [0.02] * 2 + [0.02] * 3 + [0.05] * 9)
+    layout = latent_layout(model.modes)
+    values = {"shape": shape, "azimuth": [AZIMUTH], "elevation": [ELEVATION], "albedo": [0.6, 0.4, 0.3]}
+    parts = {name: torch.tensor(np.array(each)) for name, each in (values | {"light": light}).items()}
+    truth = layout.join(parts)[None]
+    spread = np.full(layout.size, 0.02)
+    spread[layout["shape"]], spread[layout["light"]] = 0.2, 0.05
     guesses = truth + torch.from_numpy(rng.normal(size=(GUESSES, truth.shape[1])) * spread)
     return Case(
         model,

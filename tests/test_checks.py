@@ -18,7 +18,6 @@ from vig.checks import (
     check_indices,
     check_number,
     decode,
-    inside,
     parse_json,
     read_bytes,
     read_json,
@@ -26,6 +25,7 @@ from vig.checks import (
     reading,
 )
 from vig.errors import UserError
+from vig_world.dataset.format import inside
 
 
 @dataclass(frozen=True)

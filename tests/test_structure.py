@@ -41,11 +41,18 @@ MAY_IMPORT["vig.cli"] = set(MAY_IMPORT)
 CORE = set(MAY_IMPORT)
 WORLD = {
     "vig_world.names": set(),
+    "vig_world.extras": set(),
     "vig_world.mesh": set(),
     "vig_world.rotations": set(),
-    "vig_world.dataset": {"vig_world.names", "vig_world.rotations"},
+    "vig_world.dataset": {"vig_world.names", "vig_world.rotations", "vig_world.extras"},
     "vig_world.streams": {"vig_world.names", "vig_world.dataset"},
-    "vig_world.assets": {"vig_world.streams", "vig_world.mesh", "vig_world.rotations", "vig_world.dataset"},
+    "vig_world.assets": {
+        "vig_world.extras",
+        "vig_world.streams",
+        "vig_world.mesh",
+        "vig_world.rotations",
+        "vig_world.dataset",
+    },
     "vig_world.rooms": {"vig_world.assets", "vig_world.mesh"},
     "vig_world.renderers.view": {"vig_world.dataset"},
     "vig_world.renderers.picture": set(),

@@ -180,19 +180,6 @@ def check_number(name: str, value: Any, low: float, high: float) -> float:
     return float(value)
 
 
-def inside(folder: str | Path, name: str | Path) -> Path:
-    """The path of a file that data name, which must lie in `folder`. ValueError when it does not.
-
-    Absolute names, names with `..` and symbolic links that lead out of the folder are refused.
-    """
-    named, root = Path(name), os.path.realpath(folder)
-    if named.is_absolute() or ".." in named.parts or "\0" in str(name):
-        raise ValueError(f"the name '{name}' leads out of its folder")
-    if not os.path.realpath(os.path.join(root, named)).startswith(os.path.join(root, "")):
-        raise ValueError(f"'{name}' is a link that leads out of its folder")
-    return Path(folder) / named
-
-
 def decode(kind: Any, value: Any, name: str = "") -> Any:
     """Build a value of type `kind` from parsed JSON; every part is checked against the annotations.
 

@@ -1,8 +1,5 @@
 """The one exception that the command line shows to its user."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 
 class UserError(Exception):
     """A mistake that the user can mend: bad input, a missing file, a full disk.
@@ -13,19 +10,3 @@ class UserError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(" ".join(message.split()))
-
-
-@contextmanager
-def optional_import(extra: str) -> Iterator[None]:
-    """Turn a missing package in the imports of the `with` block into a `UserError`.
-
-    Args:
-        extra: The extra of vig that brings the package, such as "world".
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise UserError(
-            f"expected the package {error.name}, which is not installed; install it with"
-            f" `pip install 'vig[{extra}]'`."
-        ) from error

@@ -109,8 +109,8 @@ class Explainer:
         """
         if not isinstance(workers, int) or workers < 1:
             raise UserError(f"expected 1 or more workers; got {workers}. Give a whole number.")
-        if isinstance(photos, str | Path):
-            raise UserError(f"expected several photos; got one, '{photos}'. Put it in a list.")
+        if isinstance(photos, Photo) or not isinstance(photos, Iterable):
+            raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
         items = _pairs(photos, boxes)
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)

@@ -132,7 +132,7 @@ class Explanation:
             (H, W, 4) float32: linear RGB, and the share of each pixel that the object covers.
 
         Raises:
-            UserError: An argument has another shape or is not finite or in its range.
+            UserError: An argument has another shape or is not finite, or the albedo is not in [0, 1].
         """
         if camera is not None and not isinstance(camera, Camera):
             raise UserError(f"camera must be a vig.Camera; got a {type(camera).__name__}. Pass a Camera.")

@@ -9,25 +9,25 @@ from pathlib import Path
 
 import torch
 
-from vig.errors import optional_import
 from vig.files import atomic_write
 from vig.recognition.network import layout_of_numbers
 from vig_lab.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
 from vig_lab.training.training import Epoch, TrainingSettings, train
 from vig_world.dataset import Dataset
+from vig_world.extras import optional_import
 
 
 def train_and_plot(
     dataset: Dataset, out: Path, settings: TrainingSettings, say: Callable[[str], None] = print
 ) -> Path:
-    """As `vig.recognition.train`; also writes every loss of every epoch to log.csv and losses.png."""
+    """As `vig_lab.training.train`; also writes every loss of every epoch to log.csv and losses.png."""
     return train(dataset, out, settings, say, TrainingLog(Path(out)).add)
 
 
 def calibrate_and_plot(
     path: Path, datasets: Sequence[Dataset], say: Callable[[str], None] = print
 ) -> CalibrationResult:
-    """As `vig.recognition.calibrate_network`; also says how much it changed and draws reliability.png."""
+    """As `vig_lab.training.calibrate_network`; also says how much it changed and draws reliability.png."""
     result = calibrate_network(path, datasets)
     plot_reliability(path.parent / "reliability.png", result)
     say(describe_calibration(result))

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from vig.errors import UserError, optional_import
+from vig.errors import UserError
+from vig_world.extras import optional_import
 
 EXTRAS = ("pyarrow", "OpenImageIO", "matplotlib", "bpy", "ray")
 

@@ -189,3 +189,11 @@ def test_a_file_where_the_folder_should_be_is_told(fit: Fit, teapot: ObjectClass
 
 def test_a_verdict_prints_as_the_json_has_it() -> None:
     assert [str(verdict) for verdict in Verdict] == ["trusted", "reverted", "ambiguous", "failed"]
+
+
+def test_an_ambiguous_fit_has_its_other_explanation(fit: Fit, teapot: ObjectClass) -> None:
+    photo, window = np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150)
+    assert Explanation(photo, window, fit, teapot).alternatives == ()
+    other = replace(latents(), azimuth=torch.tensor([2.0]))
+    found = Explanation(photo, window, replace(fit, alternative=other), teapot)
+    assert found.alternatives == (other,)

@@ -17,6 +17,7 @@ from PIL import Image
 from safetensors.numpy import load_file, save_file
 
 import vig
+from vig.inference import ExplainSettings
 from vig.photo import Window, as_photo, read_photo, write_png
 from vig.photo.images import MAX_PIXELS
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, rasterize
@@ -142,7 +143,7 @@ def test_boxes(explainer: vig.Explainer, box: Any, why: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        ({"photos": "photo.jpg"}, "expected several photos; got one, 'photo.jpg'. Put it in a list"),
+        ({"photos": "photo.jpg"}, "expected several photos; got a str. Put it in a list"),
         ({"photos": [GREY, GREY], "boxes": [None]}, "expected a box .*for each photo; got 1 .*for more"),
         ({"photos": [GREY], "boxes": [None, None]}, "expected a box .*for each photo; got more .*for 1"),
         ({"photos": [GREY], "workers": 0}, "expected 1 or more workers; got 0. Give"),
@@ -398,3 +399,37 @@ def test_writing_pictures(array: np.ndarray, why: str, tmp_path: Path) -> None:
     why = "cannot write .*: a part of the path is a file, not a folder; choose another"
     refused(lambda: write_png(tmp_path / "file" / "p.png", np.zeros((4, 4))), vig.UserError, why)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"likelihood": "robust"}, r"likelihood must be a PixelModel; got 'robust'\. See"),
+        ({"optimizer": "lm"}, r"optimizer must be an Optimizer; got 'lm'\. See"),
+        ({"stages": 3}, "must be a tuple of .*; got 3.* Pass"),
+        ({"view_weight": float("nan")}, r"view_weight must be from 0 to inf; got nan\. Choose"),
+        ({"prior_weight": -100.0}, r"prior_weight must be from 0 to inf; got -100\.0\. Choose"),
+        ({"surroundings": 7.0}, r"surroundings must be from 0 to 1; got 7\.0\. Choose"),
+        ({"silhouette": "foo"}, r"silhouette must be 'exact' or 'paper'; got 'foo'\. Choose"),
+    ],
+)
+def test_settings_of_a_fit(changed: dict[str, Any], why: str) -> None:
+    refused(lambda: ExplainSettings(**changed), ValueError, why)
+
+
+@pytest.mark.parametrize("focal", [0.0, -22.0])
+def test_a_camera_that_draws_nothing_or_mirrors(focal: float) -> None:
+    scene = replace(SCENE, camera=replace(SCENE.camera, focal=torch.full((2,), focal)))
+    refused(lambda: vig.render(scene), ValueError, "focal .* must be positive pixels; got .* Give two")
+
+
+@pytest.mark.parametrize("photos", [None, GREY, torch.from_numpy(GREY)])
+def test_one_photo_in_place_of_many(explainer: vig.Explainer, photos: Any) -> None:
+    refused(lambda: next(explainer.explain_many(photos)), vig.UserError, "several photos; got a .* Put it in")
+
+
+def test_photos_are_copies_and_any_floating_type_is_taken() -> None:
+    given = GREY.astype(np.float32)
+    assert not np.shares_memory(as_photo(given), given)
+    assert not np.shares_memory(as_photo(torch.from_numpy(given)), given)
+    np.testing.assert_allclose(as_photo(torch.from_numpy(given).bfloat16()), given, atol=1 / 256)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -135,5 +136,19 @@ class ExplainSettings:
     calibration: FitCalibration | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not self.stages or (self.stages[-1].sigma, self.stages[-1].scale) != (1.0, 1.0):
+        if not isinstance(self.stages, tuple) or not self.stages:
+            raise ValueError(
+                f"stages must be a tuple of `Stage`, one or more; got {self.stages!r}. Pass one."
+            )
+        if (self.stages[-1].sigma, self.stages[-1].scale) != (1.0, 1.0):
             raise ValueError("the last stage must be at sigma 1 and scale 1: its evidence decides")
+        if not isinstance(self.likelihood, PixelModel):
+            raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
+        if not callable(self.optimizer):
+            raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.optimizers.")
+        for name in ("mask_weight", "surroundings", "recognition_weight", "prior_weight", "view_weight"):
+            most = 1.0 if name in ("mask_weight", "surroundings") else math.inf
+            if not 0 <= (given := getattr(self, name)) <= most or given == math.inf:
+                raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
+        if self.silhouette not in ("exact", "paper"):
+            raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")

@@ -16,7 +16,7 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import run_on_threads, thread_count
 from vig.renderer import warp_array
-from vig.scene import Camera, Latents
+from vig.scene import Camera, Latents, latent_layout
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
@@ -147,7 +147,8 @@ class Likelihood:
         curvature: bool = True,
     ) -> Evaluation:
         """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise."""
-        points = torch.cat([latents.to_vector(), framing], 1)
+        parts = latent_layout(latents.shape.shape[1]).split(latents.to_vector())
+        points = self.layout.join(parts | {"framing": framing})
         return self.at(points, photo, sigma, derivatives, images, curvature)
 
     def at(

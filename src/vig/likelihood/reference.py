@@ -13,7 +13,7 @@ import torch
 from vig.likelihood.kernels.edges import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.pixel import mixture
-from vig.scene import Camera, Latents, camera_rotation, irradiance, sh_basis
+from vig.scene import Camera, Latents, camera_rotation, irradiance, latent_layout, sh_basis
 from vig.scene.light import COSINE_LOBE, L_COUNT
 
 NO_FACE = -1
@@ -84,7 +84,7 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     """Vertices of a point (P',): latents followed by framing."""
     blocks = geometry.layout.split(point[None])
     framing = blocks.pop("framing")[0]
-    latents = Latents.from_vector(torch.cat(list(blocks.values()), 1))
+    latents = Latents.from_vector(latent_layout(geometry.layout.count("shape")).join(blocks))
     with_one = torch.cat([point.new_ones(1), latents.shape[0]])
     world = (with_one @ geometry.positions).view(-1, 3)
     rotation = camera_rotation(latents.azimuth, latents.elevation)[0]

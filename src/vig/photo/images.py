@@ -82,7 +82,9 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
         return _linear(name, photo)
     if not isinstance(photo, np.ndarray | torch.Tensor):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
-    array = photo.detach().cpu().numpy() if isinstance(photo, torch.Tensor) else photo
+    if isinstance(photo, torch.Tensor):  # numpy has no bfloat16
+        photo = (photo.float() if photo.dtype == torch.bfloat16 else photo).detach().cpu().numpy()
+    array = photo
     if array.ndim == 2:
         array = np.repeat(array[:, :, None], 3, axis=2)
     if array.ndim != 3 or array.shape[2] != 3:
@@ -98,7 +100,7 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
     if not (least >= 0 and most <= 1):  # NaN fails both
         remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
-    return np.ascontiguousarray(array, np.float32)
+    return np.array(array, np.float32, order="C")  # a copy: the caller may use the array again
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:

@@ -113,10 +113,7 @@ def _check_shape(name: str, tensor: torch.Tensor, shape: tuple[int | None, ...])
         raise ValueError(f"{name} must be ({wanted}); got {tuple(tensor.shape)}")
 
 
-if hasattr(wp, "LOG_ERROR"):
-    wp.config.log_level = wp.LOG_ERROR
-else:  # Warp 1.13 has no levels
-    wp.config.quiet = True
+wp.config.log_level = wp.LOG_ERROR
 wp.config.enable_backward = False
 
 _NATIVE = {wp.float32: "float", wp.float64: "double"}

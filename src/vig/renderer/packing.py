@@ -209,6 +209,8 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
             "lamp radiance": (scene.lamp.radiance, [(3,)]),
         }
     _check(name, own, like)
+    if not (camera.focal > 0).all():
+        raise ValueError(f"focal {name} must be positive pixels; got {camera.focal.tolist()}. Give two.")
 
 
 def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:

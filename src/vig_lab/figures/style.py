@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from vig.errors import optional_import
 from vig.files import atomic_write
 from vig.renderer.explained import render_latents
 from vig.scene import Camera, Latents, ObjectClass
 from vig_lab.evaluation.protocol import MASK_HEAD
 from vig_lab.evaluation.results import MethodResult
+from vig_world.extras import optional_import
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.errors import UserError, optional_import
+from vig.errors import UserError
 from vig.photo.images import HDR_MAGIC, check_size, existing_file, head_of, refuse
+from vig_world.extras import optional_import
 
 UNDERSHOOT = 0.05
 

@@ -8,6 +8,7 @@ A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -133,3 +134,16 @@ def complete_split(root: Path, split: str | None) -> str:
     if split not in complete:
         raise UserError(f"the {split} split of '{root}' is not complete; run the command that made it again.")
     return split
+
+
+def inside(folder: str | Path, name: str | Path) -> Path:
+    """The path of a file that data name, which must lie in `folder`. ValueError when it does not.
+
+    Absolute names, names with `..` and symbolic links that lead out of the folder are refused.
+    """
+    named, root = Path(name), os.path.realpath(folder)
+    if named.is_absolute() or ".." in named.parts or "\0" in str(name):
+        raise ValueError(f"the name '{name}' leads out of its folder")
+    if not os.path.realpath(os.path.join(root, named)).startswith(os.path.join(root, "")):
+        raise ValueError(f"'{name}' is a link that leads out of its folder")
+    return Path(folder) / named

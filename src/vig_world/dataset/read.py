@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from vig.checks import inside, read_bytes, reading
+from vig.checks import read_bytes, reading
 from vig.scene import IMAGE_SIZE
 from vig_world.dataset.format import (
     COLUMNS,
@@ -23,6 +23,7 @@ from vig_world.dataset.format import (
     TABLE,
     complete_split,
     image_paths,
+    inside,
     read_info,
 )
 from vig_world.dataset.spec import SceneSpec

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vig.checks import inside, read_bytes, reading
-from vig.errors import optional_import
+from vig.checks import read_bytes, reading
 from vig.scene import layout_of_width
-from vig_world.dataset.format import COLUMNS, REMEDY, TABLE, read_info
+from vig_world.dataset.format import COLUMNS, REMEDY, TABLE, inside, read_info
+from vig_world.extras import optional_import
 
 with optional_import("world"):
     import pyarrow as pa

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.checks import inside, parse_json, read_bytes, read_json, reading
+from vig.checks import parse_json, read_bytes, read_json, reading
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset.format import (
@@ -21,6 +21,7 @@ from vig_world.dataset.format import (
     REMEDY,
     complete_split,
     image_paths,
+    inside,
     read_info,
 )
 from vig_world.dataset.read import decode_picture, read_specs

@@ -7,7 +7,8 @@ from collections import Counter, deque
 from pathlib import Path
 from typing import Any
 
-from vig.errors import UserError, optional_import
+from vig.errors import UserError
+from vig_world.extras import optional_import
 from vig_world.generation.job import Advance, Job, Maker, store
 
 CHUNK = 8

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from vig.checks import inside, read_bytes, reading
+from vig.checks import read_bytes, reading
 from vig.scene import IMAGE_SIZE
-from vig_world.dataset.format import MOST_PICTURE, OBJECT_ID, REMEDY, image_paths, read_info
+from vig_world.dataset.format import MOST_PICTURE, OBJECT_ID, REMEDY, image_paths, inside, read_info
 from vig_world.dataset.read import Dataset, read_dataset
 from vig_world.generation.files import refuse_used, write_bytes
 

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from vig.checks import decode, inside, read_json
+from vig.checks import decode, read_json
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig_world.dataset.format import PARTIAL, SCENE
+from vig_world.dataset.format import PARTIAL, SCENE, inside
 
 MOST_LABELS = 4096
 """Bytes of each of a sample's labels."""

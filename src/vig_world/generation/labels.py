@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from vig.checks import inside, parse_json, read_bytes
+from vig.checks import parse_json, read_bytes
 from vig.scene import IMAGE_SIZE, SHAPE_LIMIT, ObjectClass, latent_layout
 from vig.scene.light import L_COUNT
 from vig_world.assets.target import target_vertices
+from vig_world.dataset.format import inside
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.generation.describe import assets_used

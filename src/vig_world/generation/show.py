@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from vig.errors import UserError, optional_import
+from vig.errors import UserError
 from vig.files import atomic_write
 from vig_world.dataset.format import REMEDY, read_info
 from vig_world.dataset.read import Dataset
 from vig_world.dataset.table import read_table
+from vig_world.extras import optional_import
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

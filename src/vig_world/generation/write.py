@@ -18,12 +18,13 @@ except ImportError:  # Windows: simultaneous runs are not detected there
     fcntl = None  # type: ignore[assignment]
 
 
-from vig.checks import inside, read_json, reading
-from vig.errors import UserError, optional_import
+from vig.checks import read_json, reading
+from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import ObjectClass
-from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, read_info
+from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, inside, read_info
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
+from vig_world.extras import optional_import
 from vig_world.generation import bop
 from vig_world.generation.cluster import make_on_ray, require_ray
 from vig_world.generation.files import sidecar_path, write_bytes, write_json

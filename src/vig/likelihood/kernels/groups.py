@@ -10,6 +10,7 @@ import warp as wp
 
 from vig.renderer.device import initialise, native_code, scalar_type
 from vig.scene import Block, LatentLayout, point_layout
+from vig.scene.latents import FRAMING
 from vig.scene.light import L_COUNT
 
 LANES = 16
@@ -21,7 +22,7 @@ REST = LatentLayout(
         Block("elevation", 1),
         Block("light", L_COUNT),
         Block("irradiance", 1),
-        Block("framing", 3),
+        Block("framing", FRAMING.size),
     )
 )
 """Columns of a row after its shape part: a point's latents, with the irradiance in place of albedo, as a

@@ -203,7 +203,7 @@ def _declared(dtype: np.dtype, name: str) -> str:
         kind_name = "Grid" if base == GRID else _NAMES[base.str[1:]]
         lines.append(f"{kind_name} {field}{''.join(f'[{n}]' for n in shape)};")
     checked = f'static_assert(sizeof({name}) == {dtype.itemsize}, "{name}");'
-    return f"struct {name} {{ {' '.join(lines)} }};\n{checked}\n"
+    return "struct " + name + " { " + " ".join(lines) + " };\n" + checked + "\n"
 
 
 _STRUCTS = {

@@ -1,0 +1,24 @@
+"""Packages of extras: imported where they are used, named in one line where they are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from vig.errors import UserError
+
+
+@contextmanager
+def optional_import(extra: str) -> Iterator[None]:
+    """Turn a missing package in the imports of the `with` block into a `UserError`.
+
+    Args:
+        extra: The extra of vig that brings the package, such as "world".
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise UserError(
+            f"expected the package {error.name}, which is not installed; install it with"
+            f" `pip install 'vig[{extra}]'`."
+        ) from error
