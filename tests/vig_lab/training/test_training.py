@@ -96,6 +96,30 @@ def test_the_loss_falls(trained) -> None:
     assert losses[-1] < losses[0]
 
 
+def test_the_weights_are_those_of_the_best_epoch_and_training_ends_after_it(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    losses = iter([3.0, 1.0, 2.0, 2.5, 0.5])
+
+    def validated(network, examples, chosen, scale):  # type: ignore[no-untyped-def]
+        return {"azimuth": next(losses), "numbers": 0.0, "mask": 0.0}, {"azimuth_deg": 0.0}
+
+    monkeypatch.setattr("vig_lab.training.training.validate", validated)
+    small = NetworkSettings(widths=(4, 4, 8), features=16)
+    settings = dataclasses.replace(SETTINGS, epochs=5, patience=2, network=small)
+    held: list[bytes] = []
+    said: list[str] = []
+
+    def say(line: str) -> None:
+        said.append(line)
+        held.append((tmp_path / "recognition.safetensors").read_bytes())
+
+    train(dataset, tmp_path, settings, say)
+    assert [line.split()[1] for line in said[:4]] == ["1/5", "2/5", "3/5", "4/5"]
+    assert said[4:] == ["no better for 2 epochs; the weights are those after epoch 2"]
+    assert held[0] != held[1] and held[1] == held[2] == held[3] == held[4]
+
+
 @dataclasses.dataclass(frozen=True)
 class Watched(Augmentation):
     """Changes nothing, and notes which photos each batch has, by their azimuths."""
