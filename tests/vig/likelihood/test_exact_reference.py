@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from tests.vig.likelihood.reference import faces_seen, occlusion_edges, shade, value
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.reference import faces_seen, occlusion_edges, shade, value
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, ShapeModel
 
 MODES = 10

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import Likelihood, Photos, reference
+from tests.vig.likelihood import reference
+from tests.vig.likelihood.reference import shade, surface_at
+from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.groups import REST
 from vig.likelihood.passes import Pass
-from vig.likelihood.reference import shade, surface_at
 from vig.renderer import rasterize
 from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents

@@ -7,7 +7,7 @@ differentiable in the edge's place (docs/objective.md lists where it is not). An
 by columns; the shares nx^2 and ny^2 of its screen normal, interpolated along the edge, weigh the two, so that
 area is kept and nothing jumps where one edge hands over to the next.
 
-`vig.likelihood.reference` computes the same value in plain torch.
+tests/vig/likelihood/reference.py computes the same value in plain torch.
 """
 
 import functools

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
+from tests.vig.likelihood.reference import shade
 from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.reference import shade
 from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
 from vig.scene.light import Y00, linear_from_srgb
