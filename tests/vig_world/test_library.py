@@ -13,6 +13,7 @@ from vig_world.assets.designs import (
     TeapotDesign,
     teapot_vertices,
 )
+from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.panoramas import local_light
 from vig_world.assets.props import FAMILIES
 from vig_world.assets.target import NO_DESIGN, draw_shape, nearest_shape, shape_vertices
@@ -44,7 +45,7 @@ def test_the_splits_keep_their_numbers() -> None:
 
 
 def test_the_pack_holds_the_held_out_designs() -> None:
-    held, built = ObjectClass.load("teapot").designs, held_out_designs()
+    held, built = held_out_designs_of(ObjectClass.load("teapot")), held_out_designs()
     assert held is not None
     assert (held.names, held.splits) == (built.names, built.splits)
     np.testing.assert_array_equal(held.vertices, built.vertices)

@@ -17,22 +17,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene.shape_model import ShapeModel
 
-
-@dataclass(frozen=True, eq=False)
-class HeldOutDesigns:
-    """D shapes in correspondence with a class's model, which was not made from them.
-
-    names: (D,) of each. splits: (D,) the only split of datasets whose objects are of this design. vertices:
-    (D, V, 3) float32, metres, standing on z = 0.
-    """
-
-    names: tuple[str, ...]
-    splits: tuple[str, ...]
-    vertices: np.ndarray
-
-
 TRANSFER_FILE = "transfer.safetensors"
-DESIGNS_FILE = "designs.safetensors"
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
 _DAMAGED = "Build or copy it again."
@@ -54,23 +39,15 @@ class _LightPrior:
 
 
 @dataclass(frozen=True)
-class _HeldOut:
-    """As class.json holds each of them."""
-
-    name: str
-    split: str
-
-
-@dataclass(frozen=True)
 class _Description:
-    """What class.json holds."""
+    """What class.json holds; `vig_world.assets.held_out` reads the designs."""
 
     format: int
     name: str
     target_height_m: float
     part_names: tuple[str, ...]
     light_prior: _LightPrior
-    held_out_designs: tuple[_HeldOut, ...] = ()
+    held_out_designs: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +58,7 @@ class ObjectClass:
     light_prior_covariance (9, 9): a Gaussian over SH lights in the world frame at the paper's exposure.
     folder: where it was read from, None when built in memory. transfer (K + 1, V, 9), or None: how
     self-shadow and light thrown from part to part change the nine lobes of each vertex, for the mean shape
-    and per component (`vig_world.packs.transfer`). designs: of test and validation scenes, if the class has
-    any held out.
+    and per component (`vig_world.packs.transfer`).
     """
 
     name: str
@@ -92,7 +68,6 @@ class ObjectClass:
     light_prior_covariance: np.ndarray
     folder: Path | None = None
     transfer: np.ndarray | None = None
-    designs: HeldOutDesigns | None = None
 
     def __post_init__(self) -> None:
         if not self.name or len(self.name) > 100 or not self.name.isprintable():
@@ -136,11 +111,6 @@ class ObjectClass:
                 "covariance": np.round(self.light_prior_covariance, 6).tolist(),
             },
         }
-        if self.designs is not None:
-            held = zip(self.designs.names, self.designs.splits, strict=True)
-            description["held_out_designs"] = [{"name": name, "split": split} for name, split in held]
-            with atomic_write(Path(folder) / DESIGNS_FILE) as temporary:
-                save_file({"vertices": self.designs.vertices}, temporary)
         with atomic_write(Path(folder) / "class.json") as temporary:
             Path(temporary).write_text(json.dumps(description, indent=1) + "\n")
 
@@ -176,19 +146,8 @@ class ObjectClass:
                 shape = (model.modes + 1, len(model.mean), 9)
                 check_arrays(held, {"transfer": ("float16 float32", shape)})
                 transfer = held["transfer"].astype(np.float32)
-        designs = None
-        if described.held_out_designs:
-            with reading(folder / DESIGNS_FILE, "a class's held-out designs", _DAMAGED):
-                held, _ = read_tensors(folder / DESIGNS_FILE)
-                count = len(described.held_out_designs)
-                check_arrays(held, {"vertices": ("float32", (count, len(model.mean), 3))})
-                names, splits = zip(
-                    *((each.name, each.split) for each in described.held_out_designs), strict=True
-                )
-                designs = HeldOutDesigns(names, splits, held["vertices"])
         with reading(folder, "a class pack", _DAMAGED):
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
             height = float(described.target_height_m)
-            made = ObjectClass(described.name, model, height, mean, covariance, folder, transfer, designs)
-        return made
+            return ObjectClass(described.name, model, height, mean, covariance, folder, transfer)

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
+from vig_world.assets.held_out import held_out_designs_of
 from vig_world.dataset.spec import SceneSpec, Split
 
 DESIGN_SPREAD = 0.5
@@ -24,8 +25,8 @@ def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split
     model's nearest shape.
     """
     draws = rng.standard_normal(object_class.shape_model.modes)
-    splits = () if object_class.designs is None else object_class.designs.splits
-    numbers = [number for number, of in enumerate(splits) if of == split]
+    designs = held_out_designs_of(object_class)
+    numbers = [] if designs is None else [number for number, of in enumerate(designs.splits) if of == split]
     if not numbers:
         return np.clip(draws, -SHAPE_LIMIT, SHAPE_LIMIT), NO_DESIGN
     design = numbers[int(rng.integers(len(numbers)))]
@@ -41,7 +42,7 @@ def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
 def shape_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
     """Vertices (V, 3) float32 at coefficients (K,), plus a held-out design's deviation from the model.
 
-    design: its number in `object_class.designs`, or `NO_DESIGN`.
+    design: its number in `held_out_designs_of`, or `NO_DESIGN`.
     """
     return _vertices(tuple(np.asarray(coefficients).tolist()), design, object_class)
 
@@ -60,7 +61,7 @@ def _vertices(coefficients: tuple[float, ...], design: int, object_class: Object
 @lru_cache(maxsize=64)
 def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
     """The model's coefficients (K,) nearest to a held-out design, and what it deviates by, (V, 3) float32."""
-    designs, model = object_class.designs, object_class.shape_model
+    designs, model = held_out_designs_of(object_class), object_class.shape_model
     if designs is None or not 0 <= design < len(designs.vertices):
         count = 0 if designs is None else len(designs.vertices)
         raise ValueError(

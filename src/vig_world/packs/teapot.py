@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
-from vig.scene.object_class import PACKAGED, HeldOutDesigns
+from vig.scene.object_class import PACKAGED
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
     PART_NAMES,
@@ -20,6 +20,7 @@ from vig_world.assets.designs import (
     TeapotDesign,
     teapot_vertices,
 )
+from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.target import nearest_coefficients
 from vig_world.library import Library
 
@@ -43,9 +44,7 @@ def build_teapot_class() -> ObjectClass:
     covariance = np.cov(lights.T)
     covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
     target_height = float(model.mean[:, 2].max() / 2)
-    return ObjectClass(
-        "teapot", model, round(target_height, 3), lights.mean(0), covariance, designs=held_out_designs()
-    )
+    return ObjectClass("teapot", model, round(target_height, 3), lights.mean(0), covariance)
 
 
 def fit_shape_model(
@@ -99,6 +98,7 @@ def main() -> None:
     """Build, save and describe the class."""
     built = build_teapot_class()
     built.save(PACKAGED / built.name)
+    held_out_designs().save(PACKAGED / built.name)
     model = built.shape_model
     size = np.ptp(model.mean, axis=0)
     ratios = ", ".join(f"{ratio:.3f}" for ratio in model.explained_variance_ratio)

@@ -48,7 +48,6 @@ def test_saving_leaves_the_weights_that_lie_there(teapot: ObjectClass, tmp_path:
     teapot.save(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "class.json",
-        "designs.safetensors",
         "recognition.safetensors",
         "shape.safetensors",
     ]

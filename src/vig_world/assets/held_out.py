@@ -1,0 +1,75 @@
+"""Designs held out of a class's shape model: the objects of test and validation scenes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors.numpy import save_file
+
+from vig.checks import check_arrays, decode, read_json, read_tensors, reading
+from vig.files import atomic_write
+from vig.scene import ObjectClass
+
+DESIGNS_FILE = "designs.safetensors"
+NAMED = "held_out_designs"
+"""Where class.json names them, in the order of the file's rows."""
+
+
+@dataclass(frozen=True)
+class _Named:
+    """As class.json holds each of them."""
+
+    name: str
+    split: str
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutDesigns:
+    """D shapes in correspondence with a class's model, which was not made from them.
+
+    Attributes:
+        names: (D,) of each.
+        splits: (D,) the only split of datasets whose objects are of this design.
+        vertices: (D, V, 3) float32, metres, standing on z = 0.
+    """
+
+    names: tuple[str, ...]
+    splits: tuple[str, ...]
+    vertices: np.ndarray
+
+    def save(self, folder: Path) -> None:
+        """Add the designs to a class pack that `ObjectClass.save` has written."""
+        named = [{"name": name, "split": split} for name, split in zip(self.names, self.splits, strict=True)]
+        described = read_json(folder / "class.json") | {NAMED: named}
+        with atomic_write(folder / DESIGNS_FILE) as temporary:
+            save_file({"vertices": self.vertices}, temporary)
+        with atomic_write(folder / "class.json") as temporary:
+            Path(temporary).write_text(json.dumps(described, indent=1) + "\n")
+
+
+@lru_cache(maxsize=8)
+def held_out_designs_of(object_class: ObjectClass) -> HeldOutDesigns | None:
+    """Read the designs of a class's pack; None when it has none, or the class was built in memory.
+
+    Raises:
+        UserError: They are missing or damaged.
+    """
+    if object_class.folder is None:
+        return None
+    path = object_class.folder / "class.json"
+    with reading(path, "the description of a class", "Build or copy it again."):
+        named = decode(tuple[_Named, ...], decode(dict[str, Any], read_json(path)).get(NAMED, ()))
+    if not named:
+        return None
+    path = object_class.folder / DESIGNS_FILE
+    with reading(path, "a class's held-out designs", "Build or copy it again."):
+        arrays, _ = read_tensors(path)
+        shape = (len(named), len(object_class.shape_model.mean), 3)
+        check_arrays(arrays, {"vertices": ("float32", shape)})
+    names, splits = tuple(each.name for each in named), tuple(each.split for each in named)
+    return HeldOutDesigns(names, splits, arrays["vertices"])
