@@ -54,7 +54,8 @@ WORLD = {
         "vig_world.dataset",
     },
     "vig_world.rooms": {"vig_world.assets", "vig_world.mesh"},
-    "vig_world.renderers.view": {"vig_world.dataset"},
+    "vig_world.renderers.rasterize": set(),
+    "vig_world.renderers.view": {"vig_world.dataset", "vig_world.renderers.rasterize"},
     "vig_world.renderers.picture": set(),
     "vig_world.renderers.raster": {
         "vig_world.assets",

@@ -21,12 +21,12 @@ from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calib
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
 from vig.recognition.network import FORMAT, NetworkSettings, RecognitionNetwork
-from vig.renderer.raster import rasterize
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_lab.paper_network.network import PaperNetworks, PaperSettings
 from vig_lab.paper_network.recognizer import PaperRecognizer
 from vig_lab.training.checkpoint import save_weights
+from vig_world.renderers.rasterize import rasterize
 
 CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)], np.float32)
 CUBE_FACES = np.array(

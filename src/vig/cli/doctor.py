@@ -57,7 +57,7 @@ def processor() -> str:
 
 
 def check_kernels() -> dict[str, Any]:
-    """Rasterise one triangle on the CPU and count its pixels: {"ok": bool, "detail": one line}."""
+    """Draw one triangle on the CPU and count its pixels: {"ok": bool, "detail": one line}."""
     # Corners at the pixels (0, 0), (18.5, 0), (0, 18.5) of a 20 x 20 image, 1 m away. The centre of pixel
     # (i, j) is inside when i + j + 1 < 18.5: 1 + 2 + ... + 18 pixels.
     expected = 171
@@ -65,14 +65,18 @@ def check_kernels() -> dict[str, Any]:
     vertices = np.column_stack([(corners - 10) / 20, np.ones(3)]).astype(np.float32)
     start = time.perf_counter()
     try:
-        from vig.renderer import rasterize
-        from vig.scene import Camera
+        import torch
 
-        camera = Camera(width=20, height=20, focal=20, cx=10, cy=10)
-        fragments = rasterize(vertices, np.array([[0, 1, 2]], np.int32), np.eye(3), np.zeros(3), camera)
-        drawn = fragments.face == 0
+        from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
+
+        focal, centre = torch.full((2,), 20.0), torch.full((2,), 10.0)
+        eye = Pinhole(20, 20, focal, centre, torch.eye(3), torch.zeros(3))
+        topology = Topology.of(np.array([[0, 1, 2]]), vertices)
+        triangle = MeshObject(torch.from_numpy(vertices), topology, torch.ones(3))
+        rendering = render(Scene([triangle], eye))
+        drawn = rendering.triangle_id == 0
         count = int(drawn.sum())
-        ok = count == expected and bool(np.allclose(fragments.depth[drawn], 1, atol=1e-5))
+        ok = count == expected and bool(np.allclose(rendering.depth[drawn], 1, atol=1e-5))
     except Exception as error:  # a broken installation may raise anything; saying so is what doctor is for
         return {"ok": False, "detail": f"failed: {_line(error)}"}
     seconds = time.perf_counter() - start

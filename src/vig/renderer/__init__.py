@@ -4,14 +4,13 @@ from vig.renderer.device import warp_array
 from vig.renderer.explained import render_latents, scene_of
 from vig.renderer.primitives.texture import Pyramid, pyramid
 from vig.renderer.primitives.topology import Topology
-from vig.renderer.raster import NOTHING, Fragments, raster_kernels, rasterize
+from vig.renderer.raster import NOTHING
 from vig.renderer.rendering import jacobian, render
 from vig.renderer.scene import DirectionalLight, MeshObject, Pinhole, Rendering, Scene
 
 __all__ = [
     "NOTHING",
     "DirectionalLight",
-    "Fragments",
     "MeshObject",
     "Pinhole",
     "Pyramid",
@@ -20,8 +19,6 @@ __all__ = [
     "Topology",
     "jacobian",
     "pyramid",
-    "raster_kernels",
-    "rasterize",
     "render",
     "render_latents",
     "scene_of",

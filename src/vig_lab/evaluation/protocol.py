@@ -15,7 +15,6 @@ from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.names import LikelihoodName
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
-from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 from vig_lab.evaluation.metrics import (
@@ -33,6 +32,7 @@ from vig_lab.evaluation.table import BASELINE
 from vig_lab.names import METHODS
 from vig_world.assets.target import shape_vertices
 from vig_world.dataset import Dataset
+from vig_world.renderers.rasterize import rasterize
 
 FITTED_AS = {"robust": "spatial"}
 """Methods whose fits are those of another: they differ in the mask alone, which only "spatial" smooths."""

@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 import torch
 
-from vig.renderer import rasterize
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+from vig_world.renderers.rasterize import rasterize
 
 
 @dataclass(frozen=True)

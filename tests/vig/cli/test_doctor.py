@@ -32,7 +32,7 @@ def test_kernels_that_fail_are_a_line_and_an_exit_code(
     def broken(*arguments):
         raise RuntimeError("no kernel\nfor this machine")
 
-    monkeypatch.setattr(vig.renderer, "rasterize", broken)
+    monkeypatch.setattr(vig.renderer, "render", broken)
     assert run_doctor(Doctor()) == 1
     assert "NOT OK: failed: RuntimeError: no kernel for this machine" in capsys.readouterr().out
 

@@ -9,9 +9,9 @@ import torch
 from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition.network import latents_of
-from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Latents
 from vig_lab.training.targets import mirrored, numbers_of
+from vig_world.renderers.rasterize import rasterize
 
 
 def still(count: int = 1) -> torch.Tensor:

@@ -14,9 +14,9 @@ from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.groups import REST
 from vig.likelihood.passes import Pass
-from vig.renderer import rasterize
 from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents
+from vig_world.renderers.rasterize import rasterize
 
 SIGMA = 0.03
 

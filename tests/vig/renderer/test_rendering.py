@@ -19,12 +19,12 @@ from vig.renderer import (
     Scene,
     Topology,
     jacobian,
-    rasterize,
     render,
 )
 from vig.renderer.primitives import pyramid
 from vig.renderer.shading import smooth_normals
 from vig.scene import Camera, ObjectClass
+from vig_world.renderers.rasterize import rasterize
 
 if TYPE_CHECKING:
     from conftest import World

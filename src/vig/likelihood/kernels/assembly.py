@@ -10,7 +10,7 @@ from vig.likelihood.kernels.boundary import boundary_kernels
 from vig.likelihood.kernels.groups import RowLayout, argument_groups, kernel_types, module_name
 from vig.likelihood.kernels.interior import interior_kernels
 from vig.likelihood.kernels.vertices import vertex_kernels
-from vig.renderer.raster import raster_kernels
+from vig.renderer.raster import rasterize_kernel
 
 PARTS = 32
 """Pieces into which an image's vertices, faces, lines of pixels and edges are cut, one thread each."""
@@ -93,7 +93,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     return SimpleNamespace(
         add_values=add_values,
         assemble=assemble,
-        rasterize_faces=raster_kernels(dtype).rasterize_faces,
+        rasterize_faces=rasterize_kernel(dtype),
         groups=vars(argument_groups(dtype, modes)),
         **vars(t),
         **{name: kernel for part in parts for name, kernel in vars(part).items()},

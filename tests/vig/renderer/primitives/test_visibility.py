@@ -8,8 +8,9 @@ import torch
 
 from tests.vig.renderer.primitives import reference
 from vig.renderer.primitives import Visible, visible_faces
-from vig.renderer.raster import NEAR, rasterize
+from vig.renderer.raster import NEAR
 from vig.scene import Camera
+from vig_world.renderers.rasterize import rasterize
 
 SIZE = (2, 24, 32)
 

@@ -9,7 +9,6 @@ import torch
 
 from tests.vig.likelihood.reference import shade
 from vig.likelihood.kernels.geometry import Geometry
-from vig.renderer import rasterize
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
 from vig.scene.light import Y00, linear_from_srgb
 from vig_world.assets.props import FAMILIES
@@ -19,6 +18,7 @@ from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.raster import Item, Packed, Pyramid, Target, depth, draw
 from vig_world.renderers.raster.records import EVEN, MOST_LIGHT
+from vig_world.renderers.rasterize import rasterize
 from vig_world.renderers.view import View
 
 HERE = np.eye(3), np.zeros(3)

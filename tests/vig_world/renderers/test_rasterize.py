@@ -5,8 +5,8 @@ import pytest
 import torch
 import trimesh
 
-from vig.renderer import Fragments, rasterize
 from vig.scene import Camera, ObjectClass
+from vig_world.renderers.rasterize import Fragments, rasterize
 
 CAMERA = Camera(width=120, height=90, focal=130.0, cx=61.3, cy=44.1)
 IDENTITY, ORIGIN = np.eye(3), np.zeros(3)
