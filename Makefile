@@ -9,14 +9,16 @@ PIP := $(BIN)/python -m pip
 # PyTorch's own index of CPU builds: on Linux a plain torch brings gigabytes of CUDA packages. Where it cannot be
 # reached, or is set to nothing (make TORCH_INDEX=), the default index serves torch.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+WORKERS ?= auto
 
 .PHONY: demo test check clean
 
 demo: $(INSTALLED)
 	$(BIN)/vig demo
 
+# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up.
 test: $(INSTALLED)
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
 
 check: $(INSTALLED)
 	$(BIN)/ruff check

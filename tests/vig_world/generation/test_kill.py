@@ -36,7 +36,7 @@ PATIENCE = 120.0
 
 # Workers run the top level of this script as well, as `spawn` has it, so that they hold still, too.
 HELD_RUN = f"""
-import os, sys, time
+import os, signal, sys, time
 from pathlib import Path
 from vig.cli.main import main
 from vig_world.generation import job, pool
@@ -56,6 +56,7 @@ def held(path, data):
 
 job.write_bytes, pool.CHUNK = held, int(os.environ["CHUNK"])
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin by ignoring it
     settings = ["--count", "{COUNT}", "--seed", "{SEED}", "--workers", "2", "--out", sys.argv[1]]
     sys.argv[1:] = ["dataset", "make", *settings]
     main()
