@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import torch
 
@@ -182,6 +182,7 @@ FRAMING = Block(
 """Shift of the image in its widths, right and down, and the log of its magnification."""
 
 
+@cache
 def latent_layout(modes: int) -> LatentLayout:
     """The latents of a scene with K shape components, as datasets and tables have them: P = K + 14."""
     return LatentLayout(
@@ -210,11 +211,13 @@ def layout_of_width(width: int) -> LatentLayout:
     return latent_layout(modes)
 
 
+@cache
 def regressed_layout(modes: int) -> LatentLayout:
     """What a recognition network regresses: the latents without azimuth, which it classifies."""
     return latent_layout(modes).without("azimuth")
 
 
+@cache
 def point_layout(modes: int) -> LatentLayout:
     """What a fit moves: the latents, then the framing of the image."""
     return latent_layout(modes).with_blocks(FRAMING)
