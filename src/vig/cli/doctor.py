@@ -16,7 +16,8 @@ import numpy as np
 import vig
 from vig.cli.common import Doctor
 
-PACKAGES = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safetensors", "OpenImageIO")
+CORE = ("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safetensors")
+PACKAGES = (*CORE, "pyarrow", "OpenImageIO", "matplotlib")
 
 
 def doctor() -> dict[str, Any]:
