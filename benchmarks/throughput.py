@@ -41,7 +41,7 @@ class Fits:
         self.guesses = self.prediction.best()
         self.log_prior = torch.stack(
             [
-                pixel_prior(photo, mask, self.settings)
+                pixel_prior(photo, mask, self.settings)[0]
                 for photo, mask in zip(photos, self.prediction.mask, strict=True)
             ]
         )

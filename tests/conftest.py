@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import TEAPOT
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.kernels.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
@@ -95,6 +96,11 @@ class Studio:
 
 @pytest.fixture(scope="session")
 def teapot() -> ObjectClass:
+    return ObjectClass.load(TEAPOT)
+
+
+@pytest.fixture(scope="session")
+def packaged() -> ObjectClass:
     return ObjectClass.load("teapot")
 
 

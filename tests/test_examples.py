@@ -74,7 +74,10 @@ def test_object_is_whole_within_the_frame(example: Example) -> None:
 
 @each
 def test_truth_projects_onto_the_mask(example: Example) -> None:
-    """Shape, azimuth, elevation and the class pack give the path tracer's silhouette: they belong."""
+    """Shape, azimuth, elevation and the class pack give the path tracer's silhouette: they belong.
+
+    The photos were taken with the pack of 0.1; today's components give their shapes to half a millimetre.
+    """
     object_class = ObjectClass.load(example.class_name)
     camera = Camera.standard(target_height=object_class.target_height)
     rotation, translation = camera.pose(example.truth.azimuth, example.truth.elevation)
@@ -82,7 +85,7 @@ def test_truth_projects_onto_the_mask(example: Example) -> None:
     faces = object_class.shape_model.faces
     fragments = rasterize(vertices, faces, rotation[0].numpy(), translation[0].numpy(), camera)
     amodal, drawn = mask(example.amodal_mask), fragments.face >= 0
-    assert (amodal & drawn).sum() / (amodal | drawn).sum() > 0.98
+    assert (amodal & drawn).sum() / (amodal | drawn).sum() > 0.96
 
 
 def test_scenes_come_from_the_test_split() -> None:

@@ -15,14 +15,16 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.explanation import Explanation
-from vig.inference import ExplainSettings, Fit, explain
+from vig.inference import ExplainSettings, Fit, Verdict, explain
 from vig.parallel import map_in_processes
 from vig.photo import Window, as_photo
-from vig.recognition import Recognizer
+from vig.recognition import Recognizer, find, upright
 from vig.scene import Latents, ObjectClass
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
+LEAST_FOUND = 0.05
+"""Score of `find` below which the object counts as not found."""
 
 
 class Explainer:
@@ -42,8 +44,8 @@ class Explainer:
 
         Args:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
-            settings: How to fit. Where their `free_framing` is None, shift and magnification are fitted with
-                a box, and where the photo is not square.
+            settings: How to fit. Where their `free_framing` is None, shift and magnification are fitted
+                unless a window is given.
             device: "cpu", the only one that fits run on so far.
 
         Raises:
@@ -59,25 +61,29 @@ class Explainer:
         self.settings = settings
         self.recognizer = Recognizer.of_class(object_class)
 
-    def explain(self, photo: Photo, box: Box | None = None) -> Explanation:
+    def explain(self, photo: Photo, box: Box | None = None, window: Window | None = None) -> Explanation:
         """Explain one photo.
 
         Args:
             photo: A file, a PIL image, or an array or tensor (H, W, 3) or (H, W): uint8 is sRGB, floating
                 point is linear RGB in [0, 1].
-            box: x, y, width, height in pixels round the whole object, hidden parts included; the whole photo
-                by default.
+            box: x, y, width, height in pixels round the whole object, hidden parts included; without it the
+                object is sought in the whole photo.
+            window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
 
         Raises:
             UserError: The photo or the box cannot be used.
         """
         linear = as_photo(photo)
         height, width = linear.shape[:2]
-        window = Window.of(width, height, None if box is None else checked_box(box))
-        cut, known = window.cut(linear)
-        settings = self.settings
+        settings, found = self.settings, 1.0
         if settings.free_framing is None:
-            settings = replace(settings, free_framing=box is not None or width != height)
+            settings = replace(settings, free_framing=window is None)
+        if window is None and box is not None:
+            window = upright(linear, Window.of(width, height, checked_box(box)), self.recognizer)
+        if window is None:
+            window, found = (best := find(linear, self.recognizer)[0]).window, best.score
+        cut, known = window.cut(linear)
         fits = explain(
             torch.from_numpy(cut)[None],
             self.object_class,
@@ -85,7 +91,11 @@ class Explainer:
             settings,
             torch.from_numpy(known)[None],
         )
-        return Explanation(linear, window, next(fits), self.object_class)
+        fit = next(fits)
+        if found < LEAST_FOUND:
+            reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
+            fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternative=None)
+        return Explanation(linear, window, fit, self.object_class)
 
     def explain_many(
         self,
@@ -98,7 +108,7 @@ class Explainer:
 
         Args:
             photos: Any number of them; they are taken as they are needed.
-            boxes: One for each photo, None where the whole photo is meant.
+            boxes: One for each photo, None where the object is to be found.
             workers: Processes that share the photos out; 1 stays in this one.
             skip: Is called with the number of a photo that cannot be used, and why; the others go on. Without
                 it the first such photo raises.

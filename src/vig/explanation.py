@@ -14,7 +14,7 @@ import torch
 from PIL import Image
 
 from vig.errors import UserError
-from vig.inference import Fit, Verdict
+from vig.inference import Fit, Verdict, family_of
 from vig.photo import Window
 from vig.renderer import render_latents
 from vig.report import describe, overlay, write_explanation
@@ -72,6 +72,11 @@ class Explanation:
         """The eye's elevation above the object's horizon, degrees."""
         return math.degrees(float(self.latents.elevation))
 
+    @property
+    def roll_deg(self) -> float:
+        """By how far the photo is turned clockwise about the object, degrees."""
+        return math.degrees(self.window.roll)
+
     @cached_property
     def camera(self) -> Camera:
         """The camera of the whole photo; `camera.K` is its intrinsic matrix.
@@ -99,6 +104,15 @@ class Explanation:
         seen = self.window.back(self.fit.mask.float().numpy(), *self.photo.shape[1::-1]) > 0.5
         visible: np.ndarray = seen & self.amodal
         return visible
+
+    @cached_property
+    def box(self) -> tuple[int, int, int, int] | None:
+        """x, y, width, height in pixels round what the object covers of the photo; None for nothing."""
+        rows, columns = (np.flatnonzero(self.amodal.any(axis)) for axis in (1, 0))
+        if not len(rows):
+            return None
+        x, y = int(columns[0]), int(rows[0])
+        return x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y
 
     @property
     def hidden_fraction(self) -> float | None:
@@ -154,7 +168,9 @@ class Explanation:
 
     def to_dict(self) -> dict[str, Any]:
         """What `explanation.json` holds."""
-        return describe(self.fit, self.object_class, self.window, self.camera, self.hidden_fraction)
+        whole = describe(self.fit, self.object_class, self.window, self.camera, self.hidden_fraction)
+        family = family_of(self.latents.shape[0], self.object_class)
+        return whole | {"family": family, "box": self.box and list(self.box)}
 
     def save(self, folder: str | Path) -> Path:
         """Write explanation.json, overlay.png, mask.png and object.glb, as `vig fit`; returns the folder.

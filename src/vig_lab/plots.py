@@ -12,6 +12,7 @@ import torch
 from vig.files import atomic_write
 from vig.recognition.network import layout_of_numbers
 from vig_lab.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
+from vig_lab.training.examples import Examples
 from vig_lab.training.training import Epoch, TrainingSettings, train
 from vig_world.dataset import Dataset
 from vig_world.extras import optional_import
@@ -25,10 +26,13 @@ def train_and_plot(
 
 
 def calibrate_and_plot(
-    path: Path, datasets: Sequence[Dataset], say: Callable[[str], None] = print
+    path: Path,
+    datasets: Sequence[Dataset],
+    say: Callable[[str], None] = print,
+    further: Sequence[Examples] = (),
 ) -> CalibrationResult:
     """As `vig_lab.training.calibrate_network`; also says how much it changed and draws reliability.png."""
-    result = calibrate_network(path, datasets)
+    result = calibrate_network(path, datasets, further)
     plot_reliability(path.parent / "reliability.png", result)
     say(describe_calibration(result))
     return result

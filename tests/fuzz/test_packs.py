@@ -16,11 +16,12 @@ import torch
 from safetensors.numpy import load_file, save_file
 
 from tests.fuzz.mutations import damaged_json, damaged_tensors, outcomes
+from tests.support import SMALL
 from vig.errors import UserError
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
-from vig.recognition.network import FORMAT, NetworkSettings, RecognitionNetwork
+from vig.recognition.network import FORMAT, RecognitionNetwork
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_lab.paper_network.network import PaperNetworks, PaperSettings
@@ -49,7 +50,7 @@ def pack(tmp_path: Path) -> Path:
     rows = torch.ones(2, 16, dtype=torch.float64)
     replace(calibration, scale=rows, floor=rows).save(tmp_path / "pack" / "calibration.json")
     torch.manual_seed(0)
-    small = NetworkSettings(2, 8, (4, 4, 4), (0, 1, 0), 1, 4)
+    small = replace(SMALL, modes=2, azimuth_bins=8)
     scale = {"mean": torch.zeros(15), "deviation": torch.ones(15)}
     save_weights(RecognitionNetwork(small), scale, tmp_path / "pack" / "recognition.safetensors")
     return tmp_path / "pack"
@@ -128,12 +129,18 @@ def test_damaged_calibrations(pack: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "blocks", ["[1, 1180591620717411303424, 3]", "[1, 99999999, 3]", "[0, 1]", '["a", 1, 2]']
+    "blocks",
+    [
+        "[1, 1180591620717411303424, 3, 1, 1]",
+        "[1, 99999999, 3, 1, 1]",
+        "[0, 1]",
+        '["a", 1, 2, 1, 1]',
+    ],
 )
 def test_settings_of_monstrous_networks(blocks: str, pack: Path) -> None:
     path = pack / "recognition.safetensors"
     data = path.read_bytes().replace(
-        rb"\"blocks\": [0, 1, 0]", rb"\"blocks\": " + blocks.replace('"', '\\"').encode()
+        rb"\"blocks\": [1, 1, 1, 1, 1]", rb"\"blocks\": " + blocks.replace('"', '\\"').encode()
     )
     (length,) = struct.unpack("<Q", path.read_bytes()[:8])
     grown = length + len(data) - path.stat().st_size
@@ -144,7 +151,7 @@ def test_settings_of_monstrous_networks(blocks: str, pack: Path) -> None:
 
 def test_a_calibration_of_another_class(pack: Path) -> None:
     shutil.copy(PACKAGED / "teapot" / "calibration.json", pack)
-    with pytest.raises(UserError, match="expected a calibration of the 16 latents of class 'box'; .* has 24"):
+    with pytest.raises(UserError, match="expected a calibration of the 16 latents of class 'box'; .* has 27"):
         calibration_of(ObjectClass.load(pack))
 
 

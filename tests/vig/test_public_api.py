@@ -92,27 +92,40 @@ def test_a_photo_of_any_size_in_and_a_folder_out_as_vig_fit_writes_it(
 
 
 @pytest.mark.parametrize(
-    ("size", "box", "free"),
-    [
-        ((150, 150), None, False),
-        ((150, 200), None, True),
-        ((200, 150), None, True),
-        ((150, 150), (20, 20, 100, 60), True),
-    ],
+    ("box", "window", "free"),
+    [(None, None, True), ((20, 20, 100, 60), None, True), (None, vig.photo.Window(0, 0, 150), False)],
 )
-def test_the_framing_is_free_unless_the_photo_is_square_and_whole(
-    size: tuple[int, int], box: tuple | None, free: bool, explainer: vig.Explainer, monkeypatch
+def test_the_framing_is_free_unless_a_window_is_given(
+    box: tuple | None, window: vig.photo.Window | None, free: bool, explainer: vig.Explainer, monkeypatch
 ) -> None:
     """A photo cut by hand does not have the object where the paper's photos have it."""
     asked = []
 
     def explained(photos, object_class, recognizer, settings, valid):
         asked.append(settings.free_framing)
-        return iter([None])
+        raise vig.UserError("enough")
 
     monkeypatch.setattr(vig.explainer, "explain", explained)
-    explainer.explain(np.full((*size, 3), 128, np.uint8), box)
+    with pytest.raises(vig.UserError, match="enough"):
+        explainer.explain(np.full((150, 150, 3), 128, np.uint8), box, window)
     assert asked == [free]
+
+
+def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:
+    """The photo in the corner of a larger one."""
+    given = explainer.explain(photo, BOX)
+    wide = np.full((300, 420, 3), 200, np.uint8)
+    wide[150:290, 200:400] = photo
+    found = explainer.explain(wide)
+    assert given.box is not None and found.box is not None
+    for at, (here, there) in enumerate(zip(found.box, given.box, strict=True)):
+        assert here - (200, 150, 0, 0)[at] == pytest.approx(there, abs=12)
+
+
+def test_a_photo_without_the_object_fails_and_says_so(explainer: vig.Explainer) -> None:
+    explanation = explainer.explain(np.full((200, 300, 3), 128, np.uint8))
+    assert explanation.verdict is vig.Verdict.FAILED and explanation.confidence == 0
+    assert explanation.reason == "no teapot was found in the photo; give a box if there is one"
 
 
 def test_an_explanation_shows_itself_in_a_line_and_in_a_notebook(explanation: vig.Explanation) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
+from tests.support import SMALL
 from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
-from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
+from vig.recognition import RecognitionNetwork, Recognizer
 from vig.scene import EXPOSURE_L00, ObjectClass
 from vig_lab.evaluation import MethodResult, evaluate
 from vig_lab.training.checkpoint import save_weights
@@ -44,7 +46,7 @@ def untrained() -> Callable[..., Path]:
 
     def write(path: Path, modes: int = 10, seed: int = 0) -> Path:
         torch.manual_seed(seed)
-        network = RecognitionNetwork(NetworkSettings(modes=modes, widths=(4, 4, 8), features=16))
+        network = RecognitionNetwork(replace(SMALL, modes=modes))
         mean = torch.tensor([0.8, *[0.0] * modes, 0.5, 0.5, 0.5, EXPOSURE_L00, *[0.0] * 8])
         save_weights(network, {"mean": mean, "deviation": torch.full_like(mean, 0.1)}, path)
         return path

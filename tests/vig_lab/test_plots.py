@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import torch
 
+from tests.support import SMALL
 from tests.vig_lab.training.test_training import tiny_dataset
-from vig.recognition import NetworkCalibration, NetworkSettings
+from vig.recognition import NetworkCalibration
 from vig_lab.plots import TrainingLog, describe_calibration, plot_reliability, train_and_plot, view_levels
 from vig_lab.training.calibration import CalibrationResult
 from vig_lab.training.targets import azimuth_labels
@@ -71,8 +72,7 @@ def test_a_resumed_training_replaces_what_was_logged_after_its_checkpoint(tmp_pa
 
 
 def test_a_training_is_logged(tmp_path: Path) -> None:
-    small = NetworkSettings(widths=(4, 4, 8), features=16)
-    settings = TrainingSettings(epochs=1, batch=8, threads=1, network=small)
+    settings = TrainingSettings(epochs=1, batch=8, threads=1, network=SMALL)
     path = train_and_plot(tiny_dataset(tmp_path), tmp_path, settings, lambda line: None)
     assert path == tmp_path / "recognition.safetensors" and path.is_file()
     assert [row["epoch"] for row in rows(tmp_path)] == ["1"]

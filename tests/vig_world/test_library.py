@@ -4,7 +4,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import torch
 
+from tests.support import TEAPOT
 from vig.scene import ObjectClass
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
@@ -49,7 +51,7 @@ def test_the_pack_holds_the_held_out_designs() -> None:
     assert held is not None
     assert (held.names, held.splits) == (built.names, built.splits)
     np.testing.assert_array_equal(held.vertices, built.vertices)
-    assert held.splits == ("test",) * 8 + ("validation",) * 8
+    assert held.splits == ("test",) * 8 + ("validation",) * 8 + ("train",) * 103
 
 
 def test_splits_share_no_prop(splits: tuple[Library, ...]) -> None:
@@ -89,7 +91,7 @@ def test_shapes_beyond_training_are_of_the_splits_own_designs(
     split: Split, designs: tuple[TeapotDesign, ...]
 ) -> None:
     """Each deviates from the model as one of the split's designs does, and all of them occur."""
-    teapot = ObjectClass.load("teapot")
+    teapot = ObjectClass.load(TEAPOT)
     rng = np.random.default_rng(0)
     held = np.stack([teapot_vertices(design) for design in HELD_OUT_DESIGNS + VALIDATION_DESIGNS])
     model = teapot.shape_model
@@ -106,12 +108,23 @@ def test_shapes_beyond_training_are_of_the_splits_own_designs(
         np.testing.assert_allclose(deviation.ravel(), residual, atol=2e-3)
         used.add((HELD_OUT_DESIGNS + VALIDATION_DESIGNS)[design])
     assert used == set(designs)
-    assert draw_shape(rng, teapot, "train")[1] == NO_DESIGN
+    assert draw_shape(rng, teapot, "train")[1] == NO_DESIGN, "it names no designs of training"
     assert len(TRAINING_DESIGNS) == 23
 
 
+def test_training_shapes_are_near_designs_that_the_model_was_made_from(packaged: ObjectClass) -> None:
+    rng = np.random.default_rng(0)
+    designs = held_out_designs_of(packaged)
+    assert designs is not None
+    for _ in range(20):
+        shape, design = draw_shape(rng, packaged, "train")
+        assert designs.splits[design] == "train" and np.abs(shape).max() <= 3
+        model = packaged.shape_model.vertices(torch.from_numpy(shape[None]).float())[0].numpy()
+        assert np.linalg.norm(shape_vertices(shape, design, packaged) - model, axis=1).mean() < 0.012
+
+
 def test_shapes_beyond_training_scatter_by_half_a_deviation_about_their_design() -> None:
-    teapot = ObjectClass.load("teapot")
+    teapot = ObjectClass.load(TEAPOT)
     rng = np.random.default_rng(3)
     drawn = [draw_shape(rng, teapot, "test") for _ in range(200)]
     off = np.stack([shape - nearest_shape(teapot, design)[0] for shape, design in drawn])

@@ -18,10 +18,12 @@ class Fit:
     """Explain photos of one object each: explanation.json, overlay.png, mask.png and object.glb per photo."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
-    """Photos: any size, any format that pillow reads."""
+    """Photos, or folders of them: any size, any format that pillow reads."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
-    for each. The whole photo by default."""
+    for each. Without it the object is sought in the photo."""
+    boxes: Path | None = None
+    """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     likelihood: LikelihoodName = "spatial"
@@ -33,7 +35,9 @@ class Fit:
     no_self_shadow: bool = False
     """Shade without self-shadowing and interreflection; docs/self_shadow.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"
-    """Fit the image's shift and magnification too? auto: with a box, or when the photo is not square."""
+    """Fit the image's shift and magnification too? auto: yes."""
+    workers: int = 1
+    """Processes that share the photos out."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     json: bool = False

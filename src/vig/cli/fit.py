@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
+from PIL import Image
+
+from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
 from vig.errors import UserError
 from vig.explainer import Box, Explainer, checked_box
@@ -20,10 +24,9 @@ FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
-    if not settings.images:
-        raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
-    box = None if settings.box is None else parse_box(settings.box)
-    folders = result_folders(settings.images, settings.out)
+    photos = photos_of(settings.images)
+    boxes = boxes_of(settings, photos)
+    folders = result_folders(photos, settings.out)
     how = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
         self_shadow=not settings.no_self_shadow,
@@ -31,24 +34,63 @@ def fit(settings: Fit) -> int:
         optimizer=OPTIMIZERS[settings.optimizer],
     )
     explainer = Explainer(settings.object_class, how)
-    results, failures = {}, 0
-    for image, folder in zip(settings.images, folders, strict=True):
+    results, failed, started = {}, set(), time.monotonic()
+
+    def fail(number: int, error: UserError) -> None:
+        print(f"vig: {error}", file=sys.stderr, flush=True)
+        failed.add(number)
+
+    number = -1
+    for explanation in explainer.explain_many(photos, boxes, settings.workers, fail):
+        number += 1
+        while number in failed:
+            number += 1
         try:
-            started = time.monotonic()
-            explanation = explainer.explain(image, box)
-            explanation.save(folder)
+            explanation.save(folders[number])
         except UserError as error:
-            print(f"vig: {error}", file=sys.stderr)
-            failures += 1
+            fail(number, error)
             continue
-        results[str(image)] = explanation.to_dict() | {"folder": str(folder)}
+        results[str(photos[number])] = explanation.to_dict() | {"folder": str(folders[number])}
         if not settings.json:
-            print(_line(image.name, explanation, time.monotonic() - started))
+            seconds, started = time.monotonic() - started, time.monotonic()
+            print(_line(photos[number].name, explanation, seconds), flush=True)
     if settings.json:
         print(json.dumps({"results": results, "folder": str(settings.out)}, indent=2))
     elif results:
         print(settings.out)
-    return 2 if failures else 0
+    return 2 if failed else 0
+
+
+def photos_of(images: tuple[Path, ...]) -> list[Path]:
+    """The photos that are named, and those in folders that are; UserError when there are none."""
+    photos: list[Path] = []
+    known = Image.registered_extensions()
+    for image in images:
+        found = (
+            [path for path in image.iterdir() if path.suffix.lower() in known] if image.is_dir() else [image]
+        )
+        if not found:
+            raise UserError(f"expected photos in '{image}'; got none. Name others.")
+        photos += sorted(found)
+    if not photos:
+        raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
+    return photos
+
+
+def boxes_of(settings: Fit, photos: list[Path]) -> list[Box | None]:
+    """A box for each photo from `--box` or `--boxes`, None where neither names one."""
+    if settings.boxes is None:
+        return [None if settings.box is None else parse_box(settings.box)] * len(photos)
+    if settings.box is not None:
+        raise UserError("expected --box or --boxes; got both. Give one.")
+    with reading(settings.boxes, "boxes by the photos' file names", 'Write {"photo.jpg": [x, y, w, h]}.'):
+        named = decode(dict[str, tuple[float, float, float, float]], read_json(settings.boxes))
+    if unknown := sorted(named.keys() - {photo.name for photo in photos}):
+        raise UserError(
+            f"expected boxes of the {len(photos)} photos; got one of '{unknown[0]}' in '{settings.boxes}'."
+            " Use the photos' file names."
+        )
+    return [checked_box(named[photo.name]) if photo.name in named else None for photo in photos]
 
 
 def parse_box(text: str) -> Box:
@@ -62,17 +104,16 @@ def parse_box(text: str) -> Box:
 def _line(name: str, explanation: Explanation, seconds: float) -> str:
     hidden = explanation.hidden_fraction
     colour = ", ".join(f"{c:.2f}" for c in explanation.latents.albedo[0].tolist())
+    seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden"
     return (
-        f"{name}: azimuth {explanation.azimuth_deg:.1f}, elevation {explanation.elevation_deg:.1f} degrees,"
-        f" albedo ({colour}), {'nothing seen' if hidden is None else f'{hidden:.0%} hidden'};"
-        f" {explanation.verdict.name.lower()}: {explanation.reason} ({seconds:.1f} s)"
+        f"{name}: {explanation.verdict.name.lower()}, azimuth {explanation.azimuth_deg:.1f}, elevation"
+        f" {explanation.elevation_deg:.1f} degrees, albedo ({colour}),"
+        f" {seen}; {explanation.reason} ({seconds:.1f} s)"
     )
 
 
-def result_folders(images: tuple[Path, ...], out: Path) -> list[Path]:
+def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
     """A folder for each photo, named after it; a number is added where two photos share a name."""
-    if not images:
-        raise UserError("expected at least one photo; got none. Name one: vig fit photo.jpg")
     used: set[str] = set()
     folders = []
     for image in images:

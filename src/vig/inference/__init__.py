@@ -2,6 +2,7 @@
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one
+from vig.inference.families import family_of
 from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
@@ -20,6 +21,7 @@ __all__ = [
     "calibration_of",
     "explain",
     "explain_one",
+    "family_of",
     "geometry_of",
     "objective_of",
     "starts",

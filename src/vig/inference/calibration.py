@@ -23,8 +23,8 @@ from vig.files import atomic_write
 from vig.scene import ObjectClass, latent_layout
 
 FILE = "calibration.json"
-FORMAT = 4
-"""3 had other names for the same numbers."""
+FORMAT = 5
+"""4 had other features."""
 
 CONFIDENCE_FEATURES = (
     "evidence_gap",  # log (1 + nats by which the best fit of another view lies behind), 0 for a reverted fit
@@ -38,7 +38,9 @@ CONFIDENCE_FEATURES = (
     "log_azimuth_entropy",  # of the network's view probabilities
     "log_elevation_deviation",  # as the network states it
     "shape_deviation",  # mean over the components, as the network states them
-    "roll_gain",  # log likelihood a pixel gained by a small roll of the rendering in the image
+    "log_presence",  # log probability, as predicted, that the photo shows the object at all
+    "predicted_roll",  # absolute, radians: that the network sees in a photo that should stand upright
+    "outline_agreement",  # intersection over union of what the fit covers and the network's object
 )
 """What the confidence in a fit is computed from, in this order."""
 

@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass
 
 import torch
-from torch.nn import functional
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import ExplainSettings, Fit, Verdict
-from vig.likelihood import PixelModel, SpatialModel, mixture, spatial_posterior
+from vig.likelihood import PixelModel, SpatialModel, spatial_posterior
 from vig.recognition import Prediction
 from vig.scene import Latents, angle_difference
 
@@ -22,17 +21,8 @@ LEAST_VISIBLE = 0.3
 """Predicted probability from which a pixel may well show the object."""
 LEAST_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
-MOST_ROLL_GAIN = 2.0
-"""Nats a pixel, either way, at which the feature is clipped."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
-
-ROLL = math.radians(8.0)
-"""How far a rendering is rolled in the image, either way."""
-ROLL_SIGMA = 0.05
-"""Noise of the comparison, linear RGB: wider than a fit's, as details no longer meet."""
-ROLL_PIXELS = 50
-"""Added to the number of visible pixels, so that few of them do not weigh much."""
 
 
 def assess(
@@ -84,8 +74,6 @@ class _Shown:
 
     observed: torch.Tensor
     rendered: torch.Tensor
-    coverage: torch.Tensor
-    log_prior: torch.Tensor
     amodal: torch.Tensor
     by_pixel: torch.Tensor
     visible: torch.Tensor
@@ -105,10 +93,12 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
     observed, log_prior = (i.view(*coverage.shape, 3) for i in (likelihood.observed, likelihood.log_prior))
     rendered = found.irradiance[..., None] * latents.albedo[:, None, None]
     amodal = coverage >= 0.5
-    by_pixel = visible = torch.where(amodal, found.posterior, 0.0)
+    decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
+    posterior = found.posterior + (1 - found.posterior) * decorated.to(found.posterior)
+    by_pixel = visible = torch.where(amodal, posterior, 0.0)
     if isinstance(model, SpatialModel):
-        visible = spatial_posterior(observed, rendered, log_prior, amodal, model)
-    images = (observed, rendered, coverage, log_prior, amodal, by_pixel, visible)
+        visible = spatial_posterior(observed, rendered, log_prior, amodal, model, decorated)
+    images = (observed, rendered, amodal, by_pixel, visible)
     return _Shown(*(image[0] for image in images))
 
 
@@ -120,7 +110,8 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
     probability = prediction.azimuth[0].double()
     entropy = float(-(probability * probability.clamp_min(1e-12).log()).sum())
     stated = prediction.layout.split(prediction.deviation[0])
-    rolled = roll_gain(shown.rendered, shown.coverage, shown.observed, shown.log_prior, pixels)
+    predicted = 1 - prediction.mask[0, :, :, 2] > 0.5
+    union = int((shown.amodal | predicted).sum())
     features = {
         "evidence_gap": 0.0 if selection.reverted else math.log1p(min(selection.gap, MOST_GAP)),
         "view_log_probability": float(prediction.log_mass(latents.azimuth)[0]),
@@ -133,7 +124,9 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
         "log_azimuth_entropy": math.log(max(entropy, 1e-3)),
         "log_elevation_deviation": math.log(max(float(stated["elevation"]), 1e-4)),
         "shape_deviation": float(stated["shape"].mean()),
-        "roll_gain": max(-MOST_ROLL_GAIN, min(MOST_ROLL_GAIN, rolled)),
+        "log_presence": math.log(max(float(prediction.presence[0]), 1e-4)),
+        "predicted_roll": abs(float(prediction.roll[0])),
+        "outline_agreement": int((shown.amodal & predicted).sum()) / max(union, 1),
     }
     return torch.tensor([features[name] for name in CONFIDENCE_FEATURES], dtype=torch.float64)
 
@@ -187,38 +180,3 @@ def _deviation(objective: Objective, point: torch.Tensor, normal: torch.Tensor) 
     deviation = torch.zeros(1, len(point), dtype=torch.float64)
     deviation[0, free] = torch.linalg.inv(matrix).diagonal().clamp_min(0.0).sqrt()
     return objective.latents(deviation).to_vector()[0]
-
-
-def roll_gain(
-    rendered: torch.Tensor,
-    coverage: torch.Tensor,
-    observed: torch.Tensor,
-    log_prior: torch.Tensor,
-    pixels: int,
-) -> float:
-    """Nats a visible pixel by which rotating the rendering slightly, either way, increases its likelihood.
-
-    No latent expresses a rolled camera; rotating the rendered picture takes no further fit. rendered and
-    observed (H, W, 3) are linear RGB; pixels: how many of the object's are visible.
-    """
-    picture = torch.cat([rendered * coverage[..., None], coverage[..., None]], -1).permute(2, 0, 1)[None]
-
-    def value(shown: torch.Tensor) -> float:
-        covered = shown[3].clamp(0, 1)
-        colour = (shown[:3] / shown[3].clamp_min(0.05)).permute(1, 2, 0)
-        explained, _ = mixture(observed, colour, log_prior, ROLL_SIGMA)
-        return float((covered * explained + (1 - covered) * log_prior[..., 2]).sum(dtype=torch.float64))
-
-    level = value(picture[0])
-    rolled = [value(_rolled(picture, angle)[0]) for angle in (-ROLL, ROLL)]
-    return (max(rolled) - level) / (pixels + ROLL_PIXELS)
-
-
-def _rolled(picture: torch.Tensor, angle: float) -> torch.Tensor:
-    """A picture (1, C, H, W) of any size rolled about its centre; corners are filled with 0."""
-    height, width = picture.shape[2:]
-    cos, sin = math.cos(angle), math.sin(angle)
-    # In units of half the height and half the width, which need not be the same.
-    matrix = picture.new_tensor([[cos, -sin * height / width, 0], [sin * width / height, cos, 0]])
-    grid = functional.affine_grid(matrix[None], list(picture.shape), align_corners=False)
-    return functional.grid_sample(picture, grid, align_corners=False)

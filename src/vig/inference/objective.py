@@ -8,7 +8,15 @@ from typing import Any
 import torch
 
 from vig.likelihood import Evaluation, Likelihood
-from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotations_z, turn_rate_z
+from vig.scene import (
+    LatentLayout,
+    Latents,
+    ObjectClass,
+    angle_difference,
+    latent_layout,
+    rotations_z,
+    turn_rate_z,
+)
 from vig.scene.latents import FRAMING
 
 
@@ -19,10 +27,14 @@ class RecognitionPrior:
     Attributes:
         mean: (P,), the light's in the heading frame, which turns along as a point's azimuth changes.
         precision: (P,), one over the variance; 0 for what the network has no Gaussian of.
+        azimuths: (J,) radians, the views that the network thinks likely; an azimuth is drawn to the nearest.
+        azimuth_precision: Of each of these, its power included.
     """
 
     mean: torch.Tensor
     precision: torch.Tensor
+    azimuths: torch.Tensor
+    azimuth_precision: float
 
 
 class Prior:
@@ -51,6 +63,7 @@ class Prior:
         covariance = torch.from_numpy(object_class.light_prior_covariance)
         precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
         self.heading_mean: torch.Tensor | None = None
+        self.azimuth_precision = 0.0 if recognition is None else recognition.azimuth_precision
         if recognition is not None:
             whole = latent_layout(layout.count("shape"))
             names = [block.name for block in whole.blocks if block.name != "light" and block.name in layout]
@@ -60,6 +73,7 @@ class Prior:
             mean[here] = added * recognition.mean[there].double() / total.clamp_min(1e-12)
             precision[here, here] = total
             self.heading_mean = recognition.mean[whole["light"]].to(**place)
+            self.azimuths = recognition.azimuths.to(**place)
             self.heading_precision = (weight * recognition.precision[whole["light"]]).to(**place)
         self.mean, self.precision = mean.to(**place), precision.to(**place)
         self._places = torch.tensor(layout.indices("azimuth", "light"), device=place.get("device"))
@@ -86,6 +100,13 @@ class Prior:
             normal = normal.clone()
             curved = (jacobian * self.heading_precision[:, None]).mT @ jacobian
             normal[:, self._places[:, None], self._places] += curved
+        if self.azimuth_precision:
+            all_off = angle_difference(self.azimuths, points[:, self.azimuth, None])
+            turn = all_off.gather(1, all_off.abs().argmin(1, keepdim=True))[:, 0]
+            value = value - 0.5 * self.azimuth_precision * turn**2
+            gradient, normal = gradient.clone(), normal.clone()
+            gradient[:, self.azimuth] += self.azimuth_precision * turn
+            normal[:, self.azimuth, self.azimuth] += self.azimuth_precision
         return value.double(), gradient, normal
 
 
@@ -103,7 +124,7 @@ class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
     The likelihood's `layout` defines a point's numbers and their bounds. The framing is held at 0 unless
-    `free_framing`. For `recognition` and `prior_weight` see `Prior`.
+    `free_framing`. For `recognition` and `prior_weight` see `Prior`, for `decorated` `pixel_prior`.
     """
 
     def __init__(
@@ -113,8 +134,9 @@ class Objective:
         free_framing: bool = False,
         recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
+        decorated: torch.Tensor | None = None,
     ):
-        self.likelihood = likelihood
+        self.likelihood, self.object_class, self.decorated = likelihood, object_class, decorated
         layout = likelihood.layout
         if not free_framing and "framing" in layout:
             layout = layout.with_blocks(layout.block("framing").held())

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterable
 
 import torch
 
+from vig.inference.families import shape_deviation
 from vig.inference.objective import Objective, RecognitionPrior
+from vig.inference.refinement import AZIMUTH_SPREAD, PEAKS
 from vig.inference.settings import ExplainSettings
 from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
@@ -43,31 +46,41 @@ def objectives_of(
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
     camera = Camera.standard(photo.shape[1], object_class.target_height)
-    log_prior = pixel_prior(photo, prediction.mask[0], settings, valid)
+    log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid)
     if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(valid[:, :, None], log_prior, unknown)
-    geometry, predicted = geometry_of(object_class, settings.self_shadow), prior_of(prediction, settings)
+        decorated = decorated * valid
+    geometry, predicted = (
+        geometry_of(object_class, settings.self_shadow),
+        prior_of(prediction, settings, object_class),
+    )
     objectives = {}
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
+        free = bool(settings.free_framing)
         objectives[scale] = Objective(
-            likelihood, object_class, bool(settings.free_framing), predicted, settings.prior_weight
+            likelihood, object_class, free, predicted, settings.prior_weight, decorated
         )
     return objectives
 
 
-def prior_of(prediction: Prediction, settings: ExplainSettings) -> RecognitionPrior | None:
-    """One photo's predicted Gaussians of every latent but azimuth, as a factor of the prior."""
+def prior_of(
+    prediction: Prediction, settings: ExplainSettings, object_class: ObjectClass
+) -> RecognitionPrior | None:
+    """One photo's predicted Gaussians as a factor of the prior; of azimuth one for each peak."""
     if settings.recognition_weight == 0:
         return None
     layout, regressed = latent_layout(prediction.layout.count("shape")), prediction.numbers[0]
     places = layout.indices(*(block.name for block in prediction.layout.blocks))
     mean, precision = regressed.new_zeros(2, layout.size)
     mean[places] = regressed
-    precision[places] = settings.recognition_weight / prediction.deviation[0] ** 2
-    return RecognitionPrior(mean, precision)
+    deviation = prediction.deviation[0].clone()
+    deviation[prediction.layout["shape"]] = shape_deviation(prediction, object_class)
+    precision[places] = settings.recognition_weight / deviation**2
+    _, azimuths = prediction.modes(PEAKS)
+    return RecognitionPrior(mean, precision, azimuths[0], settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 
 def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
@@ -80,21 +93,34 @@ def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
 
 def pixel_prior(
     photo: torch.Tensor, mask: torch.Tensor, settings: ExplainSettings, valid: torch.Tensor | None = None
-) -> torch.Tensor:
-    """Log prior (H, W, 3) of a pixel visible, hidden, background: the pixel model's, made the photo's own.
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """The pixel model's prior, made the photo's own, and how much of the second component is decoration.
 
-    mask (H, W, 3): predicted probabilities of the same three, each at least 2 % so that no pixel is decided
-    beforehand. With `surroundings` the uniform density of what is not the object becomes that of the
-    photo's colours outside the predicted object, where the photo is `valid`. The Gaussian model, without
-    outliers, stays as it is.
+    mask (H, W, 3): predicted probabilities of visible, hidden, background, each at least 2 % so that no pixel
+    is decided beforehand. With `surroundings` the uniform density of what is not the object becomes that of
+    the photo's colours outside the predicted object, where the photo is `valid`. With `decoration` d, a
+    visible pixel has the rendered colour with probability 1 - d, else one of the photo's colours inside the
+    predicted object. As that does not depend on the latents, it joins the hidden component. The Gaussian
+    model, without outliers, stays as it is.
+
+    Returns:
+        Log prior (H, W, 3) of: visible with the rendered colour; hidden or decorated; background. And the
+        share (H, W) of the second that is decorated, hence visible.
     """
     base = settings.likelihood.log_prior(*mask.shape[:2])
+    decorated = torch.zeros(mask.shape[:2], dtype=base.dtype)
     if settings.likelihood.alpha == 1:
-        return base
+        return base, decorated
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
+    known = torch.ones_like(decorated) if valid is None else valid.double()
     if settings.surroundings > 0:
-        outside = 1 - mask[..., 0] if valid is None else (1 - mask[..., 0]) * valid
-        density = settings.surroundings * log_colour_density(photo, outside)
+        density = settings.surroundings * log_colour_density(photo, (1 - mask[..., 0]) * known)
         prior[..., 1] += density
         prior[..., 2] += density
-    return prior
+    if settings.decoration > 0:
+        own = prior[..., 0] + math.log(settings.decoration) + log_colour_density(photo, mask[..., 0] * known)
+        both = torch.logaddexp(prior[..., 1], own)
+        decorated = (own - both).exp()
+        prior[..., 0] += math.log1p(-settings.decoration)
+        prior[..., 1] = both
+    return prior, decorated

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from vig.inference.families import LEAST_SHARE, family_shapes
 from vig.inference.objective import Objective
 from vig.inference.settings import ExplainSettings
 from vig.recognition import Prediction
 from vig.recognition.network import latents_of
-from vig.scene import Latents, angle_difference
+from vig.scene import Latents, ObjectClass, angle_difference
 from vig.scene.latents import FRAMING
 
 AMBIGUOUS_NATS = 30.0
@@ -101,7 +102,7 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
     objective, count = objectives[1.0], settings.stages[0].starts
     framing = perturbed_framing(count) if settings.free_framing else None
-    points = objective.point(starts(prediction, count), framing)
+    points = objective.point(starts(prediction, count, objective.object_class), framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations = 0
     for stage in settings.stages:
@@ -143,21 +144,29 @@ def survivors(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.
     return torch.tensor(chosen)
 
 
-def starts(prediction: Prediction, count: int, seed: int = 0) -> Latents:
+def starts(
+    prediction: Prediction, count: int, object_class: ObjectClass | None = None, seed: int = 0
+) -> Latents:
     """`count` starts for one photo's prediction (N = 1), the first being the best guess itself.
 
     Each peak of azimuth gets a share of the starts near its probability, at least one; beyond a peak's first,
-    azimuth, elevation and shape are perturbed at random. The same seed gives the same starts.
+    azimuth, elevation and shape are perturbed at random. Where more than one family of the class is likely,
+    all but the first have the shape that is predicted within one, each family its share. The same seed gives
+    the same starts.
     """
     weights, angles = prediction.modes(PEAKS)
-    probability = weights[0].exp()
-    kept = int((probability / probability.sum() > LEAST_PEAK).sum().clamp(1, count))
-    peaks = _allot((probability[:kept] / probability[:kept].sum()).numpy(), count)
+    peaks = _allot(weights[0].exp().numpy(), LEAST_PEAK, count)
     numbers, layout = prediction.numbers.expand(count, -1).clone(), prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
     repeated = np.array([peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
     normal = rng.standard_normal((count, 2 + layout.count("shape"))).astype(np.float32)
     noise = torch.from_numpy(normal * repeated)
+    if object_class is not None:
+        probability, shapes = family_shapes(prediction, object_class)
+        families = _allot(probability.numpy(), LEAST_SHARE, count)
+        if len(set(families)) > 1:
+            # The last starts first, so that a second family is tried at each peak's repetitions.
+            numbers[1:, layout["shape"]] = shapes[families[::-1][:-1]]
     moved = layout.indices("elevation", "shape")
     numbers[:, moved] += RELATIVE_SPREAD * prediction.deviation[:, moved] * noise[:, 1:]
     return latents_of(numbers, angles[0, peaks] + AZIMUTH_SPREAD * noise[:, 0])
@@ -171,12 +180,17 @@ def perturbed_framing(count: int, seed: int = 0) -> torch.Tensor:
     return torch.from_numpy(noise * np.array(FRAMING.deviation, np.float32))
 
 
-def _allot(share: np.ndarray, count: int) -> list[int]:
-    """Peaks of `count` starts: each peak once, then whichever has most too few for its share."""
+def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
+    """Hypotheses of `count` starts: each that is likely once, then whichever has most too few."""
+    likely = np.flatnonzero(probability / probability.sum() > least)
+    if not len(likely):
+        likely = np.array([int(probability.argmax())])
+    likely = likely[np.argsort(-probability[likely], kind="stable")][:count]
+    share = probability[likely] / probability[likely].sum()
     given = list(range(len(share)))
     numbers = np.ones(len(share))
     while len(given) < count:
         most = int(np.argmax(share * (count + 1) - numbers))
         given.append(most)
         numbers[most] += 1
-    return given[:count]
+    return [int(likely[place]) for place in given[:count]]

@@ -101,10 +101,13 @@ class ExplainSettings:
         mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
             paper's constant alpha, 1 takes them fully.
         surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
+        decoration: Probability in [0, 1) that a visible pixel shows another of the object's own colours than
+            the rendered one: painted decoration, a highlight.
         recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
-            them out.
+            these and azimuth's out.
         prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
             independent, which they are not.
+        azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
         view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
             same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
@@ -125,8 +128,10 @@ class ExplainSettings:
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
+    decoration: float = 0.3
     recognition_weight: float = 1.0
-    prior_weight: float = 100.0
+    prior_weight: float = 10.0
+    azimuth_weight: float = 100.0
     view_weight: float = 1000.0
     self_shadow: bool = True
     free_framing: bool | None = None
@@ -146,8 +151,9 @@ class ExplainSettings:
             raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
         if not callable(self.optimizer):
             raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.optimizers.")
-        for name in ("mask_weight", "surroundings", "recognition_weight", "prior_weight", "view_weight"):
-            most = 1.0 if name in ("mask_weight", "surroundings") else math.inf
+        shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99}
+        for name in (*shares, "recognition_weight", "prior_weight", "azimuth_weight", "view_weight"):
+            most = shares.get(name, math.inf)
             if not 0 <= (given := getattr(self, name)) <= most or given == math.inf:
                 raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
         if self.silhouette not in ("exact", "paper"):

@@ -161,19 +161,25 @@ def spatial_posterior(
     log_prior: torch.Tensor,
     covered: torch.Tensor,
     model: SpatialModel,
+    decorated: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """Posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the silhouette.
 
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
     (N, H, W) bool. A log prior of `NEVER` for visible means that a pixel was not photographed: it ties no
     others. The mean field starts at the most probable h, the best of its optima. Only the window that holds
-    what is covered is worked on.
+    what is covered is worked on. decorated (H, W), in [0, 1): the share of the log prior's second component
+    that is visible with a colour of its own.
     """
     result = torch.zeros_like(rendered[..., 0])
     window = _window(covered)
     if window is not None:
         photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
-        log_odds = visible_log_odds(photo, fit, prior).to(result)
+        log_odds = visible_log_odds(photo, fit, prior)
+        if decorated is not None:
+            share = decorated[window].to(log_odds)
+            log_odds = torch.logaddexp(log_odds, share.clamp_min(1e-12).log()) - torch.log1p(-share)
+        log_odds = log_odds.to(result)
         weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).to(result)
         start = graph_cut(log_odds, inside, weights).to(result)
         result[:, *window] = mean_field(start, log_odds, inside, weights, model.sweeps)

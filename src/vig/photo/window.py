@@ -22,11 +22,15 @@ SMALLEST_BOX = 8
 
 @dataclass(frozen=True)
 class Window:
-    """A square of a photo: left and top corner and side, in the photo's pixels; it may reach beyond it."""
+    """A square of a photo: left and top corner and side, in the photo's pixels; it may reach beyond it.
+
+    It is turned about its centre, clockwise by `roll` radians, so that what it shows stands upright.
+    """
 
     left: float
     top: float
     side: float
+    roll: float = 0.0
 
     @staticmethod
     def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> Window:
@@ -45,13 +49,24 @@ class Window:
                 f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side within the photo of"
                 f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}. Cut it at the photo's edges or widen it."
             )
+        return Window.round_box(box)
+
+    @staticmethod
+    def round_box(box: tuple[float, float, float, float], roll: float = 0.0) -> Window:
+        """The window of a box (x, y, w, h) wherever it lies."""
+        x, y, w, h = box
         side = WINDOW_OVER_BOX * max(w, h)
-        return Window(x + w / 2 - side / 2, y + h / 2 - (0.5 + BOX_BELOW_CENTRE) * side, side)
+        # The box's centre lies below the window's, down the window's own vertical.
+        below = BOX_BELOW_CENTRE * side
+        centre = x + w / 2 + below * math.sin(roll), y + h / 2 - below * math.cos(roll)
+        return Window(centre[0] - side / 2, centre[1] - side / 2, side, roll)
 
     def cut(self, photo: np.ndarray, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
         """Resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in
         the photo. photo (H, W, 3) linear RGB. Beyond the photo its border is continued.
         """
+        if self.roll:
+            return self._cut_turned(photo, size)
         height, width = photo.shape[:2]
         whole = self.left == 0 and self.top == 0 and self.side == width == height == size
         if whole:
@@ -72,24 +87,51 @@ class Window:
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
 
+    def _cut_turned(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """`cut`, from the upright window about this one, resampled at its scale."""
+        wide = math.ceil(size * (abs(math.cos(self.roll)) + abs(math.sin(self.roll))))
+        side = self.side * wide / size
+        grown = (side - self.side) / 2
+        image, known = Window(self.left - grown, self.top - grown, side).cut(photo, wide)
+        cos, sin = math.cos(self.roll), math.sin(self.roll)
+        middle = wide / 2 - (cos - sin) * size / 2, wide / 2 - (sin + cos) * size / 2
+        transform = (cos, -sin, middle[0], sin, cos, middle[1])
+        cut = [
+            np.asarray(
+                Image.fromarray(np.ascontiguousarray(channel, np.float32)).transform(
+                    (size, size), Image.Transform.AFFINE, transform, Image.Resampling.BICUBIC
+                )
+            )
+            for channel in (*np.moveaxis(image, 2, 0), known)
+        ]
+        return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Its middle in the photo's pixels."""
+        return self.left + self.side / 2, self.top + self.side / 2
+
+    def to_photo(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the photo from where it is in the window: pixels of the photo from its middle."""
+        cos, sin = math.cos(self.roll), math.sin(self.roll)
+        return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
+
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
         """The camera of the whole photo of width x height from that of its window."""
         scale = self.side / camera.width
-        return replace(
-            camera.scaled(scale),
-            width=width,
-            height=height,
-            cx=camera.cx * scale + self.left,
-            cy=camera.cy * scale + self.top,
-        )
+        at = ((camera.cx - camera.width / 2) * scale, (camera.cy - camera.height / 2) * scale)
+        cx, cy = self.to_photo(*at)
+        return replace(camera.scaled(scale), width=width, height=height, cx=cx, cy=cy, roll=self.roll)
 
     def back(self, image: np.ndarray, width: int, height: int) -> np.ndarray:
         """A map (S, S) of the window, in [0, 1], drawn into the photo's frame: (height, width) float32.
 
         Outside the window it is 0.
         """
-        scale = len(image) / self.side
-        transform = (scale, 0.0, -self.left * scale, 0.0, scale, -self.top * scale)
+        scale, half = len(image) / self.side, len(image) / 2
+        cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
+        x, y = self.centre
+        transform = (cos, sin, half - cos * x - sin * y, -sin, cos, half + sin * x - cos * y)
         source = Image.fromarray(np.ascontiguousarray(image, np.float32))
         return np.asarray(
             source.transform((width, height), Image.Transform.AFFINE, transform, Image.Resampling.BILINEAR)

@@ -1,5 +1,6 @@
 """The recognition network: from a photo to hypotheses, bottom up."""
 
+from vig.recognition.find import find, upright
 from vig.recognition.network import MASK_CLASSES, NetworkCalibration, NetworkSettings, RecognitionNetwork
 from vig.recognition.prediction import Prediction, Recognizer
 
@@ -10,4 +11,6 @@ __all__ = [
     "Prediction",
     "RecognitionNetwork",
     "Recognizer",
+    "find",
+    "upright",
 ]

@@ -15,7 +15,8 @@ from vig.parallel.internals import has_bfloat16
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
 
-MASK_STRIDE = 4
+MASK_STRIDE = 2
+"""Pixels a side of the mask head's cells."""
 
 
 def layout_of_numbers(count: int) -> LatentLayout:
@@ -34,27 +35,35 @@ def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
 
 
 def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tensor:
-    """Probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's logits (B, 3, h, w)."""
+    """Probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's (B, 3, h, w) logits."""
     full = functional.interpolate(logits, scale_factor=MASK_STRIDE, mode="bilinear", align_corners=False)
-    return full[:, :, 2 : 2 + height, 2 : 2 + width].softmax(1).permute(0, 2, 3, 1)
+    return full[:, :, :height, :width].softmax(1).permute(0, 2, 3, 1)
 
 
-FORMAT = "2"
-"""Of weights files; 1 had the regressed numbers in another order."""
+FORMAT = "3"
+"""Of weights files; 2 had another trunk."""
 
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
+
+
+STRIDES, KERNELS = (1, 2, 2, 2, 1), (3, 3, 5, 3, 5)
+"""Of the trunk's stages."""
 
 
 @dataclass(frozen=True)
 class NetworkSettings:
     """Sizes of the network; written beside the weights so that they can be read again.
 
+    The trunk is that of EfficientNet-Lite0 (Tan and Le 2019) up to its eleventh block.
+
     Attributes:
         modes: K shape components.
         azimuth_bins: Equal bins of the circle.
-        widths: Channels at a quarter, an eighth and a sixteenth of the image.
-        blocks: Residual blocks there.
+        channels: Of the first convolution, then of each of the trunk's five stages.
+        blocks: Inverted residual blocks of each stage.
+        expansion: Channels within a block over those between blocks; the first stage has no expansion.
+        decoder: Channels of the mask's decoder.
         squeezed: Channels from which the dense layer reads.
         features: Of the dense layer.
         dropout: Share of these features.
@@ -62,18 +71,23 @@ class NetworkSettings:
 
     modes: int = 10
     azimuth_bins: int = 72
-    widths: tuple[int, int, int] = (48, 96, 192)
-    blocks: tuple[int, int, int] = (1, 2, 3)
-    squeezed: int = 32
-    features: int = 320
+    channels: tuple[int, ...] = (32, 16, 24, 40, 80, 112)
+    blocks: tuple[int, ...] = (1, 2, 2, 3, 3)
+    expansion: int = 6
+    decoder: int = 32
+    squeezed: int = 48
+    features: int = 384
     dropout: float = 0.1
 
     def __post_init__(self) -> None:
-        check_sizes("widths", self.widths, 1, 2048)
-        check_sizes("blocks", self.blocks, 0, 64)
+        if (len(self.channels), len(self.blocks)) != (6, 5):
+            raise ValueError(f"channels and blocks must be 6 and 5; got {self.channels} and {self.blocks}")
+        check_sizes("channels", self.channels, 1, 2048)
+        check_sizes("blocks", self.blocks, 1, 64)
+        check_sizes("expansion", (self.expansion,), 1, 16)
         check_sizes("modes", (self.modes,), 1, MOST_MODES)
         check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
-        check_sizes("squeezed, features", (self.squeezed, self.features), 1, 8192)
+        check_sizes("decoder, squeezed, features", (self.decoder, self.squeezed, self.features), 1, 8192)
         check_number("dropout", self.dropout, 0.0, 0.99)
 
 
@@ -85,12 +99,16 @@ class Heads:
         azimuth: (B, bins) logits of equal bins, the first centred at half a bin.
         mean: (B, M) regressed numbers (see `regressed_layout`), in units of the targets' standard deviations.
         log_variance: (B, M) of these.
-        mask: (B, 3, h, w) logits of MASK_CLASSES at a quarter of the size.
+        roll: (B,) clockwise turn of the image, radians.
+        presence: (B,) logit that the image shows the object.
+        mask: (B, 3, h, w) logits of MASK_CLASSES, a cell for each `MASK_STRIDE` pixels.
     """
 
     azimuth: torch.Tensor
     mean: torch.Tensor
     log_variance: torch.Tensor
+    roll: torch.Tensor
+    presence: torch.Tensor
     mask: torch.Tensor
 
 
@@ -172,13 +190,18 @@ class RecognitionNetwork(nn.Module):
     def __init__(self, settings: NetworkSettings):
         super().__init__()
         self.settings = settings
-        a, b, c = settings.widths
-        # One strided convolution: cell i is centred on pixel 4 i, as `mask_at_pixels` has it.
-        self.fine = nn.Sequential(_convolution(3, a, 7, 4), *_blocks(a, settings.blocks[0]))
-        self.middle = nn.Sequential(_convolution(a, b, 3, 2), *_blocks(b, settings.blocks[1]))
-        self.coarse = nn.Sequential(_convolution(b, c, 3, 2), *_blocks(c, settings.blocks[2]))
+        first, *outputs = settings.channels
+        self.stem = _convolution(3, first, 3, stride=2)
+        inputs, stages = first, []
+        for number, (width, count) in enumerate(zip(outputs, settings.blocks, strict=True)):
+            expansion = settings.expansion if number else 1
+            blocks = [_Block(inputs, width, expansion, KERNELS[number], STRIDES[number])]
+            blocks += [_Block(width, width, expansion, KERNELS[number], 1) for _ in range(count - 1)]
+            stages.append(nn.Sequential(*blocks))
+            inputs = width
+        self.stages = nn.ModuleList(stages)
         self.dense = nn.Sequential(
-            _convolution(c, settings.squeezed, 1, 1),
+            _convolution(inputs, settings.squeezed, 1),
             nn.Flatten(),
             nn.Linear(settings.squeezed * self.COARSE_CELLS**2, settings.features),
             nn.ReLU(),
@@ -186,21 +209,39 @@ class RecognitionNetwork(nn.Module):
         )
         self.azimuth = nn.Linear(settings.features, settings.azimuth_bins)
         self.numbers = nn.Linear(settings.features, 2 * regressed_layout(settings.modes).size)
-        self.mask_coarse = _convolution(c, a, 1, 1)
-        self.mask_middle = _convolution(b, a, 1, 1)
-        self.mask = nn.Sequential(_convolution(a, a, 3, 1), nn.Conv2d(a, len(MASK_CLASSES), 1))
+        self.others = nn.Linear(settings.features, 2)
+        half, quarter, eighth, _, coarse = outputs
+        wide, narrow = settings.decoder, settings.decoder // 2
+        self.side = nn.ModuleList(
+            _convolution(*sizes, 1)
+            for sizes in ((coarse, wide), (eighth, wide), (quarter, wide), (half, narrow))
+        )
+        self.merge = nn.ModuleList(
+            [_convolution(wide, wide, 3), _convolution(wide, narrow, 3), _convolution(narrow, narrow, 3)]
+        )
+        self.mask = nn.Conv2d(narrow, len(MASK_CLASSES), 1)
 
     def forward(self, image: torch.Tensor) -> Heads:
-        fine = self.fine(image * 4 - 2)
-        middle = self.middle(fine)
-        coarse = self.coarse(middle)
-        features = self.dense(coarse)
+        x, maps = self.stem(image * 2 - 1), []
+        for stage in self.stages:
+            x = stage(x)
+            maps.append(x)
+        features = self.dense(x)
+        half, quarter, eighth, _, coarse = maps
+        merged = self.side[0](coarse)
+        for finer, side, merge in zip((eighth, quarter, half), self.side[1:], self.merge, strict=True):
+            height, width = finer.shape[-2:]
+            upsampled = functional.interpolate(merged, scale_factor=2.0)[..., :height, :width]
+            merged = merge(upsampled + side(finer))
         mean, log_variance = self.numbers(features).float().chunk(2, dim=1)
-        size = middle.shape[-2:]
-        merged = self.mask_middle(middle) + functional.interpolate(self.mask_coarse(coarse), size)
-        merged = functional.interpolate(merged, fine.shape[-2:]) + fine
+        roll, presence = self.others(features).float().unbind(1)
         return Heads(
-            self.azimuth(features).float(), mean, log_variance.clamp(-8.0, 4.0), self.mask(merged).float()
+            self.azimuth(features).float(),
+            mean,
+            log_variance.clamp(-8.0, 4.0),
+            roll,
+            presence,
+            self.mask(merged).float(),
         )
 
 
@@ -211,23 +252,25 @@ def bfloat16(device: torch.device) -> torch.autocast:
     return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())
 
 
-class _Residual(nn.Module):
-    def __init__(self, width: int):
+class _Block(nn.Module):
+    """An inverted residual: channels are expanded, filtered one by one, and projected."""
+
+    def __init__(self, inputs: int, outputs: int, expansion: int, kernel: int, stride: int):
         super().__init__()
-        self.first = _convolution(width, width, 3, 1)
-        self.second = nn.Sequential(nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width))
+        wide = inputs * expansion
+        self.expand = _convolution(inputs, wide, 1) if expansion > 1 else nn.Identity()
+        self.filter = _convolution(wide, wide, kernel, stride, groups=wide)
+        self.project = nn.Sequential(nn.Conv2d(wide, outputs, 1, bias=False), nn.BatchNorm2d(outputs, 1e-3))
+        self.residual = stride == 1 and inputs == outputs
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return functional.relu(x + self.second(self.first(x)))
+        found: torch.Tensor = self.project(self.filter(self.expand(x)))
+        return x + found if self.residual else found
 
 
-def _blocks(width: int, count: int) -> list[nn.Module]:
-    return [_Residual(width) for _ in range(count)]
-
-
-def _convolution(inputs: int, outputs: int, kernel: int, stride: int) -> nn.Module:
+def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:
     return nn.Sequential(
-        nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(),
+        nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, groups=groups, bias=False),
+        nn.BatchNorm2d(outputs, 1e-3),
+        nn.ReLU6(),
     )

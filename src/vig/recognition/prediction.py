@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
@@ -35,12 +36,16 @@ class Prediction:
         numbers: (N, M) mean of the regressed numbers, see `layout`; light in the heading frame.
         deviation: (N, M) standard deviations of these.
         mask: (N, H, W, 3) probabilities of each pixel's `MASK_CLASSES`.
+        roll: (N,) clockwise turn of the photo, radians.
+        presence: (N,) probability that the photo shows the object.
     """
 
     azimuth: torch.Tensor
     numbers: torch.Tensor
     deviation: torch.Tensor
     mask: torch.Tensor
+    roll: torch.Tensor
+    presence: torch.Tensor
 
     def __len__(self) -> int:
         return len(self.azimuth)
@@ -92,7 +97,14 @@ class Prediction:
         return mass.clamp_min(1e-3).log()
 
     def __getitem__(self, index: slice) -> Prediction:
-        return Prediction(self.azimuth[index], self.numbers[index], self.deviation[index], self.mask[index])
+        return Prediction(*(getattr(self, field.name)[index] for field in fields(self)))
+
+    @staticmethod
+    def joined(parts: Sequence[Prediction]) -> Prediction:
+        """Concatenate."""
+        return Prediction(
+            *(torch.cat([getattr(p, field.name) for p in parts]) for field in fields(Prediction))
+        )
 
 
 class Recognizer:
@@ -152,9 +164,7 @@ class Recognizer:
         def predict(part: torch.Tensor) -> Prediction:
             return on_one_core(lambda: self._predict(part))
 
-        parts = list(map_on_threads(predict, photos.float().split(batch)))
-        columns = zip(*[(p.azimuth, p.numbers, p.deviation, p.mask) for p in parts], strict=True)
-        return Prediction(*(torch.cat(column) for column in columns))
+        return Prediction.joined(list(map_on_threads(predict, photos.float().split(batch))))
 
     @torch.inference_mode()
     def _predict(self, photos: torch.Tensor) -> Prediction:
@@ -167,4 +177,6 @@ class Recognizer:
             (heads.mean * self.deviation + self.mean).clone(),
             ((0.5 * heads.log_variance).exp() * self.deviation * calibration.deviation).clone(),
             mask_at_pixels(heads.mask / calibration.mask_temperature, *photos.shape[1:3]).clone(),
+            heads.roll.clone(),
+            heads.presence.sigmoid().clone(),
         )

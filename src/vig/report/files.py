@@ -78,6 +78,7 @@ def describe(
         "reason": fit.reason,
         "confidence": None if math.isnan(fit.confidence) else _rounded(fit.confidence),
         **describe_latents(fit.latents),
+        "roll_deg": _rounded(math.degrees(window.roll)),
         "alternative": fit.alternative and describe_latents(fit.alternative),
         "deviation": {
             "azimuth_deg": _rounded(math.degrees(deviation["azimuth"])),

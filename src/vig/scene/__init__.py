@@ -22,7 +22,7 @@ from vig.scene.light import (
     srgb_from_linear,
     turn_rate_z,
 )
-from vig.scene.object_class import ObjectClass
+from vig.scene.object_class import Family, ObjectClass
 from vig.scene.shape_model import ShapeModel
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "SHAPE_LIMIT",
     "Block",
     "Camera",
+    "Family",
     "LatentLayout",
     "Latents",
     "ObjectClass",

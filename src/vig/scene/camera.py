@@ -30,7 +30,8 @@ class Camera:
     """Intrinsics in pixels and the sphere on which the eye moves, in metres.
 
     The eye is `distance` from the point (0, 0, target_height) and looks at it; the image's up is the
-    world's. OpenCV axes (x right, y down, z forward); pixel centres at half-integers.
+    world's, turned clockwise by `roll` radians. OpenCV axes (x right, y down, z forward); pixel centres at
+    half-integers.
     """
 
     width: int
@@ -40,6 +41,7 @@ class Camera:
     cy: float
     distance: float = DISTANCE
     target_height: float = 0.0
+    roll: float = 0.0
 
     def __post_init__(self) -> None:
         for side in (self.width, self.height):
@@ -53,10 +55,10 @@ class Camera:
                 f"focal (pixels) and distance (metres) must be positive and finite;"
                 f" got {self.focal} and {self.distance}. Give both in these units."
             )
-        if not all(map(_real, (self.cx, self.cy, self.target_height))):
+        if not all(map(_real, (self.cx, self.cy, self.target_height, self.roll))):
             raise ValueError(
-                f"cx, cy (pixels) and target_height (metres) must be finite numbers;"
-                f" got {self.cx}, {self.cy} and {self.target_height}. Give all in these units."
+                f"cx, cy (pixels), target_height (metres) and roll (radians) must be finite numbers; got"
+                f" {self.cx}, {self.cy}, {self.target_height} and {self.roll}. Give all in these units."
             )
 
     @staticmethod
@@ -103,6 +105,10 @@ class Camera:
         azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
         """
         rotation = camera_rotation(azimuth, elevation)
+        if self.roll:
+            cos, sin = math.cos(self.roll), math.sin(self.roll)
+            turn = rotation.new_tensor([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            rotation = turn @ rotation
         target = torch.zeros_like(rotation[..., 0])
         target[..., 2] = self.target_height
         translation = -(rotation @ target.unsqueeze(-1)).squeeze(-1)

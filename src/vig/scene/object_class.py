@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,23 @@ _SHAPE = {
 
 
 @dataclass(frozen=True)
+class Family:
+    """Shapes of one kind within a class, such as teapots with their handle over the lid.
+
+    Attributes:
+        name: Of the kind.
+        mean: (K,) coefficients of the mean of its shapes.
+        deviation: (K,) their standard deviations about it.
+        share: Of the class's shapes.
+    """
+
+    name: str
+    mean: tuple[float, ...]
+    deviation: tuple[float, ...]
+    share: float
+
+
+@dataclass(frozen=True)
 class _LightPrior:
     """As class.json holds it."""
 
@@ -47,6 +64,7 @@ class _Description:
     target_height_m: float
     part_names: tuple[str, ...]
     light_prior: _LightPrior
+    families: tuple[Family, ...] = ()
     held_out_designs: tuple[Any, ...] = ()
 
 
@@ -58,7 +76,8 @@ class ObjectClass:
     light_prior_covariance (9, 9): a Gaussian over SH lights in the world frame at the paper's exposure.
     folder: where it was read from, None when built in memory. transfer (K + 1, V, 9), or None: how
     self-shadow and light thrown from part to part change the nine lobes of each vertex, for the mean shape
-    and per component (`vig_world.packs.transfer`).
+    and per component (`vig_world.packs.transfer`). families: kinds of shapes with nothing between them; none
+    where all shapes are of one kind.
     """
 
     name: str
@@ -68,11 +87,19 @@ class ObjectClass:
     light_prior_covariance: np.ndarray
     folder: Path | None = None
     transfer: np.ndarray | None = None
+    families: tuple[Family, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name or len(self.name) > 100 or not self.name.isprintable():
             raise ValueError(f"name must be 1 to 100 printable characters; it is {self.name[:100]!r}")
         check_number("target_height", self.target_height, -10.0, 10.0)
+        for family in self.families:
+            check_number(f"share of family '{family.name[:40]}'", family.share, 1e-6, 1.0)
+            mean, spread = np.array(family.mean), np.array(family.deviation)
+            fits = len(mean) == len(spread) == self.shape_model.modes
+            if not fits or not np.isfinite(mean).all() or not ((spread > 1e-3) & (spread < 1e3)).all():
+                modes = self.shape_model.modes
+                raise ValueError(f"family '{family.name[:40]}' must have {modes} means and deviations")
         mean, covariance = self.light_prior_mean, self.light_prior_covariance
         prior = {"light prior mean": mean, "light prior covariance": covariance}
         floats = "float64 float32"
@@ -111,6 +138,8 @@ class ObjectClass:
                 "covariance": np.round(self.light_prior_covariance, 6).tolist(),
             },
         }
+        if self.families:
+            description["families"] = [asdict(family) for family in self.families]
         with atomic_write(Path(folder) / "class.json") as temporary:
             Path(temporary).write_text(json.dumps(description, indent=1) + "\n")
 
@@ -150,4 +179,6 @@ class ObjectClass:
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
             height = float(described.target_height_m)
-            return ObjectClass(described.name, model, height, mean, covariance, folder, transfer)
+            return ObjectClass(
+                described.name, model, height, mean, covariance, folder, transfer, described.families
+            )

@@ -8,12 +8,12 @@ import shutil
 from vig.errors import UserError
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
-from vig_lab.calibration import calibrate_fits, describe, fits_of
+from vig_lab.calibration import StudioPhotos, calibrate_fits, describe, fits_of
 from vig_lab.cli.common import check_workers, check_writable, progress_bar
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.plots import calibrate_and_plot as calibrate_network
-from vig_world.dataset import read_dataset
+from vig_world.dataset import Dataset, read_dataset
 
 
 def calibrate(settings: Calibrate) -> int:
@@ -27,13 +27,19 @@ def calibrate(settings: Calibrate) -> int:
     folder = settings.weights.parent
     check_writable(folder)
     lines: list[str] = []
-    calibrate_network(settings.weights, datasets, lines.append)
+    everything: list[Dataset | StudioPhotos] = [*datasets]
+    further = []
+    if settings.studio:
+        photos, examples = StudioPhotos.draw(object_class, settings.split, settings.studio, settings.seed)
+        everything.append(photos)
+        further.append(examples)
+    calibrate_network(settings.weights, datasets, lines.append, further)
     recognizer = recognizer_of(object_class, settings.weights)
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with progress_bar(settings.json) as progress:
-        task = progress.add_task("fits", total=sum(map(fits_of, datasets)))
+        task = progress.add_task("fits", total=sum(map(fits_of, everything)))
         calibration, samples = calibrate_fits(
-            datasets,
+            everything,
             object_class,
             recognizer,
             workers=settings.workers,

@@ -18,7 +18,9 @@ from rich.table import Table
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings
+from vig.photo import Window
 from vig.photo.images import write_png
+from vig.scene import IMAGE_SIZE
 from vig_lab.cli.settings import Demo
 from vig_lab.evaluation.metrics import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
 from vig_lab.examples import Example, example_photos
@@ -33,7 +35,7 @@ def demo(settings: Demo) -> int:
     explainer = Explainer("teapot", ExplainSettings(free_framing=False))
     rows = []
     for example in example_photos():
-        explanation = explainer.explain(example.photo)
+        explanation = explainer.explain(example.photo, window=Window(0, 0, IMAGE_SIZE))
         explanation.save(out / example.name)
         rows.append(_compared(example, explanation))
         if not as_json:

@@ -30,6 +30,14 @@ class Train:
     """Folder of a dataset with a train split."""
     out: Path
     """Folder for weights and checkpoint."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack: the dataset's."""
+    start: Path | None = None
+    """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
+    studio: int = 24
+    """Images that are drawn afresh for each step, beside 40 of the dataset; 0: the dataset as it is."""
+    workers: int = 1
+    """Processes that draw."""
     net: Network = "vig"
     """vig: one network for everything, with its uncertainty; paper: the paper's four, one for each factor."""
     epochs: int | None = None
@@ -52,6 +60,10 @@ class Calibrate:
     """The weights to calibrate; of a class pack, or a training run."""
     split: Literal["train", "validation"] = "validation"
     """Which split of them; test photos are not for calibration."""
+    studio: int = 300
+    """Photos that are drawn in the studio, of the split's designs, some without the object; 0: none."""
+    seed: int = 1
+    """Of these."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     workers: int | None = None

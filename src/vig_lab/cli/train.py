@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from vig.scene import ObjectClass
+from vig.scene.object_class import PACKAGED
 from vig_lab.cli.common import check_writable
 from vig_lab.cli.settings import Train
 from vig_lab.paper_network import PaperTrainingSettings, train_paper
 from vig_lab.plots import train_and_plot as train_network
+from vig_lab.training.drawing import Drawing
 from vig_lab.training.training import TrainingSettings
 from vig_world.dataset import read_dataset
 
@@ -25,6 +28,11 @@ def train(settings: Train) -> int:
     if settings.net == "paper":
         path = train_paper(dataset, settings.out, PaperTrainingSettings(**chosen), report)
     else:
+        folder = ObjectClass.load(settings.object_class).folder
+        if settings.studio and folder is not None:
+            chosen["drawing"] = Drawing(folder, settings.studio, workers=settings.workers)
+        start = settings.start or PACKAGED / "teapot" / "recognition.safetensors"
+        chosen |= {"start": start, "trunk_only": settings.start is None}
         path = train_network(dataset, settings.out, TrainingSettings(**chosen), report)
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))

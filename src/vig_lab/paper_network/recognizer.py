@@ -25,7 +25,10 @@ class PaperRecognizer(Recognizer):
     @torch.inference_mode()
     def _predict(self, photos: torch.Tensor) -> Prediction:
         with bfloat16(photos.device):
-            return Prediction(*self.network(srgb_from_linear(photos).permute(0, 3, 1, 2)))
+            found = self.network(srgb_from_linear(photos).permute(0, 3, 1, 2))
+        count = len(photos)  # the paper knows neither a rolled camera nor photos without the object
+        azimuth, numbers, deviation, mask = found
+        return Prediction(azimuth, numbers, deviation, mask, torch.zeros(count), torch.ones(count))
 
 
 def recognizer_of(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:

@@ -1,6 +1,6 @@
-"""Augmentation of a batch, so that a network trained on rasterised images holds on photographs.
+"""Augmentation of a batch, so that a network trained on drawn images holds on photographs.
 
-Flips, framing, things pasted in front, uneven light, and a camera: exposure, white balance, blur, noise.
+Flips, framing, roll, things pasted in front, uneven light, and a camera: exposure, colour, blur, noise.
 """
 
 from __future__ import annotations
@@ -17,8 +17,30 @@ from vig_lab.training.targets import cell_shares, mirrored
 GAMMA = 2.2
 """sRGB is nearly linear light to the power of one over this."""
 
-NO_MASK = -1.0
-"""Mask shares of an image whose mask is unknown."""
+
+@dataclass(frozen=True)
+class Batch:
+    """What a step of training takes.
+
+    Attributes:
+        images: (B, 3, H, W) sRGB in [0, 1].
+        azimuth: (B,) radians.
+        numbers: (B, M), see `targets.numbers_of`.
+        roll: (B,) radians.
+        present: (B,) 1 where the object is in the image, else 0.
+        mask: (B, 3, h, w) shares of the mask head's cells.
+    """
+
+    images: torch.Tensor
+    azimuth: torch.Tensor
+    numbers: torch.Tensor
+    roll: torch.Tensor
+    present: torch.Tensor
+    mask: torch.Tensor
+
+    def to(self, device: torch.device) -> Batch:
+        """The same on another device."""
+        return Batch(*(value.to(device) for value in vars(self).values()))
 
 
 @dataclass(frozen=True)
@@ -26,62 +48,88 @@ class Augmentation:
     """How much is changed.
 
     Attributes:
-        flip: Share of batches that are mirrored.
-        reframe: Share of batches that are shifted and magnified, as boxes drawn by hand are.
+        flip: Share of images that are mirrored.
+        reframe: Share of images that are shifted, magnified and turned, as boxes drawn by hand are.
+        shift: Standard deviation of the shift, in widths.
+        magnify: Standard deviation of the log magnification.
+        turn: Standard deviation of the turn, radians.
         cut_out: Share of images that have a piece of another pasted over.
         relight: Standard deviation of the log of a smooth field of light.
         exposure: Standard deviation in stops.
         balance: Standard deviation of log white balance.
+        grey: Share of images without colour.
         blur: Share of batches that are blurred.
         most_blur: By up to how many pixels.
         noise: Largest standard deviation of noise, sRGB.
     """
 
     flip: float = 0.5
-    reframe: float = 0.3
+    reframe: float = 0.6
+    shift: float = 0.05
+    magnify: float = 0.1
+    turn: float = 0.08
     cut_out: float = 0.25
-    relight: float = 0.1
-    exposure: float = 0.1
-    balance: float = 0.02
+    relight: float = 0.12
+    exposure: float = 0.15
+    balance: float = 0.03
+    grey: float = 0.02
     blur: float = 0.4
     most_blur: float = 0.9
     noise: float = 0.03
 
-    def __call__(
-        self, batch: Examples, rng: np.random.Generator
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Images (B, 3, H, W) sRGB in [0, 1], azimuths (B,), numbers (B, M), mask shares (B, 3, h, w)."""
-        images = batch.images.permute(0, 3, 1, 2).float().div(255)
-        azimuth, numbers, mask = batch.azimuth, batch.numbers, batch.mask.float() / 255
-        if rng.random() < self.flip:
-            azimuth, numbers = mirrored(azimuth, numbers)
-            images, mask = images.flip(3), mask.flip(3)
-        images, mask = self._paste(images, mask, rng)
-        images = self._photograph(images, rng)
-        if rng.random() < self.reframe:
-            images, mask = _reframed(images, rng), torch.full_like(mask, NO_MASK)
-        return images.contiguous(memory_format=torch.channels_last), azimuth, numbers, mask
+    def __call__(self, examples: Examples, rng: np.random.Generator) -> Batch:
+        """Change examples at random."""
+        images = examples.images.permute(0, 3, 1, 2).float().div(255)
+        masks = torch.stack([examples.visible, examples.hidden], 1).float().div(255)
+        present = examples.present()
+        azimuth, numbers, roll = examples.azimuth, examples.numbers, examples.roll
+        flipped = torch.from_numpy(rng.random(len(images)) < self.flip)
+        other_azimuth, other_numbers = mirrored(azimuth, numbers)
+        azimuth = torch.where(flipped, other_azimuth, azimuth)
+        numbers = torch.where(flipped[:, None], other_numbers, numbers)
+        roll = torch.where(flipped, -roll, roll)
+        images, masks, turned = self._reframe(images, masks, flipped, rng)
+        images, masks = self._paste(images, masks, rng)
+        images = self._photograph(images, rng).contiguous(memory_format=torch.channels_last)
+        return Batch(images, azimuth, numbers, roll + turned, present, cell_shares(*masks.unbind(1)))
+
+    def _reframe(
+        self, images: torch.Tensor, masks: torch.Tensor, flipped: torch.Tensor, rng: np.random.Generator
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Mirror, shift, magnify and turn each image with its masks; also by how much it was turned (B,)."""
+        count = len(images)
+        on = rng.random(count) < self.reframe
+        turn = on * rng.normal(0, self.turn, count)
+        size = np.exp(on * rng.normal(0, self.magnify, count))
+        matrix = np.zeros((count, 2, 3), np.float32)
+        # From output to input: a picture turned clockwise is read counter-clockwise.
+        matrix[:, 0, 0], matrix[:, 0, 1] = np.cos(turn) / size, np.sin(turn) / size
+        matrix[:, 1, 0], matrix[:, 1, 1] = -np.sin(turn) / size, np.cos(turn) / size
+        matrix[:, :, 2] = on[:, None] * rng.normal(0, 2 * self.shift, (count, 2))
+        matrix[:, 0] *= np.where(flipped.numpy(), -1, 1)[:, None]
+        grid = functional.affine_grid(torch.from_numpy(matrix), list(images.shape), align_corners=False)
+        moved = functional.grid_sample(images, grid, padding_mode="border", align_corners=False)
+        shares = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
+        return moved, shares, torch.from_numpy(turn.astype(np.float32))
 
     def _paste(
-        self, images: torch.Tensor, mask: torch.Tensor, rng: np.random.Generator
+        self, images: torch.Tensor, masks: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Paste pieces of the batch's images over others: what they cover of the object is hidden."""
         count, _, height, width = images.shape
         on = rng.random(count) < self.cut_out
         if not on.any() or count < 2:
-            return images, mask
+            return images, masks
         chosen = np.flatnonzero(on)
-        pieces = torch.from_numpy(blobs(len(chosen), height, width, rng))
-        pieces = pieces.to(images.device, images.dtype)[:, None]
-        other = torch.from_numpy((chosen + rng.integers(1, count, len(chosen))) % count).to(images.device)
-        at = torch.from_numpy(chosen).to(images.device)
-        images, mask = images.clone(), mask.clone()
+        pieces = torch.from_numpy(blobs(len(chosen), height, width, rng)).to(images)[:, None]
+        other = torch.from_numpy((chosen + rng.integers(1, count, len(chosen))) % count)
+        at = torch.from_numpy(chosen)
+        images, masks = images.clone(), masks.clone()
         images[at] = torch.lerp(images[at], images[other].roll(int(rng.integers(width)), 3), pieces)
-        covered = cell_shares(pieces)
-        taken = mask[at, 0] * covered[:, 0]
-        mask[at, 0] -= taken
-        mask[at, 1] += taken
-        return images, mask
+        taken = masks[at, 0] * pieces[:, 0]
+        masks[at, 0] -= taken
+        masks[at, 1] += taken
+        return images, masks
 
     def _photograph(self, images: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
         """Uneven light, exposure and white balance, then blur and noise."""
@@ -91,6 +139,9 @@ class Augmentation:
         field = field + torch.from_numpy(gain[:, :, None, None]).to(images)
         light = functional.interpolate((field / GAMMA).exp(), (height, width), mode="bilinear")
         images = images * light
+        grey = torch.from_numpy(rng.random(count) < self.grey)
+        if grey.any():
+            images[grey] = images[grey].mean(1, keepdim=True).expand(-1, 3, -1, -1)
         if rng.random() < self.blur:
             images = _blurred(images, float(rng.uniform(0.2, self.most_blur)))
         noise = torch.randn_like(images) * float(rng.uniform(0, self.noise))
@@ -111,17 +162,6 @@ def blobs(count: int, height: int, width: int, rng: np.random.Generator) -> np.n
         across / reach[:, 1, None, None]
     ) ** power < 1
     return inside.astype(np.float32)
-
-
-def _reframed(images: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
-    """Shift and magnify each image a little, as a box drawn by hand does."""
-    count = len(images)
-    matrix = np.zeros((count, 2, 3), np.float32)
-    matrix[:, 0, 0] = matrix[:, 1, 1] = np.exp(rng.normal(0, 0.05, count))
-    matrix[:, :, 2] = rng.normal(0, 0.05, (count, 2))
-    moved = torch.from_numpy(matrix).to(images.device)
-    grid = functional.affine_grid(moved, list(images.shape), align_corners=False)
-    return functional.grid_sample(images, grid, padding_mode="border", align_corners=False)
 
 
 def _blurred(images: torch.Tensor, deviation: float) -> torch.Tensor:

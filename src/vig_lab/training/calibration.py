@@ -24,7 +24,7 @@ WITHIN_90 = 1.6449
 LEAST_FACTOR = 0.5
 LEAST_IMAGES = 50
 """Images below which a calibration means nothing."""
-CELL_STRIDE = 7
+CELL_STRIDE = 29
 """Of the mask's cells one in so many is used: neighbours are nearly the same."""
 
 
@@ -45,21 +45,23 @@ class CalibrationResult:
     standard_errors: torch.Tensor
 
 
-def calibrate_network(path: Path, datasets: Sequence[Dataset]) -> CalibrationResult:
-    """Write a calibration on datasets into the weights at `path`.
+def calibrate_network(
+    path: Path, datasets: Sequence[Dataset], further: Sequence[Examples] = ()
+) -> CalibrationResult:
+    """Write a calibration on datasets, and on further examples, into the weights at `path`.
 
     Raises:
         UserError: Fewer than `LEAST_IMAGES`, or weights that cannot be read or are of the paper's networks.
     """
-    count = sum(len(dataset) for dataset in datasets)
+    count = sum(map(len, datasets)) + sum(map(len, further))
     if count < LEAST_IMAGES:
         raise UserError(f"calibration needs at least {LEAST_IMAGES} images; got {count}")
-    recognizer, examples = Recognizer(path), Examples.joined([Examples.of(dataset) for dataset in datasets])
+    recognizer, examples = Recognizer(path), Examples.joined([*map(Examples.of, datasets), *further])
     azimuth, mean, deviation, mask = _outputs(recognizer, examples)
     labels = functional.one_hot(azimuth_bins(examples.azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
     error = mean - examples.numbers
     cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
-    shares = (examples.mask.float() / 255).movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    shares = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
     made = NetworkCalibration(
         temperature(azimuth, labels), temperature(cells, shares), widening(error, deviation)
     )

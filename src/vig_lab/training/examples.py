@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
 
 from vig.scene import Latents
-from vig_lab.training.targets import mask_labels, numbers_of
+from vig_lab.training.targets import cell_shares, numbers_of
 from vig_world.dataset import Dataset
 
 HELD_SHARE = 1 / 16
@@ -17,37 +17,43 @@ HELD_SHARE = 1 / 16
 
 @dataclass(frozen=True)
 class Examples:
-    """A dataset in memory.
+    """Images with what they show, in memory.
 
     Attributes:
         images: (N, H, W, 3) uint8, sRGB.
         azimuth: (N,) radians.
         numbers: (N, M), see `targets.numbers_of`.
-        mask: (N, 3, h, w) uint8, shares of 255, see `targets.mask_labels`.
+        roll: (N,) clockwise turn of the image, radians.
+        visible: (N, H, W) uint8, the share of each pixel in which the object is seen, of 255.
+        hidden: (N, H, W) uint8, the share in which something before it is.
     """
 
     images: torch.Tensor
     azimuth: torch.Tensor
     numbers: torch.Tensor
-    mask: torch.Tensor
+    roll: torch.Tensor
+    visible: torch.Tensor
+    hidden: torch.Tensor
 
     @staticmethod
     def of(dataset: Dataset) -> Examples:
         """Read a dataset, a few hundred images at a time."""
         latents = Latents.from_vector(torch.from_numpy(dataset.latents))
-        images, masks = [], []
+        images, visible, hidden = [], [], []
         for some in np.array_split(np.arange(len(dataset)), max(1, len(dataset) // 256)):
             images.append(torch.from_numpy(dataset.read("rgb", some)))
-            amodal = torch.from_numpy(dataset.read("mask", some))
-            visible = torch.from_numpy(dataset.read("mask_visib", some))
-            masks.append((mask_labels(amodal, visible) * 255).round().to(torch.uint8))
-        return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), torch.cat(masks))
+            amodal, seen = dataset.read("mask", some), dataset.read("mask_visib", some)
+            visible.append(torch.from_numpy(seen.astype(np.uint8) * 255))
+            hidden.append(torch.from_numpy((amodal & ~seen).astype(np.uint8) * 255))
+        masks = torch.cat(visible), torch.cat(hidden)
+        level = torch.zeros(len(dataset))
+        return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), level, *masks)
 
     @staticmethod
     def joined(parts: list[Examples]) -> Examples:
         """Concatenate."""
-        columns = zip(*[(p.images, p.azimuth, p.numbers, p.mask) for p in parts], strict=True)
-        return Examples(*(torch.cat(column) for column in columns))
+        names = [field.name for field in fields(Examples)]
+        return Examples(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
 
     def __len__(self) -> int:
         return len(self.azimuth)
@@ -57,8 +63,16 @@ class Examples:
         images = self.images.permute(0, 3, 1, 2).float().div(255).to(device)
         return images.contiguous(memory_format=torch.channels_last)
 
-    def __getitem__(self, chosen: torch.Tensor) -> Examples:
-        return Examples(self.images[chosen], self.azimuth[chosen], self.numbers[chosen], self.mask[chosen])
+    def mask(self) -> torch.Tensor:
+        """Shares (N, 3, h, w) of the mask head's cells."""
+        return cell_shares(self.visible.float() / 255, self.hidden.float() / 255)
+
+    def present(self) -> torch.Tensor:
+        """Whether an image shows the object at all: (N,) float, 0 or 1."""
+        return (self.visible.flatten(1).amax(1) > 127).float()
+
+    def __getitem__(self, chosen: torch.Tensor | slice) -> Examples:
+        return Examples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def hold_out(dataset: Dataset, most: int) -> tuple[np.ndarray, np.ndarray]:

@@ -37,16 +37,10 @@ def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor
     return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped
 
 
-def mask_labels(amodal: torch.Tensor, visible: torch.Tensor) -> torch.Tensor:
-    """Shares (B, 3, ceil(H / 4), ceil(W / 4)) of `MASK_CLASSES` in each cell, from masks (B, H, W) bool.
+def cell_shares(visible: torch.Tensor, hidden: torch.Tensor) -> torch.Tensor:
+    """Shares (B, 3, ceil(H / 2), ceil(W / 2)) of `MASK_CLASSES` in each of the mask head's cells.
 
-    Cell i is centred on pixel 4 i, as the features of the network's first convolution are.
+    visible, hidden: (B, H, W) float, shares of each pixel.
     """
-    return cell_shares(torch.stack([visible, amodal & ~visible, ~amodal], dim=1).float())
-
-
-def cell_shares(images: torch.Tensor) -> torch.Tensor:
-    """Means (B, C, ceil(H / 4), ceil(W / 4)) of images (B, C, H, W) over the mask head's cells."""
-    height, width = images.shape[2:]
-    pad = (2, -(width + 2) % MASK_STRIDE, 2, -(height + 2) % MASK_STRIDE)
-    return functional.avg_pool2d(functional.pad(images, pad, mode="replicate"), MASK_STRIDE)
+    classes = torch.stack([visible, hidden, 1 - visible - hidden], dim=1).clamp(0, 1)
+    return functional.avg_pool2d(classes, MASK_STRIDE, ceil_mode=True)

@@ -1,4 +1,4 @@
-"""Training of the recognition network on a dataset, resumable from its last epoch."""
+"""Training of the recognition network on a dataset and fresh drawings, resumable from its last epoch."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import json
 import math
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 from torch.nn import functional
 
+from vig.checks import read_tensors, reading
 from vig.errors import UserError
 from vig.recognition.network import (
     Heads,
@@ -23,16 +25,25 @@ from vig.recognition.network import (
     layout_of_numbers,
 )
 from vig.scene import angle_difference
-from vig_lab.training.augmentation import Augmentation
+from vig_lab.training.augmentation import Augmentation, Batch
 from vig_lab.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
+from vig_lab.training.drawing import Drawing, drawn
 from vig_lab.training.examples import Examples, hold_out
 from vig_lab.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
 
 AVERAGING = 0.998
 """Share of the averaged weights that a step keeps."""
-LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0}
+LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "presence": 0.3}
 """Of the parts of the loss."""
+TRUNK = ("stem.", "stages.")
+"""What the names of the trunk's weights begin with."""
+TRUNK_RATE = 0.3
+"""Learning rate of a trunk that was trained before, over that of the rest."""
+MARGIN, ABOUT_WEIGHT = 9, 3.0
+"""Cells within this square about the object's weigh so much more than others in the mask's loss."""
+ROLL_UNIT = math.radians(10.0)
+"""Of errors of roll in the loss."""
 
 
 @dataclass(frozen=True)
@@ -40,20 +51,28 @@ class TrainingSettings:
     """How to train.
 
     Attributes:
-        epochs: Passes over the training images, at most.
-        batch: Images per step.
+        epochs: Passes over the dataset's training images, at most.
+        batch: Images of the dataset per step.
+        drawing: Of further images for each step, drawn afresh; None for the dataset alone.
+        start: Weights to begin with: a file of `vig train`, of which all that fits is taken.
+        trunk_only: Take only the trunk from it.
+        frozen: Of the trunk's stages, those that stay as they are in `start`, from the first on.
         learning_rate: The highest; see `Schedule`.
         weight_decay: Of AdamW.
         validation: Most images of held-out rooms that are used.
         patience: Epochs without a better validation loss after which training ends.
         augmentation: Of the training images.
         network: Sizes; the number of shape components is the dataset's.
-        seed: Of weights, order and augmentation.
+        seed: Of weights, order, drawing and augmentation.
         threads: Of the CPU, all by default.
     """
 
     epochs: int = 18
-    batch: int = 64
+    batch: int = 40
+    drawing: Drawing | None = None
+    start: Path | None = None
+    trunk_only: bool = False
+    frozen: int = 3
     learning_rate: float = 2e-3
     weight_decay: float = 2e-2
     validation: int = 2000
@@ -76,7 +95,8 @@ class TrainingSettings:
     def fingerprint(self, dataset: Dataset) -> str:
         """Settings and data that a checkpoint must match to be resumed."""
         data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
-        described = asdict(self) | {"count": len(dataset), "data": data}
+        described = asdict(self) | {"count": len(dataset), "data": data, "start": str(self.start)}
+        described["drawing"] = None if self.drawing is None else self.drawing.described()
         return json.dumps({name: value for name, value in described.items() if name != "threads"})
 
 
@@ -135,12 +155,13 @@ def train(
     if checkpoint.exists():
         state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
         first, best, best_at = int(state["epoch"]), float(state["best"]), int(state["best_at"])
+    batches = run.batches(examples, chosen, first)
     for epoch in range(first, settings.epochs):
         if epoch - best_at >= settings.patience:
             say(f"no better for {settings.patience} epochs; the weights are those after epoch {best_at}")
             break
         started = time.monotonic()
-        trained = run.epoch(examples, chosen, epoch)
+        trained = run.epoch(batches, epoch, len(chosen) // settings.batch)
         speed = len(chosen) / (time.monotonic() - started)
         validated, errors = validate(run.networks["average"], examples, held, run.scale)
         record(Epoch(epoch + 1, trained, validated, errors))
@@ -173,64 +194,117 @@ class _Run:
         torch.manual_seed(settings.seed)
         sizes = replace(settings.network, modes=layout_of_numbers(numbers.shape[1]).count("shape"))
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
+        if settings.start is not None:
+            begin_with(network, settings.start, settings.trunk_only)
+            for part in _frozen_parts(network, settings.frozen):
+                part.requires_grad_(False)
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         average.load_state_dict(network.state_dict())
+        named = [(name, each) for name, each in network.named_parameters() if each.requires_grad]
+        trunk = [each for name, each in named if name.startswith(TRUNK)]
+        others = [each for name, each in named if not name.startswith(TRUNK)]
+        share = TRUNK_RATE if settings.start is not None else 1.0
+        groups = [{"params": others, "share": 1.0}, {"params": trunk, "share": share}]
         optimizer = torch.optim.AdamW(
-            network.parameters(), settings.learning_rate, weight_decay=settings.weight_decay, fused=True
+            groups, settings.learning_rate, weight_decay=settings.weight_decay, fused=True
         )
         return _Run(settings, {"network": network, "average": average}, optimizer, scale, device)
 
-    def epoch(self, examples: Examples, chosen: torch.Tensor, epoch: int) -> dict[str, float]:
-        """One pass over the chosen examples; returns the mean of each part of the loss."""
+    def batches(self, examples: Examples, chosen: torch.Tensor, first: int) -> Iterator[Batch]:
+        """Augmented batches of all epochs from `first` on, in order."""
+        settings = self.settings
+        steps = len(chosen) // settings.batch
+
+        def some() -> Iterator[tuple[Examples, int]]:
+            for epoch in range(first, settings.epochs):
+                rng = np.random.default_rng(np.random.SeedSequence([settings.seed, epoch]))
+                order = chosen[torch.from_numpy(rng.permutation(len(chosen)))]
+                for step, part in enumerate(order[: steps * settings.batch].split(settings.batch)):
+                    yield examples[part], epoch * steps + step
+
+        given = ((part, step) for part, step in some())
+        made = drawn(given, settings.drawing, settings.seed) if settings.drawing else given
+        for part, step in made:
+            yield settings.augmentation(part, np.random.default_rng([settings.seed, step, 1]))
+
+    def epoch(self, batches: Iterator[Batch], epoch: int, steps: int) -> dict[str, float]:
+        """One pass over as many batches; returns the mean of each part of the loss."""
         settings, (network, average) = self.settings, self.networks.values()
-        rng = np.random.default_rng(np.random.SeedSequence([settings.seed, epoch]))
-        torch.manual_seed(int(rng.integers(2**31)))  # dropout and pixel noise; the rest draws from rng
+        torch.manual_seed(int(np.random.SeedSequence([settings.seed, epoch]).generate_state(1)[0] >> 1))
         network.train()
-        order = chosen[torch.from_numpy(rng.permutation(len(chosen)))]
-        steps = len(order) // settings.batch
+        if settings.start is not None:
+            for part in _frozen_parts(network, settings.frozen):
+                part.eval()
         rate = Schedule(settings.learning_rate, settings.epochs * steps)
         sums = dict.fromkeys(LOSS_WEIGHTS, 0.0)
-        for step, some in enumerate(order[: steps * settings.batch].split(settings.batch)):
-            images, azimuth, numbers, mask = settings.augmentation(examples[some], rng)
-            numbers = (numbers - self.scale["mean"]) / self.scale["deviation"]
+        for step in range(steps):
+            batch = next(batches).to(self.device)
+            scale = {name: value.to(self.device) for name, value in self.scale.items()}
+            numbers = (batch.numbers - scale["mean"]) / scale["deviation"]
             with bfloat16(self.device):
-                heads = network(images.to(self.device))
-            parts = losses(heads, *(target.to(self.device) for target in (azimuth, numbers, mask)))
+                heads = network(batch.images)
+            parts = losses(heads, replace(batch, numbers=numbers))
             self.optimizer.zero_grad()
             total(parts).backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             done = epoch * steps + step
             for group in self.optimizer.param_groups:
-                group["lr"] = rate(done)
+                group["lr"] = rate(done) * group["share"]
             self.optimizer.step()
             _average_in(average, network, min(AVERAGING, (1 + done) / (10 + done)))
             sums = {name: sums[name] + float(part.detach()) / steps for name, part in parts.items()}
         return sums
 
 
-def losses(
-    heads: Heads, azimuth: torch.Tensor, numbers: torch.Tensor, mask: torch.Tensor
-) -> dict[str, torch.Tensor]:
-    """Each part of the loss: a distribution over azimuth, Gaussian likelihoods of numbers, a mask.
+def begin_with(network: RecognitionNetwork, path: Path, trunk_only: bool) -> None:
+    """Give a network those weights of a file that fit it, or of these only the trunk's.
+
+    Raises UserError when the file is no weights file or its trunk has other sizes.
+    """
+    with reading(path, "recognition weights", "Take a file of `vig train`."):
+        tensors, _ = read_tensors(path, "pt")
+        own = network.state_dict()
+        found = {
+            name: value.to(own[name].dtype)
+            for name, value in ((k.removeprefix("network."), v) for k, v in tensors.items())
+            if name in own and own[name].shape == value.shape
+        }
+        if lacking := [name for name in own if name.startswith(TRUNK) and name not in found]:
+            raise ValueError(f"its trunk has other sizes than the network's, at '{lacking[0]}'")
+    kept = {name: value for name, value in found.items() if name.startswith(TRUNK) or not trunk_only}
+    network.load_state_dict(kept, strict=False)
+
+
+def _frozen_parts(network: RecognitionNetwork, stages: int) -> list[nn.Module]:
+    """The first stages of the trunk, with what comes before them."""
+    return [network.stem, *network.stages[:stages]] if stages else []
+
+
+def losses(heads: Heads, batch: Batch) -> dict[str, torch.Tensor]:
+    """Each part of the loss: a distribution over azimuth, Gaussian likelihoods of numbers, a mask, others.
 
     Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
-    are hard to predict continue to be learned.
+    are hard to predict continue to be learned. Cells on and about the object count more than others, for
+    handles and spouts are thin. Where the object is absent only presence and mask count.
 
     Args:
         heads: The network's outputs.
-        azimuth: (B,) radians.
-        numbers: (B, M) in the heads' units.
-        mask: (B, 3, h, w) shares; images whose mask is negative have none.
+        batch: What they should be; its numbers are in the heads' units.
     """
-    labels = azimuth_labels(azimuth, heads.azimuth.shape[1])
+    labels = azimuth_labels(batch.azimuth, heads.azimuth.shape[1])
     variance = heads.log_variance.exp()
-    likelihood = (heads.mean - numbers) ** 2 / variance + heads.log_variance
-    known = (mask.amin((1, 2, 3)) >= 0).float()
-    pixels = functional.cross_entropy(heads.mask, mask.clamp_min(0.0), reduction="none").mean((1, 2))
+    likelihood = (heads.mean - batch.numbers) ** 2 / variance + heads.log_variance
+    there = batch.present / batch.present.sum().clamp_min(1.0)
+    about = functional.max_pool2d(1 - batch.mask[:, 2], MARGIN, stride=1, padding=MARGIN // 2)
+    weight = 1 + (ABOUT_WEIGHT - 1) * about
+    pixels = functional.cross_entropy(heads.mask, batch.mask, reduction="none")
+    off = angle_difference(heads.roll, batch.roll) / ROLL_UNIT
     return {
-        "azimuth": functional.cross_entropy(heads.azimuth, labels),
-        "numbers": (likelihood * variance.detach().sqrt()).mean(),
-        "mask": (pixels * known).sum() / known.sum().clamp_min(1.0),
+        "azimuth": (functional.cross_entropy(heads.azimuth, labels, reduction="none") * there).sum(),
+        "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * there).sum(),
+        "mask": (pixels * weight).sum() / weight.sum(),
+        "roll": (functional.smooth_l1_loss(off, torch.zeros_like(off), reduction="none") * there).sum(),
+        "presence": functional.binary_cross_entropy_with_logits(heads.presence, batch.present),
     }
 
 
@@ -265,22 +339,22 @@ def validate(
     hits = unions = 0.0
     for part in chosen.split(128):
         some = examples[part]
-        pixels = some.pixels(device)
+        numbers = (some.numbers - scale["mean"]) / scale["deviation"]
+        mask = some.mask()
+        batch = Batch(some.pixels(), some.azimuth, numbers, some.roll, some.present(), mask).to(device)
         with bfloat16(device):
-            heads = network(pixels)
-        targets = ((some.numbers - scale["mean"]) / scale["deviation"]).to(device)
-        mask = some.mask.to(device).float() / 255
-        for name, loss in losses(heads, some.azimuth.to(device), targets, mask).items():
+            heads = network(batch.images)
+        for name, loss in losses(heads, batch).items():
             sums[name] += float(loss) * len(part) / len(chosen)
         bins = heads.azimuth.shape[1]
         guess = (heads.azimuth.argmax(1).cpu() + 0.5) * (2 * math.pi / bins)
         off = angle_difference(guess, some.azimuth)
         azimuths.append(off.abs().rad2deg())
-        error = (heads.mean - targets).abs().cpu() * scale["deviation"]
+        error = (heads.mean.cpu() - numbers).abs() * scale["deviation"]
         parts = layout_of_numbers(error.shape[1]).split(error)
         elevations.append(parts["elevation"][:, 0].rad2deg())
         shapes.append(parts["shape"][:, :3].mean(1))
-        visible, predicted = mask[:, 0] > 0.5, heads.mask.argmax(1) == 0
+        visible, predicted = mask[:, 0] > 0.5, heads.mask.argmax(1).cpu() == 0
         hits += float((visible & predicted).sum())
         unions += float((visible | predicted).sum())
     azimuth = torch.cat(azimuths)

@@ -1,4 +1,4 @@
-"""Designs held out of a class's shape model: the objects of test and validation scenes."""
+"""Designs of a class, each for one split's scenes; the shape model knows those of training only."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Named:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutDesigns:
-    """D shapes in correspondence with a class's model, which was not made from them.
+    """D shapes in correspondence with a class's model, which was not made from those of test and validation.
 
     Attributes:
         names: (D,) of each.

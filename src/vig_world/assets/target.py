@@ -1,4 +1,4 @@
-"""The object of a scene: a shape of the model in training, of a held-out design in the other splits."""
+"""The object of a scene: a shape near one of the split's designs, or of the model where it has none."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ NO_DESIGN = -1
 
 
 def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split) -> tuple[np.ndarray, int]:
-    """Coefficients (K,) in [-3, 3] and the number of a held-out design, -1 for none.
+    """Coefficients (K,) in [-3, 3] and the number of a design, -1 for none.
 
-    Training: N(0, 1), shapes of the model. Test and validation, for a class that has held-out designs: one of
-    the split's own, changed by the model's modes times N(0, 1/2); the coefficients are then those of the
-    model's nearest shape.
+    One of the class's designs of the split, changed by the model's modes times N(0, 1/2); the coefficients
+    are then those of the model's nearest shape. Where the split has no designs, N(0, 1): a model's shape.
     """
     draws = rng.standard_normal(object_class.shape_model.modes)
     designs = held_out_designs_of(object_class)
@@ -58,7 +57,7 @@ def _vertices(coefficients: tuple[float, ...], design: int, object_class: Object
     return vertices
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)
 def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
     """The model's coefficients (K,) nearest to a held-out design, and what it deviates by, (V, 3) float32."""
     designs, model = held_out_designs_of(object_class), object_class.shape_model

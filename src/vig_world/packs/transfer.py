@@ -271,13 +271,19 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
     return float(np.sqrt((wrong[~inside] ** 2).sum() / (exact[~inside] ** 2).sum()))
 
 
-def main() -> None:
-    """Compute and save the packaged teapot's table, in half precision; print how well it predicts."""
-    teapot = ObjectClass.load("teapot")
-    folder = teapot.folder or Path()
-    table = transfer_model(teapot.shape_model)
+def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
+    """Compute a class's table and write it, in half precision, into a class pack's folder; returns it."""
+    table = transfer_model(object_class.shape_model)
     with atomic_write(folder / TRANSFER_FILE) as temporary:
         save_file({"transfer": table.astype(np.float16)}, temporary)
+    return table
+
+
+def main() -> None:
+    """Compute and save the packaged teapot's table; print how well it predicts."""
+    teapot = ObjectClass.load("teapot")
+    folder = teapot.folder or Path()
+    table = write_transfer(teapot, folder)
     mean_only = np.concatenate([table[:1], np.zeros_like(table[1:])])
     errors = [relative_error(each, teapot.shape_model) for each in (table, mean_only)]
     print(f"relative error on other shapes: {errors[0]:.3f}; of the mean alone: {errors[1]:.3f}")

@@ -83,7 +83,7 @@ def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
     assert Image.open(folder / "mask.png").size == (160, 120)
     stored = json.loads((folder / "explanation.json").read_text())
     assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
-    assert len(stored["shape"]) == 10
+    assert len(stored["shape"]) == 13
     assert 0 <= stored["azimuth_deg"] < 360
 
 
@@ -100,11 +100,10 @@ def fitted(capsys, out: Path, *options: str) -> tuple[dict[str, Any], np.ndarray
 def test_options_of_a_fit_are_heeded(capsys, tmp_path):
     """Each changes what it should, and nothing that was said before a fit."""
     plain, mask = fitted(capsys, tmp_path / "plain")
-    assert plain["framing"] == {"shift": [0, 0], "magnification": 1} and (mask == 128).any()
-    free, _ = fitted(capsys, tmp_path / "free", "--framing", "free")
-    assert (
-        free["framing"]["magnification"] != 1 and free["start_evidence_nats"] == plain["start_evidence_nats"]
-    )
+    assert plain["framing"]["magnification"] != 1 and (mask == 128).any()
+    fixed, _ = fitted(capsys, tmp_path / "fixed", "--framing", "fixed")
+    assert fixed["framing"] == {"shift": [0, 0], "magnification": 1}
+    assert fixed["start_evidence_nats"] == plain["start_evidence_nats"]
     unshaded, _ = fitted(capsys, tmp_path / "unshaded", "--no-self-shadow")
     assert unshaded["start_evidence_nats"] != plain["start_evidence_nats"]
     robust, by_pixel = fitted(capsys, tmp_path / "robust", "--likelihood", "robust")
@@ -139,3 +138,59 @@ def test_help_loads_nothing_heavy():
     started = time.monotonic()
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
     assert time.monotonic() - started < 20  # a hang, not a speed
+
+
+def test_boxes_by_name_and_a_folder_of_photos(capsys, tmp_path):
+    """Two photos in a folder, one with a box of its own; a file that is no photo fails, the others go on."""
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    example = Image.open(example_photos()[0].photo).convert("RGB")
+    example.save(folder / "a.png")
+    wide = Image.new("RGB", (300, 200), (90, 90, 90))
+    wide.paste(example, (100, 30))
+    wide.save(folder / "b.png")
+    (folder / "c.png").write_bytes(b"no photo")
+    (folder / "notes.txt").write_text("not looked at")
+    (tmp_path / "boxes.json").write_text('{"b.png": [110, 50, 130, 110]}')
+    with pytest.raises(SystemExit, match="^2$"):
+        main(
+            [
+                "fit",
+                str(folder),
+                "--boxes",
+                str(tmp_path / "boxes.json"),
+                "--out",
+                str(tmp_path / "o"),
+                "--json",
+            ]
+        )
+    said = capsys.readouterr()
+    results = json.loads(said.out)["results"]
+    assert [Path(name).name for name in results] == ["a.png", "b.png"]
+    x, y, w, h = results[str(folder / "b.png")]["box"]
+    assert 80 < x < 150 and 20 < y < 90 and w < 170 and h < 160
+    assert said.err.count("\n") == 1 and "c.png" in said.err
+
+
+@pytest.mark.parametrize(
+    ("written", "why"),
+    [
+        ('{"other.png": [1, 2, 30, 40]}', "got one of 'other.png'"),
+        ('{"a.png": [1, 2, 30]}', "boxes by the photos' file names"),
+        ("[1, 2", "boxes by the photos' file names"),
+    ],
+)
+def test_boxes_that_cannot_be_used_are_refused(written, why, capsys, tmp_path):
+    Image.new("RGB", (60, 60)).save(tmp_path / "a.png")
+    (tmp_path / "boxes.json").write_text(written)
+    boxes = tmp_path / "boxes.json"
+    assert why in refused(capsys, "fit", tmp_path / "a.png", "--boxes", boxes, "--out", tmp_path / "out")
+    both = refused(
+        capsys, "fit", tmp_path / "a.png", "--boxes", boxes, "--box", "1,2,30,40", "--out", tmp_path / "out"
+    )
+    assert "got both" in both
+
+
+def test_a_folder_without_photos_is_refused(capsys, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert "got none" in refused(capsys, "fit", tmp_path / "empty", "--out", tmp_path / "out")

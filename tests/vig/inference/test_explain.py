@@ -31,8 +31,10 @@ from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
 from vig_lab.training.targets import azimuth_labels, numbers_of
 
-SETTINGS = ExplainSettings(self_shadow=False, calibrated=False)
-"""The studio's photos have no self-shadow, and its predictions are made by hand."""
+SETTINGS = ExplainSettings(
+    self_shadow=False, calibrated=False, decoration=0.0, prior_weight=100.0, azimuth_weight=0.0
+)
+"""The studio's photos have no self-shadow and no decoration, and its predictions are made by hand."""
 
 THOROUGH = replace(
     SETTINGS,
@@ -54,7 +56,8 @@ def predicted(latents: Latents, mask: torch.Tensor, off_deg: float = 0.0) -> Pre
     latents = Latents.from_vector(latents.to_vector().float())
     azimuth = latents.azimuth + math.radians(off_deg)
     numbers = numbers_of(replace(latents, azimuth=azimuth))
-    return Prediction(azimuth_labels(azimuth, BINS), numbers, torch.full_like(numbers, 0.3), mask[None])
+    labels, deviation = azimuth_labels(azimuth, BINS), torch.full_like(numbers, 0.3)
+    return Prediction(labels, numbers, deviation, mask[None], torch.zeros(1), torch.ones(1))
 
 
 @dataclass(frozen=True)
@@ -170,12 +173,7 @@ def test_explain_asks_the_recognizer_and_explains_each_photo(
     whole: Case, occluded: Case, teapot: ObjectClass
 ) -> None:
     photos = torch.stack([whole.photo, occluded.photo])
-    both = Prediction(
-        *(
-            torch.cat([getattr(c.prediction, name) for c in (whole, occluded)])
-            for name in ("azimuth", "numbers", "deviation", "mask")
-        )
-    )
+    both = Prediction.joined([whole.prediction, occluded.prediction])
     asked = []
 
     def recognizer(given: torch.Tensor) -> Prediction:
@@ -477,7 +475,8 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
     assert stages == [(8, 5, 4, 0.5, 40), (4, 6, 4, 0.5, 20), (2, 8, 2, 1, 10), (2, 15, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
-    assert weights == (1, 1, 1) and (settings.prior_weight, settings.view_weight) == (100, 1000)
+    assert weights == (1, 1, 1) and (settings.prior_weight, settings.view_weight) == (10, 1000)
+    assert (settings.decoration, settings.azimuth_weight) == (0.3, 100)
     assert settings.likelihood is SPATIAL and settings.silhouette == "exact"
     assert (settings.self_shadow, settings.free_framing, settings.calibrated) == (True, None, True)
     assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
@@ -551,19 +550,19 @@ def test_free_framing_explains_shifted_teapots_better(studio, teapot: ObjectClas
     assert np.median(gains) > 300
 
 
-def test_without_mask_and_surroundings_the_prior_is_the_papers(whole: Case) -> None:
-    plain = replace(SETTINGS, mask_weight=0.0, surroundings=0.0)
-    torch.testing.assert_close(
-        pixel_prior(whole.photo, whole.prediction.mask[0], plain), ROBUST.log_prior(150, 150)
-    )
+def test_without_mask_surroundings_and_decoration_the_prior_is_the_papers(whole: Case) -> None:
+    plain = replace(SETTINGS, mask_weight=0.0, surroundings=0.0, decoration=0.0)
+    prior, decorated = pixel_prior(whole.photo, whole.prediction.mask[0], plain)
+    torch.testing.assert_close(prior, ROBUST.log_prior(150, 150))
+    assert not decorated.any()
 
 
 def test_mask_weight_takes_the_predicted_mask_that_far(whole: Case) -> None:
     mask = torch.full((150, 150, 3), 0.3)
     mask[:10] = torch.tensor([1.0, 0.0, 0.0])
     for weight in (0.5, 1.0):
-        given = replace(SETTINGS, mask_weight=weight, surroundings=0.0)
-        said = pixel_prior(whole.photo, mask, given) - ROBUST.log_prior(150, 150)
+        given = replace(SETTINGS, mask_weight=weight, surroundings=0.0, decoration=0.0)
+        said = pixel_prior(whole.photo, mask, given)[0] - ROBUST.log_prior(150, 150)
         torch.testing.assert_close(
             said[20:], torch.full((130, 150, 3), weight * math.log(0.3), dtype=torch.float64)
         )
@@ -575,27 +574,44 @@ def test_surroundings_replace_the_uniform_density_of_what_is_not_the_object(whol
     mask = whole.prediction.mask[0]
     density = log_colour_density(whole.photo, 1 - mask[..., 0])
     for share in (0.5, 1.0):
-        given = replace(SETTINGS, mask_weight=0.0, surroundings=share)
-        said = pixel_prior(whole.photo, mask, given) - ROBUST.log_prior(150, 150)
+        given = replace(SETTINGS, mask_weight=0.0, surroundings=share, decoration=0.0)
+        said = pixel_prior(whole.photo, mask, given)[0] - ROBUST.log_prior(150, 150)
         expected = torch.stack([torch.zeros_like(density), share * density, share * density], dim=-1)
         torch.testing.assert_close(said, expected)
 
 
+def test_decoration_shares_a_visible_pixel_between_the_rendered_and_the_objects_other_colours(
+    whole: Case,
+) -> None:
+    """alpha (1 - d) N + alpha d own + (1 - alpha) U, the last two of which no latent changes."""
+    mask, d, alpha = whole.prediction.mask[0], 0.25, ROBUST.alpha
+    given = replace(SETTINGS, likelihood=ROBUST, mask_weight=0.0, surroundings=0.0, decoration=d)
+    prior, decorated = pixel_prior(whole.photo, mask, given)
+    own = alpha * d * log_colour_density(whole.photo, mask[..., 0]).exp()
+    torch.testing.assert_close(prior[..., 0].exp(), torch.full_like(own, alpha * (1 - d)))
+    torch.testing.assert_close(prior[..., 1].exp(), own + 1 - alpha)
+    torch.testing.assert_close(decorated, own / (own + 1 - alpha))
+    assert not prior[..., 2].any(), "the background stays as it is"
+
+
 def test_the_gaussian_model_has_no_prior_of_its_own(whole: Case) -> None:
     given = replace(SETTINGS, likelihood=GAUSSIAN)
-    prior = pixel_prior(whole.photo, whole.prediction.mask[0], given)
+    prior, decorated = pixel_prior(whole.photo, whole.prediction.mask[0], given)
     torch.testing.assert_close(prior, GAUSSIAN.log_prior(150, 150))
+    assert not decorated.any()
 
 
 def test_recognition_weight_scales_the_predicted_gaussians(whole: Case, teapot: ObjectClass) -> None:
-    assert prior_of(whole.prediction, replace(SETTINGS, recognition_weight=0.0)) is None
+    assert prior_of(whole.prediction, replace(SETTINGS, recognition_weight=0.0), teapot) is None
     weight = 0.5
-    predicted_prior = prior_of(whole.prediction, replace(SETTINGS, recognition_weight=weight))
+    predicted_prior = prior_of(whole.prediction, replace(SETTINGS, recognition_weight=weight), teapot)
     best = whole.prediction.best().to_vector()[0]
     said = [*range(10), 11, 12, 13, 14]
     torch.testing.assert_close(predicted_prior.mean[said], best[said])
     torch.testing.assert_close(predicted_prior.precision[said], torch.full((14,), weight / 0.3**2))
-    assert predicted_prior.precision[10] == 0  # azimuth has peaks, not a Gaussian
+    assert predicted_prior.precision[10] == 0  # azimuth has peaks, not one Gaussian
+    assert float(predicted_prior.azimuths[0]) == pytest.approx(float(best[10]), abs=1e-3)
+    assert predicted_prior.azimuth_precision == pytest.approx(SETTINGS.azimuth_weight / math.radians(8) ** 2)
     plain, believing = (
         objective_of(
             whole.photo, whole.prediction, teapot, replace(SETTINGS, recognition_weight=w, prior_weight=7.0)

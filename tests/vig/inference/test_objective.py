@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_the_priors_weight_multiplies_all_of_it_but_the_framings(
     studio, objective: Objective, teapot
 ) -> None:
     rng = np.random.default_rng(11)
-    recognition = some_recognition_prior(rng)
+    recognition = replace(some_recognition_prior(rng), azimuth_precision=0.0)  # it has a weight of its own
     once, sevenfold = (
         Objective(objective.likelihood, teapot, True, recognition, prior_weight=weight).prior
         for weight in (1, 7)
@@ -117,8 +118,9 @@ def test_the_prior_is_that_of_shape_light_and_framing(
 
 
 def some_recognition_prior(rng: np.random.Generator) -> RecognitionPrior:
+    views = torch.tensor([0.3, 3.0, 6.2], dtype=torch.float64)
     recognition = RecognitionPrior(
-        torch.from_numpy(rng.normal(size=24)), torch.from_numpy(rng.uniform(0, 4, 24))
+        torch.from_numpy(rng.normal(size=24)), torch.from_numpy(rng.uniform(0, 4, 24)), views, 5.0
     )
     recognition.precision[[2, 10]] = 0.0  # nothing is said of a component and of azimuth
     return recognition
@@ -135,6 +137,9 @@ def test_a_recognition_prior_multiplies_the_prior_its_light_in_the_heading_frame
     seen = points[:, :24].clone()
     seen[:, 15:] = rotate_z(latents.light, -latents.azimuth)
     said = -0.5 * (recognition.precision * (seen - recognition.mean) ** 2).sum(1)
+    turn = 1 - torch.cos(latents.azimuth[:, None] - recognition.azimuths)  # grows with the distance round
+    nearest = torch.arccos(1 - turn.min(1).values)
+    said = said - 0.5 * 5.0 * nearest**2
     off = believing.prior.value(points) - objective.prior.value(points) - said
     torch.testing.assert_close(off, off[:1].expand(4))  # equal up to one constant
 

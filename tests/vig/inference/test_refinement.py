@@ -19,7 +19,12 @@ def prediction(peaks: dict[int, float]) -> Prediction:
     numbers[0, LAYOUT["elevation"]], numbers[0, LAYOUT["albedo"]] = 0.5, 0.5
     numbers[0, LAYOUT.at("light")] = 2.356
     return Prediction(
-        azimuth / azimuth.sum(), numbers, torch.ones(1, 23), torch.full((1, 150, 150, 3), 1 / 3)
+        azimuth / azimuth.sum(),
+        numbers,
+        torch.ones(1, 23),
+        torch.full((1, 150, 150, 3), 1 / 3),
+        torch.zeros(1),
+        torch.ones(1),
     )
 
 

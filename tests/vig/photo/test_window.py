@@ -5,6 +5,7 @@ import pytest
 
 from vig.errors import UserError
 from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, Window
+from vig.scene import Camera
 
 
 def test_whole_square_photo_of_the_right_size_is_not_resampled():
@@ -61,3 +62,43 @@ def test_box_outside_the_photo_or_tiny_is_refused_in_one_line(box):
         Window.of(100, 100, box)
     assert "100 x 100" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.5, -2.0])
+def test_a_turned_window_shows_upright_what_is_turned_and_maps_back(roll: float) -> None:
+    """A bar drawn along the window's own x axis lies level in the cut, and returns to where it was."""
+    height, width = 240, 320
+    window = Window(110.0, 60.0, 120.0, roll)
+    y, x = np.mgrid[:height, :width] + 0.5
+    along = np.cos(roll) * (x - 170) + np.sin(roll) * (y - 120)
+    across = np.cos(roll) * (y - 120) - np.sin(roll) * (x - 170)
+    bar = ((along > 0) & (along < 40) & (np.abs(across) < 6)).astype(np.float32)
+    cut, known = window.cut(np.repeat(bar[..., None], 3, axis=2), 150)
+    seen = cut[..., 0] > 0.5
+    rows, columns = np.nonzero(seen)
+    assert np.ptp(rows) == pytest.approx(15, abs=2) and abs(rows.mean() - 74.5) < 1
+    assert columns.min() == pytest.approx(75, abs=2) and columns.max() == pytest.approx(125, abs=2)
+    assert known.all()
+    back = window.back(seen.astype(np.float32), width, height) > 0.5
+    assert (back & (bar > 0.5)).sum() / (back | (bar > 0.5)).sum() > 0.85
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.4, -1.2])
+def test_the_camera_of_the_photo_sees_points_where_the_turned_window_shows_them(roll: float) -> None:
+    window, camera = Window(110.0, 60.0, 120.0, roll), Camera.standard(150, 0.08)
+    point = np.array([0.05, -0.02, 0.11, 1.0])
+
+    def project(camera: Camera) -> np.ndarray:
+        image = camera.K @ (camera.camera_from_world(0.7, 0.3) @ point)[:3]
+        return image[:2] / image[2]
+
+    inside = (project(camera) / 150 - 0.5) * window.side
+    turn = np.array([[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]])
+    np.testing.assert_allclose(
+        project(window.camera(camera, 320, 240)), np.array(window.centre) + turn @ inside, atol=1e-6
+    )
+
+
+def test_a_turned_box_lies_below_the_middle_of_its_window_along_the_windows_own_vertical() -> None:
+    window = Window.round_box((100, 80, 120, 60), np.pi / 2)  # its down is the photo's left
+    assert window.centre == pytest.approx((160 + BOX_BELOW_CENTRE * window.side, 110))

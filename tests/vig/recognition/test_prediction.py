@@ -17,7 +17,8 @@ WIDTH = 360 / BINS
 def of_azimuth(*rows: torch.Tensor) -> Prediction:
     azimuth = torch.stack(rows)
     count = len(azimuth)
-    return Prediction(azimuth, torch.zeros(count, 23), torch.ones(count, 23), torch.zeros(count, 2, 2, 3))
+    numbers, mask = torch.zeros(count, 23), torch.zeros(count, 2, 2, 3)
+    return Prediction(azimuth, numbers, numbers + 1, mask, torch.zeros(count), torch.ones(count))
 
 
 def bump(degrees: float, weight: float = 1.0) -> torch.Tensor:
@@ -94,8 +95,7 @@ def test_log_mass_is_that_of_the_bins_round_an_angle_and_never_rules_a_view_out(
     azimuth = torch.full((1, 72), 0.0)
     azimuth[0, [9, 10, 11]] = torch.tensor([0.2, 0.5, 0.1])
     azimuth[0, 71] = 0.2
-    numbers = torch.zeros(1, 23)
-    prediction = Prediction(azimuth, numbers, torch.ones(1, 23), torch.full((1, 4, 4, 3), 1 / 3))
+    prediction = of_azimuth(azimuth[0])
     centre_of_10 = torch.deg2rad(torch.tensor([52.5, 357.5, 2.5, 200.0]))
     mass = prediction.log_mass(centre_of_10).exp()
     expected = torch.tensor([0.8, 0.2, 0.2, 0.001], dtype=torch.float64)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import TEAPOT
 from vig.likelihood import Photos
 from vig.renderer import Topology
 from vig.renderer.primitives import (
@@ -173,7 +174,7 @@ def test_meshes() -> None:
     ],
 )
 def test_shape_models(name: str, value: np.ndarray, why: str) -> None:
-    model = ObjectClass.load("teapot").shape_model
+    model = ObjectClass.load(TEAPOT).shape_model
     with pytest.raises(ValueError, match=why):
         replace(model, **{name: value})
 

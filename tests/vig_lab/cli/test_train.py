@@ -7,17 +7,29 @@ from typing import Any
 
 import pytest
 
+from tests.support import TEAPOT
 from vig.cli.main import main
+from vig.scene.object_class import PACKAGED
 from vig_lab.cli import train as verb
 from vig_lab.paper_network.training import PaperTrainingSettings
+from vig_lab.training.drawing import Drawing
 from vig_lab.training.training import TrainingSettings
+
+TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
 
 
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ([], TrainingSettings()),
-        (["--epochs", "3", "--seed", "4"], TrainingSettings(epochs=3, seed=4)),
+        ([], TrainingSettings(drawing=Drawing(TEAPOT, 24), start=TRUNK, trunk_only=True)),
+        (
+            ["--epochs", "3", "--seed", "4", "--studio", "0", "--start", "other.safetensors"],
+            TrainingSettings(epochs=3, seed=4, start=Path("other.safetensors")),
+        ),
+        (
+            ["--studio", "8", "--workers", "2"],
+            TrainingSettings(drawing=Drawing(TEAPOT, 8, workers=2), start=TRUNK, trunk_only=True),
+        ),
         (["--net", "paper"], PaperTrainingSettings()),
         (["--net", "paper", "--epochs", "3", "--seed", "4"], PaperTrainingSettings(epochs=3, seed=4)),
     ],
@@ -39,7 +51,7 @@ def test_each_net_is_trained_with_its_own_defaults(
     monkeypatch.setattr(verb, "train_network", training("vig"))
     monkeypatch.setattr(verb, "train_paper", training("paper"))
     with pytest.raises(SystemExit) as ended:
-        main(["train", "--dataset", "D", "--out", str(tmp_path / "w"), *given])
+        main(["train", "--class", str(TEAPOT), "--dataset", "D", "--out", str(tmp_path / "w"), *given])
     assert ended.value.code == 0 and seen == [("D train", expected)]
     lines = capsys.readouterr().out.splitlines()
     kind = "paper" if "paper" in given else "vig"

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import TEAPOT
 from vig.cli.main import main
 from vig.errors import UserError
 from vig.inference import ExplainSettings, explain_one
@@ -201,7 +202,7 @@ def test_a_dataset_of_another_class_is_refused(dataset: Dataset, weights: Path, 
 
 def run(capsys, *arguments: object) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as ended:
-        main(["evaluate", *(str(argument) for argument in arguments)])
+        main(["evaluate", "--class", str(TEAPOT), *(str(argument) for argument in arguments)])
     return ended.value.code, *capsys.readouterr()
 
 

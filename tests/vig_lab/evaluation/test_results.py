@@ -17,7 +17,8 @@ def prediction(azimuth: dict[int, float], deviation: torch.Tensor) -> Prediction
     bins = torch.zeros(1, 72)
     for place, probability in azimuth.items():
         bins[0, place] = probability
-    return Prediction(bins, torch.zeros(1, 14), deviation[None], torch.zeros(1, 150, 150, 3))
+    mask = torch.zeros(1, 150, 150, 3)
+    return Prediction(bins, torch.zeros(1, 14), deviation[None], mask, torch.zeros(1), torch.ones(1))
 
 
 def test_deviations_stand_in_the_latents_order() -> None:

@@ -9,9 +9,10 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
+from tests.support import SMALL
 from tests.vig_lab.training.test_training import tiny_dataset
 from vig.errors import UserError
-from vig.recognition import NetworkCalibration, NetworkSettings, RecognitionNetwork, Recognizer
+from vig.recognition import NetworkCalibration, RecognitionNetwork, Recognizer
 from vig.scene import Latents, linear_from_srgb
 from vig_lab.training.calibration import calibrate_network, temperature, widening
 from vig_lab.training.checkpoint import save_weights
@@ -40,7 +41,7 @@ def test_weights_are_calibrated_in_place(tmp_path: Path) -> None:
     torch.manual_seed(0)
     path = tmp_path / "recognition.safetensors"
     scale = {"mean": torch.zeros(23), "deviation": torch.full((23,), 0.1)}
-    save_weights(RecognitionNetwork(NetworkSettings(widths=(4, 4, 8), features=16)), scale, path)
+    save_weights(RecognitionNetwork(SMALL), scale, path)
     dataset = tiny_dataset(tmp_path, 60)
     before = Recognizer(path)
     result = calibrate_network(path, [dataset])
@@ -73,7 +74,7 @@ def test_a_calibration_in_the_weights_changes_what_is_predicted(tmp_path: Path) 
     torch.manual_seed(0)
     scale = {"mean": torch.zeros(23), "deviation": torch.ones(23)}
     plain, warm = tmp_path / "plain.safetensors", tmp_path / "warm.safetensors"
-    save_weights(RecognitionNetwork(NetworkSettings(widths=(4, 4, 8), features=16)), scale, plain)
+    save_weights(RecognitionNetwork(SMALL), scale, plain)
     factors = torch.linspace(0.5, 3, 23)
     made = NetworkCalibration(torch.tensor(2.0), torch.tensor(4.0), factors)
     with safe_open(plain, framework="pt") as file:

@@ -192,7 +192,7 @@ def test_a_small_change_of_a_parameter_moves_vertices_a_little() -> None:
     before = teapot_vertices(base)
     for field in dataclasses.fields(base):
         value = getattr(base, field.name)
-        if field.name == "name":
+        if field.name in ("name", "bail_height"):  # a handle over the lid is another one: no small change
             continue
         step = 1e-3 * max(abs(value), 0.01)
         after = teapot_vertices(dataclasses.replace(base, **{field.name: value + step}))

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support import TEAPOT
 from vig.errors import UserError
 from vig.scene import ObjectClass
-from vig.scene.object_class import PACKAGED
 from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of
 
 
@@ -22,9 +22,9 @@ def pack(teapot: ObjectClass, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_saved_designs_have_the_bytes_of_the_packaged_ones(pack: Path) -> None:
+def test_saved_designs_have_the_bytes_of_the_ones_read(pack: Path) -> None:
     for name in ("class.json", DESIGNS_FILE):
-        assert (pack / name).read_bytes() == (PACKAGED / "teapot" / name).read_bytes()
+        assert (pack / name).read_bytes() == (TEAPOT / name).read_bytes()
 
 
 def test_saved_designs_are_read_back(teapot: ObjectClass, pack: Path) -> None:

@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from tests.support import TEAPOT
 from vig.scene import EXPOSURE_L00, ObjectClass, linear_from_srgb
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.target import target_vertices
@@ -26,7 +27,7 @@ def library() -> Library:
 
 @pytest.fixture(scope="module")
 def teapot() -> ObjectClass:
-    return ObjectClass.load("teapot")
+    return ObjectClass.load(TEAPOT)
 
 
 @pytest.fixture(scope="module")

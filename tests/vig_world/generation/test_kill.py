@@ -63,6 +63,12 @@ if __name__ == "__main__":
 """
 
 
+@pytest.fixture(scope="module")
+def teapot(packaged: ObjectClass) -> ObjectClass:
+    """The class of datasets that the command line makes."""
+    return packaged
+
+
 def hashes(root: Path) -> dict[str, str]:
     files = (path for path in root.rglob("*") if path.is_file())
     return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

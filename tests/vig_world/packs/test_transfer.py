@@ -6,6 +6,7 @@ import torch
 import trimesh
 from safetensors.numpy import load_file
 
+from tests.support import TEAPOT
 from vig.scene import ObjectClass, irradiance
 from vig.scene.light import Y00
 from vig.scene.object_class import TRANSFER_FILE
@@ -99,7 +100,7 @@ def test_spread_goes_ring_by_ring() -> None:
 
 
 def test_packaged_table_predicts_a_shape_it_was_not_made_of() -> None:
-    teapot = ObjectClass.load("teapot")
+    teapot = ObjectClass.load(TEAPOT)
     model = teapot.shape_model
     assert teapot.folder is not None
     table = load_file(teapot.folder / TRANSFER_FILE)["transfer"].astype(np.float64)
@@ -119,7 +120,7 @@ def test_packaged_table_predicts_a_shape_it_was_not_made_of() -> None:
 
 
 def test_table_is_a_pure_function_of_its_seed() -> None:
-    model = ObjectClass.load("teapot").shape_model
+    model = ObjectClass.load(TEAPOT).shape_model
     small = transfer_model(model, shapes=2, side=2)
     assert small.dtype == np.float32
     assert np.isfinite(small).all()

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import TEAPOT
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z
 from vig_world.assets.panoramas.light import project_panorama
@@ -51,7 +52,7 @@ while True:
 
 @pytest.fixture(scope="module")
 def teapot() -> ObjectClass:
-    return ObjectClass.load("teapot")
+    return ObjectClass.load(TEAPOT)
 
 
 @pytest.fixture(scope="module")

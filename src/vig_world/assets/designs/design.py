@@ -70,6 +70,11 @@ class TeapotDesign:
     handle_thickness: float = 0.012  # in the loop's plane
     handle_width: float = 0.016  # across it
     handle_squareness: float = 0.2  # of its section: 0 elliptic .. 1 nearly rectangular
+    # A handle over the lid (a bail) in place of one behind, where this is not 0; of the numbers above
+    # only thickness, width and squareness then count.
+    bail_height: float = 0.0  # its centre line's highest point above shoulder_height
+    bail_end: float = 0.85  # height of its ends / shoulder_height
+    bail_roundness: float = 0.6  # 0.3 pointed .. 0.6 round .. 0.9 squared
 
 
 def load_designs(split: str) -> tuple[TeapotDesign, ...]:

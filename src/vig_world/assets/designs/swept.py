@@ -69,6 +69,8 @@ def handle_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
     d = design
     half, side = 0.5 * d.handle_thickness, 0.5 * d.handle_width
     end_half, end_side = _HANDLE_FLARE * half, _HANDLE_FLARE * side
+    if d.bail_height:
+        return _bail(d, wall, half, side)
     rise, drop = np.radians(d.handle_rise), np.radians(d.handle_drop)
     top_x = -_inside(d, wall, d.handle_top, end_half / np.cos(rise), end_side)
     bottom_x = -_inside(d, wall, d.handle_bottom, end_half / np.cos(drop), end_side)
@@ -99,6 +101,26 @@ def handle_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
     rings = [
         _section(_HANDLE_AROUND, c, t, half * s, side * s, a, d.handle_squareness)
         for c, t, s, a in zip(centre, tangent, swell, lean, strict=True)
+    ]
+    return np.concatenate([*_cap(rings[0], 6), *rings, *_cap(rings[-1], 6)[::-1]])
+
+
+def _bail(d: TeapotDesign, wall: Wall, half: float, side: float) -> np.ndarray:
+    """A handle over the lid, from behind to the front: as `handle_vertices`."""
+    height = d.bail_end * d.shoulder_height
+    reach = _inside(d, wall, height, _HANDLE_FLARE * half, _HANDLE_FLARE * side)
+    top = d.shoulder_height + d.bail_height
+    up, level = d.bail_roundness * (top - height), d.bail_roundness * reach
+    back, peak, front = np.array([-reach, height]), np.array([0.0, top]), np.array([reach, height])
+    dense = join(
+        bezier(back, back + [-0.2 * level, up], peak - [level, 0.0], peak),
+        bezier(peak, peak + [level, 0.0], front + [0.2 * level, up], front),
+    )
+    u = np.linspace(0.0, 1.0, _HANDLE_RINGS)
+    centre, tangent = _centre_line(dense, u)
+    rings = [
+        _section(_HANDLE_AROUND, c, t, half, side, 0.0, d.handle_squareness)
+        for c, t in zip(centre, tangent, strict=True)
     ]
     return np.concatenate([*_cap(rings[0], 6), *rings, *_cap(rings[-1], 6)[::-1]])
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import TEAPOT
 from tests.vig.likelihood.reference import shade
 from vig.likelihood.kernels.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
@@ -28,7 +29,7 @@ ABOVE = np.array([EXPOSURE_L00, 0, 1.0, 0, 0, 0, 0, 0, 0])
 
 @pytest.fixture(scope="module")
 def teapot() -> ObjectClass:
-    return ObjectClass.load("teapot")
+    return ObjectClass.load(TEAPOT)
 
 
 def stuff(value: float | np.ndarray, slot: str = "", emission: float = 0.0) -> Material:

@@ -1,0 +1,54 @@
+"""Families of shapes: to which of a class's kinds a predicted shape belongs, and what it would be in each."""
+
+from __future__ import annotations
+
+import torch
+
+from vig.recognition import Prediction
+from vig.scene import Family, ObjectClass
+
+LEAST_SHARE = 0.02
+"""Families with less probability are left out."""
+
+
+def family_shapes(prediction: Prediction, object_class: ObjectClass) -> tuple[torch.Tensor, torch.Tensor]:
+    """Probabilities (F,) of a class's families for one photo (N = 1), and its shape (F, K) in each.
+
+    A family's shapes are a Gaussian, and so is what the network predicts: their product has the family's
+    evidence for its mass and the shape for its mean. Where the class names none, one: the predicted shape.
+    """
+    place = prediction.layout["shape"]
+    shape, deviation = prediction.numbers[0, place], prediction.deviation[0, place]
+    if not object_class.families:
+        return torch.ones(1), shape[None]
+    mean, spread, share = _tables(object_class.families, shape)
+    both = spread**2 + deviation**2
+    evidence = share.log() - 0.5 * ((shape - mean) ** 2 / both + both.log()).sum(1)
+    probability = evidence.softmax(0)
+    weight = spread**2 / both
+    return probability, mean + weight * (shape - mean)
+
+
+def shape_deviation(prediction: Prediction, object_class: ObjectClass) -> torch.Tensor:
+    """Standard deviations (K,) of one photo's shape, that between its likely families included."""
+    place = prediction.layout["shape"]
+    probability, shapes = family_shapes(prediction, object_class)
+    between = (probability[:, None] * (shapes - prediction.numbers[0, place]) ** 2).sum(0)
+    return torch.sqrt(prediction.deviation[0, place] ** 2 + between * float(len(probability) > 1))
+
+
+def family_of(shape: torch.Tensor, object_class: ObjectClass) -> str | None:
+    """The name of the family that a shape (K,) is likeliest of; None where the class names none."""
+    if not object_class.families:
+        return None
+    mean, spread, share = _tables(object_class.families, shape)
+    evidence = share.log() - 0.5 * (((shape - mean) / spread) ** 2).sum(1) - spread.log().sum(1)
+    return object_class.families[int(evidence.argmax())].name
+
+
+def _tables(
+    families: tuple[Family, ...], like: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Means (F, K), deviations (F, K) and shares (F,)."""
+    means, spreads, shares = zip(*((f.mean, f.deviation, f.share) for f in families), strict=True)
+    return like.new_tensor(means), like.new_tensor(spreads), like.new_tensor(shares)

@@ -1,0 +1,133 @@
+"""Where the object is in a photo of any size: windows of many places and sizes, judged by the network."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from vig.photo import Window
+from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
+from vig.recognition.prediction import Prediction, Recognizer
+
+SIZES, STEP = 6, 0.4
+"""Sides of windows, from the photo's down by square roots of 2; steps between windows, in sides."""
+KEPT, MOVES = 6, 3
+"""So many windows are moved onto the object that they show, so often."""
+LEAST_ROLL = math.radians(5.0)
+"""A window is turned only where the network sees the object turned by more."""
+SHOWN = 0.5
+"""Predicted probability from which a pixel belongs to the object, hidden or not."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A place where the object may be.
+
+    Attributes:
+        window: Round it, turned so that it stands upright.
+        score: From 0 to 1; how sure the network is that the window shows the object as a window should.
+    """
+
+    window: Window
+    score: float
+
+
+def find(photo: np.ndarray, recognizer: Recognizer) -> list[Candidate]:
+    """Places of the object in a photo (H, W, 3) linear RGB, best first, each a place of its own.
+
+    The list holds at least one; a low score means that the photo may not show the object.
+    """
+    windows = _grid(*photo.shape[1::-1])
+    prediction = predict_windows(photo, windows, recognizer)
+    scores = _scores(prediction)
+    found: list[Candidate] = []
+    best = sorted(range(len(windows)), key=lambda index: -scores[index])[:KEPT]
+    moved = [_moved(windows[index], prediction[index : index + 1]) for index in best]
+    for _ in range(MOVES):
+        prediction = predict_windows(photo, moved, recognizer)
+        scores = _scores(prediction)
+        found += [Candidate(window, score) for window, score in zip(moved, scores, strict=True)]
+        moved = [_moved(window, prediction[i : i + 1]) for i, window in enumerate(moved)]
+    found.sort(key=lambda each: -each.score)
+    apart: list[Candidate] = []
+    for each in found:
+        if all(_apart(each.window, other.window) for other in apart):
+            apart.append(each)
+    return apart
+
+
+def upright(photo: np.ndarray, window: Window, recognizer: Recognizer) -> Window:
+    """Turn a window so that the object in it stands upright; as it is where that is nearly so."""
+    roll = float(predict_windows(photo, [window], recognizer).roll[0])
+    return window if abs(roll) < LEAST_ROLL else replace(window, roll=window.roll + roll)
+
+
+def predict_windows(photo: np.ndarray, windows: list[Window], recognizer: Recognizer) -> Prediction:
+    """What the network predicts for windows of a photo."""
+    return recognizer(torch.from_numpy(np.stack([window.cut(photo)[0] for window in windows])))
+
+
+def _grid(width: int, height: int) -> list[Window]:
+    """Windows whose centres lie in the photo."""
+    largest, windows = WINDOW_OVER_BOX * max(width, height), []
+    for size in range(SIZES):
+        side = largest * 2 ** (-size / 2)
+        across, down = (
+            max(1, math.ceil((length - 0.3 * side) / (STEP * side))) for length in (width, height)
+        )
+        for x in np.linspace(0, width, 2 * across + 1)[1::2]:
+            windows += [
+                Window(x - side / 2, y - side / 2, side) for y in np.linspace(0, height, 2 * down + 1)[1::2]
+            ]
+    return windows
+
+
+def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] | None:
+    """The box (x, y, w, h) of the object's pixels in the first window, in its sides; None for none."""
+    shown = 1 - prediction.mask[0, :, :, 2].numpy() > SHOWN
+    rows, columns = np.flatnonzero(shown.any(1)), np.flatnonzero(shown.any(0))
+    if not len(rows):
+        return None
+    height, width = shown.shape
+    x, y = columns[0] / width, rows[0] / height
+    return x, y, (columns[-1] + 1) / width - x, (rows[-1] + 1) / height - y
+
+
+def _moved(window: Window, prediction: Prediction) -> Window:
+    """The window of what one window's prediction (N = 1) shows of the object."""
+    box = box_in_window(prediction)
+    if box is None or max(box[2:]) < 0.05:
+        return window
+    roll = float(prediction.roll[0])
+    x, y = (box[0] + box[2] / 2 - 0.5) * window.side, (box[1] + box[3] / 2 - 0.5) * window.side
+    centre = window.to_photo(x, y)
+    w, h = box[2] * window.side, box[3] * window.side
+    turn = window.roll + (roll if abs(roll) > LEAST_ROLL else 0.0)
+    return Window.round_box((centre[0] - w / 2, centre[1] - h / 2, w, h), turn)
+
+
+def _scores(prediction: Prediction) -> list[float]:
+    """How surely each window shows the object, at the middle and of the size that windows have."""
+    scores = []
+    for index in range(len(prediction)):
+        one = prediction[index : index + 1]
+        box = box_in_window(one)
+        if box is None:
+            scores.append(0.0)
+            continue
+        object_share = 1 - one.mask[0, :, :, 2]
+        inside = object_share[object_share > SHOWN].mean()
+        seen = float(one.mask[0, :, :, 0].sum() / object_share.sum().clamp_min(1.0))
+        size = math.exp(-0.5 * (math.log(max(box[2:]) * WINDOW_OVER_BOX) / 0.35) ** 2)
+        off = math.hypot(box[0] + box[2] / 2 - 0.5, box[1] + box[3] / 2 - 0.5 - BOX_BELOW_CENTRE)
+        place = math.exp(-0.5 * (off / 0.2) ** 2)
+        scores.append(float(one.presence[0]) * float(inside) * size * place * (0.3 + 0.7 * seen))
+    return scores
+
+
+def _apart(a: Window, b: Window) -> bool:
+    """Whether the middle of neither window is near the other's."""
+    return math.dist(a.centre, b.centre) > 0.3 * max(a.side, b.side)

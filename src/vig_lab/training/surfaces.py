@@ -1,0 +1,195 @@
+"""Surfaces of drawn objects: any colour, paint that follows the shape, glaze and metal."""
+
+from __future__ import annotations
+
+import colorsys
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from vig_world.assets.textures import KINDS, decoration, texture
+
+TEXTURES, DECORATIONS = 240, 120
+"""How many of each a studio draws from."""
+TEXTURE_SIZE = 96
+DIELECTRIC = 0.04
+"""Reflectance of glaze at normal incidence."""
+
+
+@functools.lru_cache(maxsize=TEXTURES)
+def stock_texture(number: int) -> np.ndarray:
+    """One of the studio's textures: (S, S, 3) float32 linear albedo."""
+    rng = np.random.default_rng(np.random.SeedSequence([number, 31]))
+    base = any_colour(rng) if rng.random() < 0.5 else None
+    return texture(list(KINDS)[number % len(KINDS)], rng, TEXTURE_SIZE, base)
+
+
+@functools.lru_cache(maxsize=DECORATIONS)
+def stock_decoration(number: int) -> np.ndarray:
+    """One of the studio's decorations for ceramics: (S, 2 S, 4) float32 linear albedo and coverage."""
+    return decoration(np.random.default_rng(np.random.SeedSequence([number, 32])), TEXTURE_SIZE)
+
+
+def any_colour(rng: np.random.Generator) -> np.ndarray:
+    """Linear RGB (3,) float32 of any thing: black, white, neutral, brown, pastel or saturated."""
+    kind = rng.choice(6, p=[0.13, 0.19, 0.15, 0.13, 0.15, 0.25])
+    if kind == 0:
+        colour = rng.uniform(0.01, 0.06) * rng.uniform(0.8, 1.2, 3)
+    elif kind == 1:
+        colour = rng.uniform(0.6, 0.95) * rng.uniform(0.88, 1.0, 3)
+    elif kind == 2:
+        colour = np.exp(rng.uniform(np.log(0.05), np.log(0.6))) * rng.uniform(0.93, 1.07, 3)
+    else:
+        hue, saturation, value = rng.random(), rng.uniform(0.55, 1.0), rng.uniform(0.15, 1.0)
+        if kind == 3:
+            hue, saturation, value = rng.uniform(0.02, 0.11), rng.uniform(0.4, 0.9), rng.uniform(0.2, 0.75)
+        elif kind == 4:
+            saturation, value = rng.uniform(0.1, 0.45), rng.uniform(0.6, 1.0)
+        colour = np.array(colorsys.hsv_to_rgb(hue, saturation, value)) ** 2.2
+    return np.clip(colour, 0.008, 0.95).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What a glossy thing mirrors: a gradient from ground to sky, and lamps and windows.
+
+    Attributes:
+        ground: (3,) radiance below.
+        sky: (3,) above.
+        directions: (L, 3) unit, towards the lamps.
+        sharpness: (L,) of each lamp's lobe.
+        radiance: (L, 3).
+    """
+
+    ground: np.ndarray
+    sky: np.ndarray
+    directions: np.ndarray
+    sharpness: np.ndarray
+    radiance: np.ndarray
+
+    @staticmethod
+    def draw(rng: np.random.Generator) -> Environment:
+        """An indoor environment."""
+        count = int(rng.integers(1, 5))
+        directions = rng.normal(size=(count, 3))
+        directions[:, 2] = np.abs(directions[:, 2]) + 0.2
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        tint = rng.uniform(0.85, 1.0, (count, 3))
+        strength = np.exp(rng.uniform(np.log(2), np.log(25), (count, 1)))
+        return Environment(
+            rng.uniform(0.05, 0.7) * rng.uniform(0.7, 1, 3),
+            rng.uniform(0.2, 1.1) * rng.uniform(0.85, 1, 3),
+            directions,
+            np.exp(rng.uniform(np.log(10), np.log(800), count)),
+            strength * tint,
+        )
+
+    def radiance_from(self, directions: np.ndarray, roughness: float) -> np.ndarray:
+        """Radiance (N, 3) from unit directions (N, 3), blurred by the roughness of what mirrors it."""
+        up = np.clip(0.5 + directions[:, 2:] / (0.1 + 2 * roughness), 0, 1)
+        total = self.ground + (self.sky - self.ground) * up
+        for towards, sharpness, radiance in zip(self.directions, self.sharpness, self.radiance, strict=True):
+            wide = 1 / (1 / sharpness + roughness**2)
+            lobe = np.exp(wide * (directions @ towards - 1)) * min(1.0, wide / sharpness)
+            total = total + lobe[:, None] * radiance
+        return total
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The finish of one object.
+
+    Attributes:
+        colours: (parts, 3) linear albedo of each part.
+        metal: Whether it mirrors in its own colour and scatters nothing.
+        gloss: Factor of what glaze mirrors, 0 for matt.
+        roughness: Of the mirror.
+        paint: Seed of the decoration, None for plain.
+    """
+
+    colours: np.ndarray
+    metal: bool
+    gloss: float
+    roughness: float
+    paint: int | None
+
+    @staticmethod
+    def draw(rng: np.random.Generator, parts: int, decorated: float, metal: float) -> Surface:
+        """Any finish; `decorated` and `metal` are the shares of painted and metal ones."""
+        colours = np.repeat(any_colour(rng)[None], parts, axis=0)
+        if rng.random() < 0.25:
+            other = any_colour(rng)
+            colours[rng.random(parts) < rng.choice([0.2, 0.5])] = other
+        shiny = rng.random() < metal
+        return Surface(
+            np.clip(colours * 1.5 + 0.15, 0, 0.95) if shiny else colours,
+            bool(shiny),
+            float(rng.choice([0.0, 0.5, 1.0], p=[0.35, 0.2, 0.45])),
+            float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))),
+            int(rng.integers(2**31)) if rng.random() < decorated and not shiny else None,
+        )
+
+    def albedo(self, points: np.ndarray, part: np.ndarray, height: float) -> np.ndarray:
+        """Albedo (N, 3) at points (N, 3), metres, of parts (N,), of an object of this height."""
+        found = self.colours[part]
+        if self.paint is None:
+            return found
+        rng = np.random.default_rng(self.paint)
+        around = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) + rng.random()
+        level = points[:, 2] / height
+        everywhere = rng.random() < 0.4
+        on = np.ones(len(part), bool) if everywhere else part <= 1
+        for _ in range(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1])):
+            paint, cover = _painted(rng, around, level, points, height)
+            cover = np.where(on, cover, 0.0)[:, None]
+            found = found * (1 - cover) + paint * cover
+        return found
+
+
+def _painted(
+    rng: np.random.Generator, around: np.ndarray, level: np.ndarray, points: np.ndarray, height: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """One layer of paint: colour (N, 3) and coverage (N,) at places on the surface."""
+    kind = rng.choice(7, p=[0.24, 0.18, 0.12, 0.12, 0.12, 0.12, 0.1])
+    if kind == 0:  # painted ceramics
+        image = stock_decoration(int(rng.integers(DECORATIONS)))
+        found = _looked_up(image, around * rng.choice([1, 1, 2]), 1 - level)
+        return found[:, :3], found[:, 3]
+    image = stock_texture(int(rng.integers(TEXTURES)))
+    repeats = float(rng.choice([1, 2, 3, 5, 8]))
+    paint = _looked_up(image, around * 2 * repeats, -level * repeats)
+    if kind == 1:  # a print all over
+        return paint, np.ones(len(level))
+    if kind == 2:  # a motif on one side
+        place, middle = (around - rng.random() + 0.5) % 1 - 0.5, level - rng.uniform(0.25, 0.6)
+        size = rng.uniform(0.06, 0.22)
+        reach = (np.abs(place) / size) ** 3 + (np.abs(middle) / (1.6 * size)) ** 3
+        colour = paint if rng.random() < 0.7 else any_colour(rng)
+        return np.broadcast_to(colour, (len(level), 3)), (reach < 1).astype(float)
+    colour = paint if rng.random() < 0.25 else any_colour(rng)
+    colour = np.broadcast_to(colour, (len(level), 3))
+    if kind == 3:  # bands
+        low = rng.uniform(-0.1, 0.9)
+        return colour, ((level > low) & (level < low + rng.uniform(0.03, 0.5))).astype(float)
+    if kind == 4:  # stripes and checks
+        count = int(rng.integers(3, 16))
+        columns, rows = np.sin(2 * np.pi * count * around), np.sin(2 * np.pi * count * 0.45 * level)
+        pattern = (columns, rows, columns * rows)[rng.integers(3)]
+        return colour, (pattern > rng.uniform(-0.3, 0.5)).astype(float)
+    if kind == 5:  # dots
+        count = int(rng.integers(3, 12))
+        across, down = around * count, level * count * 0.45
+        across = across + 0.5 * (np.floor(down) % 2)
+        away = (across % 1 - 0.5) ** 2 + (down % 1 - 0.5) ** 2
+        return colour, (away < rng.uniform(0.1, 0.45) ** 2).astype(float)
+    # blotches, as of a running glaze
+    waves = rng.normal(size=(5, 3)) * rng.uniform(1.5, 8) / height
+    value = np.sin(points @ waves.T + rng.uniform(0, 6.28, 5)).sum(1)
+    return colour, 1 / (1 + np.exp(-rng.uniform(2, 20) * (value - rng.uniform(-1, 1.5))))
+
+
+def _looked_up(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """The nearest texels (N, C) of an image (H, W, C) that repeats, u to the right, v down, in its sizes."""
+    height, width = image.shape[:2]
+    return image[(v * height).astype(int) % height, (u * width).astype(int) % width]
