@@ -53,6 +53,8 @@ IN_DISTRIBUTION_FEATURES = (
     "outline_agreement",
 )
 """Those that tell whether a photo is in distribution."""
+LEAST_SPREAD = 1e-3
+"""Standard deviation of a feature below which it says nothing: weights would be huge."""
 FOLDS = 5
 LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 LEAST_GROUP = 40
@@ -322,7 +324,7 @@ def logistic(
     features: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
 ) -> tuple[np.ndarray, float]:
     """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on features."""
-    mean, deviation = features.mean(0), features.std(0) + 1e-6
+    mean, deviation = features.mean(0), np.maximum(features.std(0), LEAST_SPREAD)
     standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)
 
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
