@@ -72,8 +72,10 @@ class Explainer:
             window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
 
         Raises:
-            UserError: The photo or the box cannot be used.
+            UserError: The photo, the box or the window cannot be used.
         """
+        if window is not None and (box is not None or not isinstance(window, Window)):
+            raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
         linear = as_photo(photo)
         height, width = linear.shape[:2]
         settings, found = self.settings, 1.0
@@ -84,14 +86,8 @@ class Explainer:
         if window is None:
             window, found = (best := find(linear, self.recognizer)[0]).window, best.score
         cut, known = window.cut(linear)
-        fits = explain(
-            torch.from_numpy(cut)[None],
-            self.object_class,
-            self.recognizer,
-            settings,
-            torch.from_numpy(known)[None],
-        )
-        fit = next(fits)
+        photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
+        fit = next(explain(photos, self.object_class, self.recognizer, settings, valid))
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
             fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternative=None)

@@ -142,6 +142,17 @@ def test_boxes(explainer: vig.Explainer, box: Any, why: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("box", "window"), [(None, "all"), (None, (0, 0, 9)), ((0, 0, 20, 20), Window(0, 0, 50))]
+)
+def test_windows_that_cannot_be_used_are_refused(box: Any, window: Any, explainer: vig.Explainer) -> None:
+    refused(
+        lambda: explainer.explain(GREY, box, window),
+        vig.UserError,
+        r"expected a box or a vig.photo.Window; got .* Give one",
+    )
+
+
+@pytest.mark.parametrize(
     ("arguments", "why"),
     [
         ({"photos": "photo.jpg"}, "expected several photos; got a str. Put it in a list"),
