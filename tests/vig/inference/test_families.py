@@ -51,6 +51,12 @@ def test_between_the_families_each_has_the_evidence_of_its_gaussian(both: Object
     assert float(wide[1]) == pytest.approx(0.5)
 
 
+def test_a_doubtful_prediction_goes_most_of_the_way_to_each_family(both: ObjectClass) -> None:
+    """A deviation of 1 against .5 within a family: a fifth of the way is left, 1 / (1 + 4)."""
+    _, shapes = family_shapes(predicted(1.0, 1.0), both)
+    torch.testing.assert_close(shapes[:, 0], torch.tensor([-0.6, 2.6]))
+
+
 def test_a_sure_prediction_is_of_one_family(both: ObjectClass) -> None:
     probability, _ = family_shapes(predicted(2.9, 0.1), both)
     assert probability[1] > 0.999
