@@ -21,7 +21,7 @@ from vig_world.assets.props import FAMILIES
 from vig_world.assets.target import NO_DESIGN, draw_shape, nearest_shape, shape_vertices
 from vig_world.dataset.spec import SPLITS, Split
 from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
-from vig_world.packs.teapot import held_out_designs
+from vig_world.packs.teapot import held_out_designs, teapot_families
 from vig_world.rooms import material_under
 from vig_world.streams import asset_rng
 
@@ -52,6 +52,15 @@ def test_the_pack_holds_the_held_out_designs() -> None:
     assert (held.names, held.splits) == (built.names, built.splits)
     np.testing.assert_array_equal(held.vertices, built.vertices)
     assert held.splits == ("test",) * 8 + ("validation",) * 8 + ("train",) * 103
+
+
+def test_the_pack_holds_the_families(packaged: ObjectClass) -> None:
+    built = teapot_families(packaged.shape_model)
+    assert [family.name for family in packaged.families] == ["handle behind", "handle above"]
+    for held, made in zip(packaged.families, built, strict=True):
+        assert held.share == made.share
+        np.testing.assert_allclose(held.mean, made.mean, atol=2e-3)
+        np.testing.assert_allclose(held.deviation, made.deviation, atol=2e-3)
 
 
 def test_splits_share_no_prop(splits: tuple[Library, ...]) -> None:

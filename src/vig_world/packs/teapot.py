@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
+from vig.scene import EXPOSURE_L00, Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
@@ -37,6 +37,8 @@ DRAWN, EXEMPLARS = 240, 80
 objects of training scenes."""
 TARGET_HEIGHT = 0.08
 """Metres at which the camera looks: about half a pot's height, and that of photos made with earlier packs."""
+LEAST_DEVIATION = 0.1
+"""Of a component within a family, in standard deviations of the class."""
 TURNS = 12
 GROUNDS = (0.1, 0.25, 0.5)
 """Albedos of what the object stands on."""
@@ -55,7 +57,21 @@ def build_teapot_class() -> ObjectClass:
     )
     covariance = np.cov(lights.T)
     covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
-    return ObjectClass("teapot", model, TARGET_HEIGHT, lights.mean(0), covariance)
+    families = teapot_families(model)
+    return ObjectClass("teapot", model, TARGET_HEIGHT, lights.mean(0), covariance, families=families)
+
+
+def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
+    """Teapots with their handle behind and over the lid: between them there is nothing."""
+    designs = TRAINING_DESIGNS + drawn_designs(DRAWN)
+    coefficients = nearest_coefficients(model, np.stack([teapot_vertices(design) for design in designs]))
+    above = np.array([design.bail_height > 0 for design in designs])
+    families = []
+    for name, chosen in (("handle behind", ~above), ("handle above", above)):
+        mean, deviation = coefficients[chosen].mean(0), coefficients[chosen].std(0).clip(LEAST_DEVIATION)
+        middle, spread = (tuple(np.round(each, 4).tolist()) for each in (mean, deviation))
+        families.append(Family(name, middle, spread, round(float(chosen.mean()), 4)))
+    return tuple(families)
 
 
 def fit_shape_model(
