@@ -20,8 +20,8 @@ SIZES = (75, 150, 300)
 STANDARD_SIZE = 150
 MODES = 10
 GUESSES = 8
-MAGNIFICATION = 1.25
-"""Focal length over the paper's: the object then covers about 8 k of 150 x 150 pixels."""
+MAGNIFICATION = 1.16
+"""Focal length over the paper's: the object then covers about 7 k of 150 x 150 pixels."""
 
 AZIMUTH, ELEVATION = 0.9, 0.4
 BACKDROP_CELLS = 15

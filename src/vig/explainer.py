@@ -17,12 +17,14 @@ from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings, Fit, Verdict, explain
 from vig.parallel import map_in_processes
-from vig.photo import Window, as_photo
+from vig.photo import Window, as_photo, focal_of
 from vig.recognition import Recognizer, find, upright
 from vig.scene import Latents, ObjectClass
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
+PHOTO_FARTHER = 1.4
+"""Taken for photos that do not tell, as `ExplainSettings.farther`."""
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
 
@@ -45,7 +47,7 @@ class Explainer:
         Args:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
             settings: How to fit. Where their `free_framing` is None, shift and magnification are fitted
-                unless a window is given.
+                unless a window is given; where `farther` is None it follows from the photo's focal length.
             device: "cpu", the only one that fits run on so far.
 
         Raises:
@@ -61,7 +63,13 @@ class Explainer:
         self.settings = settings
         self.recognizer = Recognizer.of_class(object_class)
 
-    def explain(self, photo: Photo, box: Box | None = None, window: Window | None = None) -> Explanation:
+    def explain(
+        self,
+        photo: Photo,
+        box: Box | None = None,
+        window: Window | None = None,
+        focal: float | None = None,
+    ) -> Explanation:
         """Explain one photo.
 
         Args:
@@ -70,28 +78,34 @@ class Explainer:
             box: x, y, width, height in pixels round the whole object, hidden parts included; without it the
                 object is sought in the whole photo.
             window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
+            focal: Focal length in pixels of the photo; by default a file's EXIF data tell, else it is
+                that of a telephoto lens, and with a window that of the standard camera.
 
         Raises:
-            UserError: The photo, the box or the window cannot be used.
+            UserError: The photo, the box, the window or the focal length cannot be used.
         """
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
         linear = as_photo(photo)
         height, width = linear.shape[:2]
-        settings, found = self.settings, 1.0
+        settings, found, given = self.settings, 1.0, window is not None
         if settings.free_framing is None:
-            settings = replace(settings, free_framing=window is None)
+            settings = replace(settings, free_framing=not given)
         if window is None and box is not None:
             window = upright(linear, Window.of(width, height, checked_box(box)), self.recognizer)
         if window is None:
             window, found = (best := find(linear, self.recognizer)[0]).window, best.score
+        if settings.farther is None:
+            focal = checked_focal(focal) if focal is not None else focal_of(photo)
+            usual = 1.0 if given else PHOTO_FARTHER
+            settings = replace(settings, farther=window.farther(focal) if focal else usual)
         cut, known = window.cut(linear)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid))
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
             fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternative=None)
-        return Explanation(linear, window, fit, self.object_class)
+        return Explanation(linear, window, fit, self.object_class, settings.farther or 1.0)
 
     def explain_many(
         self,
@@ -99,6 +113,7 @@ class Explainer:
         boxes: Iterable[Box | None] | None = None,
         workers: int = 1,
         skip: Callable[[int, UserError], None] | None = None,
+        focal: float | None = None,
     ) -> Iterator[Explanation]:
         """Explain photos in their order; see `explain`.
 
@@ -108,6 +123,7 @@ class Explainer:
             workers: Processes that share the photos out; 1 stays in this one.
             skip: Is called with the number of a photo that cannot be used, and why; the others go on. Without
                 it the first such photo raises.
+            focal: Of all photos; see `explain`.
 
         Raises:
             UserError: As `explain`, for workers below 1, for more or fewer boxes than photos, or when a
@@ -117,7 +133,8 @@ class Explainer:
             raise UserError(f"expected 1 or more workers; got {workers}. Give a whole number.")
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
-        items = _pairs(photos, boxes)
+        focal = None if focal is None else checked_focal(focal)
+        items = ((photo, box, focal or focal_of(photo)) for photo, box in _pairs(photos, boxes))
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
         else:
@@ -125,7 +142,7 @@ class Explainer:
                 raise UserError(
                     "expected a class from a pack, for worker processes; got one from memory. Save it first."
                 )
-            sent = ((_sendable(photo), box) for photo, box in items)
+            sent = ((_sendable(photo), box, focal) for photo, box, focal in items)
             answers = map_in_processes(_prepare, (folder, self.settings), sent, workers)
             found = map(self._received, answers)
         for number, result in enumerate(found):
@@ -136,17 +153,17 @@ class Explainer:
             else:
                 skip(number, result)
 
-    def _tried(self, item: tuple[Photo, Box | None]) -> Explanation | UserError:
+    def _tried(self, item: tuple[Photo, Box | None, float | None]) -> Explanation | UserError:
         try:
-            return self.explain(*item)
+            return self.explain(item[0], item[1], focal=item[2])
         except UserError as error:
             return error
 
     def _received(self, answer: Any) -> Explanation | UserError:
         if isinstance(answer, UserError):
             return answer
-        photo, window, fit = answer
-        return Explanation(photo, window, _unpacked(fit), self.object_class)
+        photo, window, fit, farther = answer
+        return Explanation(photo, window, _unpacked(fit), self.object_class, farther)
 
 
 def checked_box(box: Any) -> Box:
@@ -160,6 +177,13 @@ def checked_box(box: Any) -> Box:
             f"expected a box of four numbers x, y, w, h in pixels; got {str(box)[:60]}. Pass all four."
         ) from None
     return x, y, w, h
+
+
+def checked_focal(focal: float) -> float:
+    """A focal length in pixels; UserError when it is not positive and finite."""
+    if not isinstance(focal, int | float) or not 0 < focal < math.inf:
+        raise UserError(f"expected a focal length in pixels, above 0; got {focal!r}. Leave it out.")
+    return float(focal)
 
 
 def _pairs(photos: Iterable[Photo], boxes: Iterable[Box | None] | None) -> Iterator[tuple[Photo, Box | None]]:
@@ -184,11 +208,11 @@ def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
     """The work of a process of `Explainer.explain_many`."""
     explainer = Explainer(*shared)
 
-    def work(item: tuple[str | np.ndarray, Box | None]) -> Any:
+    def work(item: tuple[str | np.ndarray, Box | None, float | None]) -> Any:
         found = explainer._tried(item)
         if isinstance(found, UserError):
             return found
-        return found.photo, found.window, _packed(found.fit)
+        return found.photo, found.window, _packed(found.fit), found.farther
 
     return work
 

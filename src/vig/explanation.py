@@ -30,12 +30,14 @@ class Explanation:
         window: The square of the photo that was fitted.
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
         object_class: What the photo was explained as.
+        farther: Distance of the eye and focal length of the fit, of the standard camera's.
     """
 
     photo: np.ndarray
     window: Window
     fit: Fit
     object_class: ObjectClass
+    farther: float = 1.0
 
     @property
     def verdict(self) -> Verdict:
@@ -81,11 +83,11 @@ class Explanation:
     def camera(self) -> Camera:
         """The camera of the whole photo; `camera.K` is its intrinsic matrix.
 
-        Distance and focal length are the class's standard ones: the object's size and distance are only known
-        as their ratio.
+        A focal length that the photo does not tell is a guess, see `Explainer.explain`; distance follows from
+        it, as an object's size and distance are only known as their ratio.
         """
         height, width = self.photo.shape[:2]
-        window = Camera.standard(target_height=self.object_class.target_height)
+        window = Camera.standard(target_height=self.object_class.target_height, farther=self.farther)
         return self.window.camera(window.framed(*self.fit.framing.tolist()), width, height)
 
     @cached_property

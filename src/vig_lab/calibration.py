@@ -15,6 +15,7 @@ from scipy.ndimage import rotate
 from scipy.optimize import minimize
 from scipy.special import expit
 
+from vig.explainer import PHOTO_FARTHER
 from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
 from vig.inference.calibration import faded, residual
 from vig.recognition import Recognizer
@@ -157,26 +158,25 @@ def calibrate_fits(
     """
     plain = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
     workers = workers or os.cpu_count() or 1
-    key = key_of(recognizer, object_class, plain)
 
-    def fitted(images: np.ndarray, name: str) -> Fits:
+    def fitted(images: np.ndarray, name: str, how: ExplainSettings) -> Fits:
+        key = key_of(recognizer, object_class, how)
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         folder = None if cache is None else cache / name
         predicted = recognizer(photos)
-        return fit_all(
-            images, photos, predicted, object_class, plain, workers, advance, folder, key, processes
-        )
+        return fit_all(images, photos, predicted, object_class, how, workers, advance, folder, key, processes)
 
     parts = []
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
-        fits, origin = fitted(dataset.images, name), to_roll(dataset)
+        how = replace(plain, farther=PHOTO_FARTHER) if isinstance(dataset, StudioPhotos) else plain
+        fits, origin = fitted(dataset.images, name, how), to_roll(dataset)
         photos = rolled(dataset.images[origin], roll_angles(len(origin)))
         if isinstance(dataset, StudioPhotos):
             photos, origin = dataset.others, np.arange(len(dataset.others))
         rolled_features = fits.confidence_features[:0]
         if len(origin):
-            rolled_features = fitted(photos, name + "_outside").confidence_features
+            rolled_features = fitted(photos, name + "_outside", how).confidence_features
         parts.append(samples_of(fits, dataset, origin, rolled_features))
     samples = CalibrationSamples(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))

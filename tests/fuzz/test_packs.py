@@ -151,7 +151,7 @@ def test_settings_of_monstrous_networks(blocks: str, pack: Path) -> None:
 
 def test_a_calibration_of_another_class(pack: Path) -> None:
     shutil.copy(PACKAGED / "teapot" / "calibration.json", pack)
-    with pytest.raises(UserError, match="expected a calibration of the 16 latents of class 'box'; .* has 27"):
+    with pytest.raises(UserError, match="expected a calibration of the 16 latents of class 'box'; .* has 30"):
         calibration_of(ObjectClass.load(pack))
 
 

@@ -111,6 +111,38 @@ def test_the_framing_is_free_unless_a_window_is_given(
     assert asked == [free]
 
 
+@pytest.mark.parametrize(
+    ("given", "farther"),
+    [
+        ({"box": (25, 25, 100, 60)}, 1.4),
+        ({"window": vig.photo.Window(0, 0, 150)}, 1.0),
+        ({"box": (25, 25, 100, 60), "focal": 3 * 1.12 * 140}, 3.0),
+        ({"window": vig.photo.Window(0, 0, 150), "focal": 1e9}, 25.0),
+    ],
+)
+def test_the_eye_is_as_far_away_as_the_focal_length_says(
+    given: dict, farther: float, explainer: vig.Explainer, monkeypatch
+) -> None:
+    asked = []
+
+    def explained(photos, object_class, recognizer, settings, valid):
+        asked.append(settings.farther)
+        raise vig.UserError("enough")
+
+    monkeypatch.setattr(vig.explainer, "explain", explained)
+    monkeypatch.setattr(vig.explainer, "upright", lambda photo, window, recognizer: window)
+    with pytest.raises(vig.UserError, match="enough"):
+        explainer.explain(np.full((150, 150, 3), 128, np.uint8), **given)
+    assert asked == pytest.approx([farther])
+
+
+def test_a_focal_length_tells_the_camera(explainer: vig.Explainer, photo: np.ndarray) -> None:
+    explanation = explainer.explain(photo, BOX, focal=700.0)
+    scale = float(explanation.fit.framing[2])
+    assert explanation.camera.focal == pytest.approx(700 * np.exp(scale), rel=1e-6)
+    assert explanation.camera.distance == pytest.approx(0.4 * 700 / (1.12 * 1.4 * BOX[2]), rel=1e-6)
+
+
 def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:
     """The photo in the corner of a larger one."""
     given = explainer.explain(photo, BOX)

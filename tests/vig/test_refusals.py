@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 from collections.abc import Callable
@@ -121,6 +122,12 @@ def test_arrays_that_are_no_photos(explainer: vig.Explainer, photo: Any, why: st
         refused(lambda call=call: call(photo), vig.UserError, why)
 
 
+@pytest.mark.parametrize("focal", [0, -3.0, math.inf, math.nan, "long"])
+def test_focal_lengths(explainer: vig.Explainer, focal: Any) -> None:
+    with pytest.raises(vig.UserError, match="expected a focal length in pixels, above 0; got .*. Leave"):
+        explainer.explain(np.zeros((30, 40, 3), np.uint8), focal=focal)
+
+
 @pytest.mark.parametrize(
     ("box", "why"),
     [
@@ -166,7 +173,7 @@ def test_windows_that_cannot_be_used_are_refused(box: Any, window: Any, explaine
 def test_many_photos(explainer: vig.Explainer, arguments: dict[str, Any], why: str) -> None:
     quick = vig.Explainer.__new__(vig.Explainer)
     quick.__dict__.update(vars(explainer))
-    quick.explain = lambda *_: None  # type: ignore[method-assign, assignment, return-value]
+    quick.explain = lambda *_, focal: None  # type: ignore[method-assign, assignment, return-value]
     refused(lambda: list(quick.explain_many(**arguments)), vig.UserError, why)
 
 

@@ -51,12 +51,12 @@ def test_the_pack_holds_the_held_out_designs() -> None:
     assert held is not None
     assert (held.names, held.splits) == (built.names, built.splits)
     np.testing.assert_array_equal(held.vertices, built.vertices)
-    assert held.splits == ("test",) * 8 + ("validation",) * 8 + ("train",) * 103
+    assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * 157
 
 
 def test_the_pack_holds_the_families(packaged: ObjectClass) -> None:
     built = teapot_families(packaged.shape_model)
-    assert [family.name for family in packaged.families] == ["handle behind", "handle above"]
+    assert [family.name for family in packaged.families] == ["handle behind", "handle above", "handle straight"]
     for held, made in zip(packaged.families, built, strict=True):
         assert held.share == made.share
         np.testing.assert_allclose(held.mean, made.mean, atol=2e-3)
@@ -118,7 +118,7 @@ def test_shapes_beyond_training_are_of_the_splits_own_designs(
         used.add((HELD_OUT_DESIGNS + VALIDATION_DESIGNS)[design])
     assert used == set(designs)
     assert draw_shape(rng, teapot, "train")[1] == NO_DESIGN, "it names no designs of training"
-    assert len(TRAINING_DESIGNS) == 23
+    assert len(TRAINING_DESIGNS) == 97
 
 
 def test_training_shapes_are_near_designs_that_the_model_was_made_from(packaged: ObjectClass) -> None:

@@ -26,6 +26,8 @@ class Fit:
     """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
+    focal: float | None = None
+    """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
     likelihood: LikelihoodName = "spatial"
     """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
     hidden or visible together; gaussian takes all of the object as visible."""

@@ -41,7 +41,7 @@ def fit(settings: Fit) -> int:
         failed.add(number)
 
     number = -1
-    for explanation in explainer.explain_many(photos, boxes, settings.workers, fail):
+    for explanation in explainer.explain_many(photos, boxes, settings.workers, fail, settings.focal):
         number += 1
         while number in failed:
             number += 1

@@ -45,7 +45,7 @@ def objectives_of(
     valid: torch.Tensor | None = None,
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
-    camera = Camera.standard(photo.shape[1], object_class.target_height)
+    camera = Camera.standard(photo.shape[1], object_class.target_height, settings.farther or 1.0)
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid)
     if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)

@@ -12,10 +12,9 @@ import torch
 from vig.inference.families import LEAST_SHARE, family_shapes
 from vig.inference.objective import Objective
 from vig.inference.settings import ExplainSettings
-from vig.recognition import Prediction
+from vig.recognition import Prediction, box_in_window
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, angle_difference
-from vig.scene.latents import FRAMING
 
 AMBIGUOUS_NATS = 30.0
 """A view whose score is less than this below the best is ambiguous with it."""
@@ -77,6 +76,7 @@ LEAST_PEAK = 0.02
 AZIMUTH_SPREAD = math.radians(8.0)
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
+FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06])
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
 
@@ -101,8 +101,9 @@ class Ends:
 def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: ExplainSettings) -> Ends:
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
     objective, count = objectives[1.0], settings.stages[0].starts
-    framing = perturbed_framing(count) if settings.free_framing else None
-    points = objective.point(starts(prediction, count, objective.object_class), framing)
+    begin = starts(prediction, count, objective.object_class)
+    framing = framings(begin, prediction, objective) if settings.free_framing else None
+    points = objective.point(begin, framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations = 0
     for stage in settings.stages:
@@ -172,12 +173,26 @@ def starts(
     return latents_of(numbers, angles[0, peaks] + AZIMUTH_SPREAD * noise[:, 0])
 
 
-def perturbed_framing(count: int, seed: int = 0) -> torch.Tensor:
-    """Framings (count, 3) for as many starts, the first 0, the others drawn from the prior."""
+def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> torch.Tensor:
+    """Framings (B, 3) in which the box of each start is that of the object in the predicted mask (N = 1).
+
+    All but the first are perturbed at random. Where the mask shows nothing they begin at 0.
+    """
+    count, camera = len(starts.azimuth), objective.likelihood.camera
+    framing = torch.zeros(count, 3)
+    if (box := box_in_window(prediction)) is not None:
+        vertices = objective.object_class.shape_model.vertices(starts.shape)
+        rotation, translation = camera.pose(starts.azimuth, starts.elevation)
+        x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
+        seen = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
+        least, most = seen.amin(1), seen.amax(1)
+        there = torch.tensor(box)
+        framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
+        framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:].exp() * (least + most) / 2
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
-    noise = rng.standard_normal((count, FRAMING.size)).astype(np.float32)
+    noise = torch.from_numpy(rng.standard_normal((count, 3)).astype(np.float32))
     noise[0] = 0.0
-    return torch.from_numpy(noise * np.array(FRAMING.deviation, np.float32))
+    return framing + FRAMING_SPREAD * noise
 
 
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:

@@ -113,6 +113,7 @@ class ExplainSettings:
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
         free_framing: Also fit shift and magnification, for photos cropped by hand; None is False, unless an
             `Explainer` chooses.
+        farther: Distance of the eye and focal length, of the standard camera's; None likewise is 1.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.
@@ -135,6 +136,7 @@ class ExplainSettings:
     view_weight: float = 1000.0
     self_shadow: bool = True
     free_framing: bool | None = None
+    farther: float | None = None
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
     calibrated: bool = True

@@ -1,11 +1,12 @@
 """Photos: files in and out, and the window round an object."""
 
-from vig.photo.images import as_photo, read_photo, write_png
+from vig.photo.images import as_photo, focal_of, read_photo, write_png
 from vig.photo.window import Window
 
 __all__ = [
     "Window",
     "as_photo",
+    "focal_of",
     "read_photo",
     "write_png",
 ]

@@ -7,13 +7,14 @@ A photo is decoded once, here, and is linear from then on. What cannot be used i
 from __future__ import annotations
 
 import io
+import math
 import warnings
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 import torch
-from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
+from PIL import ExifTags, Image, ImageCms, ImageOps, UnidentifiedImageError
 
 from vig.errors import UserError
 from vig.files import atomic_write
@@ -21,6 +22,8 @@ from vig.scene.light import linear_from_srgb, srgb8_from_linear
 
 MIN_SIDE = 16
 MAX_PIXELS = 100_000_000
+FILM_DIAGONAL = math.hypot(36, 24)
+"""Millimetres of 35 mm film, to which cameras state their focal length."""
 MID_GREY = 0.18
 """Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
 
@@ -101,6 +104,20 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
         remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
     return np.array(array, np.float32, order="C")  # a copy: the caller may use the array again
+
+
+def focal_of(photo: object) -> float | None:
+    """The focal length in pixels that a photo file's EXIF data tell, or a PIL image's; None for none."""
+    try:
+        if isinstance(photo, str | Path):
+            with Image.open(photo, formats=_FORMATS) as image:
+                return focal_of(image)
+        if not isinstance(photo, Image.Image):
+            return None
+        of_film = float(photo.getexif().get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm])
+        return of_film / FILM_DIAGONAL * math.hypot(*photo.size) if 1 <= of_film <= 2000 else None
+    except Exception:  # no EXIF data, or damaged ones
+        return None
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:

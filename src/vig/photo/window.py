@@ -10,6 +10,7 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, Camera
+from vig.scene.camera import FOCAL_OVER_WIDTH
 
 WINDOW_OVER_BOX = 1.4
 """Side of the window over the longer side of the object's box, as in training images (median)."""
@@ -18,6 +19,8 @@ BOX_BELOW_CENTRE = 0.033
 """How far the box's centre lies below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
+FARTHER = (0.75, 25.0)
+"""From an eye just outside the object to one so far away that perspective does not show."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,12 @@ class Window:
             for channel in (*np.moveaxis(image, 2, 0), known)
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+
+    def farther(self, focal: float) -> float:
+        """How much longer a photo's focal length in pixels is than that of the window's standard camera,
+        within `FARTHER`.
+        """
+        return min(max(focal / (FOCAL_OVER_WIDTH * self.side), FARTHER[0]), FARTHER[1])
 
     @property
     def centre(self) -> tuple[float, float]:

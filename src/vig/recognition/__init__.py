@@ -1,6 +1,6 @@
 """The recognition network: from a photo to hypotheses, bottom up."""
 
-from vig.recognition.find import find, upright
+from vig.recognition.find import box_in_window, find, upright
 from vig.recognition.network import MASK_CLASSES, NetworkCalibration, NetworkSettings, RecognitionNetwork
 from vig.recognition.prediction import Prediction, Recognizer
 
@@ -11,6 +11,7 @@ __all__ = [
     "Prediction",
     "RecognitionNetwork",
     "Recognizer",
+    "box_in_window",
     "find",
     "upright",
 ]

@@ -62,9 +62,12 @@ class Camera:
             )
 
     @staticmethod
-    def standard(size: int = IMAGE_SIZE, target_height: float = 0.0) -> Camera:
-        """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m."""
-        return Camera(size, size, FOCAL_OVER_WIDTH * size, size / 2, size / 2, target_height=target_height)
+    def standard(size: int = IMAGE_SIZE, target_height: float = 0.0, farther: float = 1.0) -> Camera:
+        """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m; or both
+        `farther` times as much, which shows the same with less perspective.
+        """
+        focal, distance, middle = farther * FOCAL_OVER_WIDTH * size, farther * DISTANCE, size / 2
+        return Camera(size, size, focal, middle, middle, distance, target_height)
 
     def scaled(self, factor: float) -> Camera:
         """The same camera for an image `factor` times as wide and high."""

@@ -173,10 +173,10 @@ LIGHT_LABELS = tuple(f"light_{degree}_{order}" for degree in range(3) for order 
 FRAMING = Block(
     "framing",
     3,
-    (-0.15, -0.15, -0.35),
-    (0.15, 0.15, 0.35),
+    (-0.4, -0.4, -1.0),
+    (0.4, 0.4, 1.0),
     ("shift_x", "shift_y", "log_scale"),
-    deviation=(0.04, 0.04, 0.12),
+    deviation=(0.1, 0.1, 0.3),
     weighted=False,
 )
 """Shift of the image in its widths, right and down, and the log of its magnification."""

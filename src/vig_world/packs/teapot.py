@@ -15,6 +15,7 @@ import torch
 from vig.scene import EXPOSURE_L00, Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_world.assets.designs import (
+    HANDLES,
     HELD_OUT_DESIGNS,
     PART_NAMES,
     TEAPOT_FACES,
@@ -22,19 +23,22 @@ from vig_world.assets.designs import (
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
+    drawn_designs,
     teapot_vertices,
 )
-from vig_world.assets.designs.drawn import drawn_designs
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.target import nearest_coefficients
+from vig_world.dataset.spec import Split
 from vig_world.library import Library
 from vig_world.packs.transfer import write_transfer
 
-MODES = 13
+MODES = 16
 """With roll and perspective to come, what the kernels' 32 columns leave for the shape."""
-DRAWN, EXEMPLARS = 240, 80
+DRAWN, EXEMPLARS = 150, 60
 """Random designs from which the shapes are learned beside the named ones; of these the first are also the
 objects of training scenes."""
+HELD_OUT_ABOVE = 2
+"""Designs with the handle above among those of test scenes, and of validation scenes."""
 TARGET_HEIGHT = 0.08
 """Metres at which the camera looks: about half a pot's height, and that of photos made with earlier packs."""
 LEAST_DEVIATION = 0.1
@@ -48,7 +52,7 @@ EXPOSURE_SD = 0.05
 
 def build_teapot_class() -> ObjectClass:
     """Fit shape model and light prior; a pure function of the code."""
-    designs = np.stack([teapot_vertices(design) for design in TRAINING_DESIGNS + drawn_designs(DRAWN)])
+    designs = vertices_of(TRAINING_DESIGNS + drawn_designs(DRAWN))
     model = fit_shape_model(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
     angles = 2 * np.pi * np.arange(TURNS) / TURNS
     library = Library("train")
@@ -62,16 +66,21 @@ def build_teapot_class() -> ObjectClass:
 
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
-    """Teapots with their handle behind and over the lid: between them there is nothing."""
+    """Teapots by where their handle is: between two of these there is nothing."""
     designs = TRAINING_DESIGNS + drawn_designs(DRAWN)
-    coefficients = nearest_coefficients(model, np.stack([teapot_vertices(design) for design in designs]))
-    above = np.array([design.bail_height > 0 for design in designs])
+    coefficients = nearest_coefficients(model, vertices_of(designs))
     families = []
-    for name, chosen in (("handle behind", ~above), ("handle above", above)):
+    for handle in HANDLES:
+        chosen = np.array([design.handle == handle for design in designs])
         mean, deviation = coefficients[chosen].mean(0), coefficients[chosen].std(0).clip(LEAST_DEVIATION)
         middle, spread = (tuple(np.round(each, 4).tolist()) for each in (mean, deviation))
-        families.append(Family(name, middle, spread, round(float(chosen.mean()), 4)))
+        families.append(Family(f"handle {handle}", middle, spread, round(float(chosen.mean()), 4)))
     return tuple(families)
+
+
+def vertices_of(designs: tuple[TeapotDesign, ...]) -> np.ndarray:
+    """Vertices of designs, (N, V, 3) float32."""
+    return np.stack([teapot_vertices(design) for design in designs])
 
 
 def fit_shape_model(
@@ -108,17 +117,23 @@ def fit_shape_model(
 
 def held_out_designs() -> HeldOutDesigns:
     """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
-    training = TRAINING_DESIGNS + drawn_designs(EXEMPLARS)
-    designs = HELD_OUT_DESIGNS + VALIDATION_DESIGNS + training
-    splits = ("test",) * len(HELD_OUT_DESIGNS) + ("validation",) * len(VALIDATION_DESIGNS)
-    splits += ("train",) * len(training)
-    vertices = np.stack([teapot_vertices(design) for design in designs])
+    designs: tuple[TeapotDesign, ...] = ()
+    splits: tuple[Split, ...] = ()
+    chosen: tuple[tuple[Split, tuple[TeapotDesign, ...], tuple[TeapotDesign, ...]], ...] = (
+        ("test", HELD_OUT_DESIGNS, drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2)),
+        ("validation", VALIDATION_DESIGNS, drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1)),
+        ("train", TRAINING_DESIGNS, drawn_designs(EXEMPLARS)),
+    )
+    for split, named, drawn in chosen:
+        designs += named + drawn
+        splits += (split,) * len(named + drawn)
+    vertices = vertices_of(designs)
     return HeldOutDesigns(tuple(design.name for design in designs), splits, vertices)
 
 
 def beyond_model_mm(model: ShapeModel, designs: tuple[TeapotDesign, ...]) -> np.ndarray:
     """How far each design is from the model's nearest shape (N,): mean distance of its vertices, mm."""
-    vertices = np.stack([teapot_vertices(design) for design in designs])
+    vertices = vertices_of(designs)
     nearest = model.vertices(torch.from_numpy(nearest_coefficients(model, vertices))).numpy()
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 

@@ -83,7 +83,7 @@ def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
     assert Image.open(folder / "mask.png").size == (160, 120)
     stored = json.loads((folder / "explanation.json").read_text())
     assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
-    assert len(stored["shape"]) == 13
+    assert len(stored["shape"]) == 16
     assert 0 <= stored["azimuth_deg"] < 360
 
 

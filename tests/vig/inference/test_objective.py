@@ -42,17 +42,17 @@ def test_points_lie_within_the_bounds(objective: Objective) -> None:
     torch.testing.assert_close(points[:, 15:24], wild.light)
 
 
-def test_a_free_framing_reaches_a_seventh_of_the_width_and_its_prior_is_narrower(
+def test_a_free_framing_reaches_two_fifths_of_the_width_and_its_prior_is_narrower(
     objective: Objective,
 ) -> None:
-    """Shifts reach 0.15 widths, magnification exp(0.35); one deviation, half a nat, is 0.04 and 0.12."""
+    """Shifts reach 0.4 widths, magnification e; one deviation, half a nat, is 0.1 and 0.3."""
     far = torch.full((1, 3), 9.0, dtype=torch.float64)
     nothing = Latents.from_vector(torch.zeros(1, 24, dtype=torch.float64))
     for sign in (-1, 1):
         reached = objective.point(nothing, sign * far)[0, -3:]
-        assert reached.tolist() == pytest.approx([sign * 0.15, sign * 0.15, sign * 0.35])
+        assert reached.tolist() == pytest.approx([sign * 0.4, sign * 0.4, sign * 1.0])
     still = objective.prior.value(objective.point(nothing))
-    for column, deviation in enumerate((0.04, 0.04, 0.12)):
+    for column, deviation in enumerate((0.1, 0.1, 0.3)):
         framing = torch.zeros(1, 3, dtype=torch.float64)
         framing[0, column] = deviation
         assert float(still - objective.prior.value(objective.point(nothing, framing))) == pytest.approx(0.5)

@@ -2,11 +2,15 @@
 
 import math
 
+import pytest
 import torch
 
-from vig.inference import starts
+from vig.inference import ExplainSettings, starts
+from vig.inference.posterior import objectives_of
+from vig.inference.refinement import framings
 from vig.recognition import Prediction
-from vig.scene import regressed_layout
+from vig.renderer import render_latents
+from vig.scene import ObjectClass, regressed_layout
 
 LAYOUT = regressed_layout(10)
 
@@ -65,3 +69,33 @@ def test_starts_are_perturbed_by_eight_degrees_and_seven_tenths_of_the_stated_de
     assert abs(float(found.elevation[1:].std()) / (0.7 * 0.1) - 1) < 0.1
     assert abs(float(found.shape[1:].std()) / (0.7 * 0.5) - 1) < 0.05
     assert torch.equal(found.albedo, given.best().albedo.expand(512, -1)), "solved soon enough"
+
+
+@pytest.mark.parametrize("elevation", [0.1, 1.2])
+def test_a_start_is_framed_so_that_its_outline_has_the_box_of_the_predicted_mask(
+    teapot: ObjectClass, elevation: float
+) -> None:
+    given = prediction({10: 1.0})
+    given.numbers[0, LAYOUT["elevation"]] = elevation
+    given.mask[:] = torch.tensor([0.0, 0.0, 1.0])
+    given.mask[:, 40:100, 30:130] = torch.tensor([0.6, 0.3, 0.1])
+    settings = ExplainSettings(free_framing=True)
+    objective = objectives_of(torch.full((150, 150, 3), 0.5), given, teapot, settings, (1.0,))[1.0]
+    begin = starts(given, 6, teapot)
+    found = framings(begin, given, objective)
+    assert found.shape == (6, 3) and len(found.unique(dim=0)) == 6, "the others are perturbed"
+    camera = objective.likelihood.camera.framed(*found[0].tolist())
+    cover = render_latents(given.best(), teapot, camera, samples=2).coverage[0] > 0.5
+    rows, columns = cover.any(1).nonzero()[:, 0], cover.any(0).nonzero()[:, 0]
+    box = [columns[0], rows[0], columns[-1] + 1, rows[-1] + 1]
+    centre = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
+    assert centre == pytest.approx((80, 70), abs=1)
+    assert float((box[2] - box[0]) * (box[3] - box[1])) == pytest.approx(6000, rel=0.04)
+
+
+def test_where_the_mask_shows_nothing_the_first_start_is_not_moved(teapot: ObjectClass) -> None:
+    given = prediction({10: 1.0})
+    given.mask[:] = torch.tensor([0.0, 0.0, 1.0])
+    settings = ExplainSettings(free_framing=True)
+    objective = objectives_of(torch.full((150, 150, 3), 0.5), given, teapot, settings, (1.0,))[1.0]
+    assert not framings(starts(given, 2, teapot), given, objective)[0].any()

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from vig.errors import UserError
-from vig.photo.images import MAX_PIXELS, MID_GREY, read_photo, write_png
+from vig.photo.images import MAX_PIXELS, MID_GREY, focal_of, read_photo, write_png
 from vig_world.assets.hdr import read_panorama
 
 SIZE = (24, 20)  # width, height
@@ -115,6 +115,28 @@ def test_unreadable_exif_and_colour_profile_are_ignored(tmp_path: Path) -> None:
     picture = Image.new("RGB", SIZE, (128, 128, 128))
     picture.save(tmp_path / "a.png", exif=b"Exif\0\0nonsense", icc_profile=b"nonsense")
     is_colour(read_photo(tmp_path / "a.png"), (LINEAR_128,) * 3)
+
+
+def test_the_focal_length_is_read_from_exif(tmp_path: Path) -> None:
+    """50 mm of a film whose diagonal is 43.27 mm, in pixels of a picture whose diagonal is 500."""
+    picture = Image.new("RGB", (400, 300))
+    exif = picture.getexif()
+    exif.get_ifd(0x8769)[0xA405] = 50
+    picture.save(tmp_path / "a.jpg", exif=exif)
+    assert focal_of(tmp_path / "a.jpg") == pytest.approx(50 / 43.2666 * 500, rel=1e-4)
+    assert focal_of(str(tmp_path / "a.jpg")) == focal_of(Image.open(tmp_path / "a.jpg"))
+
+
+@pytest.mark.parametrize("told", [0, 65000, None])
+def test_a_focal_length_that_is_none_is_not_read(tmp_path: Path, told: int | None) -> None:
+    picture = Image.new("RGB", (400, 300))
+    exif = picture.getexif()
+    if told is not None:
+        exif.get_ifd(0x8769)[0xA405] = told
+    picture.save(tmp_path / "a.jpg", exif=exif)
+    assert focal_of(tmp_path / "a.jpg") is None
+    for other in (tmp_path / "nothing.jpg", np.zeros((20, 20, 3)), 7):
+        assert focal_of(other) is None
 
 
 def test_an_embedded_colour_profile_is_honoured(tmp_path: Path) -> None:

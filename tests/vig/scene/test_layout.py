@@ -48,8 +48,8 @@ def test_blocks_are_added_replaced_held_and_left_out() -> None:
 
 def test_bounds_are_those_of_the_blocks() -> None:
     lower, upper = point_layout(1).bounds()
-    assert lower == (-3.0, -math.inf, 0.0, *[0.0] * 3, *[-math.inf] * 9, -0.15, -0.15, -0.35)
-    assert upper == (3.0, math.inf, math.pi / 2, *[1.0] * 3, *[math.inf] * 9, 0.15, 0.15, 0.35)
+    assert lower == (-3.0, -math.inf, 0.0, *[0.0] * 3, *[-math.inf] * 9, -0.4, -0.4, -1.0)
+    assert upper == (3.0, math.inf, math.pi / 2, *[1.0] * 3, *[math.inf] * 9, 0.4, 0.4, 1.0)
 
 
 def test_misuse_is_named() -> None:

@@ -12,9 +12,12 @@ import torch
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass
 from vig_lab.training.drawing import studio_examples
+from vig_lab.training.snapshots import continued
 from vig_lab.training.studio import Studio, StudioSettings
 
-PLAIN = StudioSettings(decorated=0, metal=0, glass=0, occluded=0, absent=0, boxed=0, small=0, roll=0, warp=0)
+PLAIN = StudioSettings(
+    decorated=0, metal=0, glass=0, occluded=0, absent=0, boxed=0, small=0, roll=0, continued=0, warp=0
+)
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +98,32 @@ def test_examples_are_those_of_the_images(studio: Studio) -> None:
     latents = Latents.from_vector(torch.from_numpy(one.latents)[None])
     assert float(examples.azimuth[1]) == pytest.approx(float(latents.azimuth[0]))
     assert float(examples.roll[1]) == pytest.approx(one.roll)
+
+
+def test_things_before_the_object_hide_up_to_the_most_that_is_set(teapot: ObjectClass) -> None:
+    studio = Studio(teapot, replace(PLAIN, occluded=1, most_hidden=0.6))
+    shares = []
+    for index in range(60):
+        drawn = studio.draw(6, index)
+        whole = drawn.visible.sum(dtype=float) + drawn.hidden.sum(dtype=float)
+        shares.append(drawn.hidden.sum() / whole)
+    assert max(shares) <= 0.61
+    assert np.quantile(shares, 0.8) > 0.3 and np.quantile(shares, 0.2) < 0.2, "from little to much"
+
+
+def test_borders_are_continued_outside_the_object() -> None:
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 255, (150, 150, 3), dtype=np.uint8)
+    cover = np.zeros((150, 150), bool)
+    cover[60:100, 50:90] = True
+    changed = 0
+    for _ in range(20):
+        made = continued(rng, image, cover)
+        np.testing.assert_array_equal(made[cover], image[cover])
+        off = (made != image).any(2)
+        changed += off.any()
+        rows, columns = off.any(1), off.any(0)
+        for side, first in ((made, rows[0]), (made[::-1], rows[-1])):
+            if first and not columns[[0, -1]].any():
+                np.testing.assert_array_equal(side[0], side[1])
+    assert changed > 15

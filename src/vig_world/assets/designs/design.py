@@ -5,6 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from importlib import resources
+from typing import Literal, get_args
+
+Handle = Literal["behind", "above", "straight"]
+"""An ear behind the body; a bail over the lid, from shoulder to shoulder; or a straight grip behind."""
+HANDLES: tuple[Handle, ...] = get_args(Handle)
 
 
 @dataclass(frozen=True)
@@ -22,6 +27,9 @@ class TeapotDesign:
     belly_aspect: float = 1.0  # width (y) / length (x) of the body's section
     squareness: float = 0.0  # 0 round .. 1 nearly square section, at the belly
     lid_squareness: float = 0.0  # the same at rim and lid
+    lobes: int = 0  # how many ribs or flat sides the body has round its axis, 0 for none
+    lobe_depth: float = 0.0  # ribs: amplitude / radius
+    lobe_flatness: float = 0.0  # flat sides: 0 round .. 1 a polygon of `lobes` sides
     base_radius: float = 0.055  # where the body meets the foot
     base_fullness: float = 0.55  # 0 a cone below the belly .. 0.55 round .. 1 nearly a cylinder
     shoulder_height: float = 0.116  # the top of the body's curve
@@ -59,22 +67,23 @@ class TeapotDesign:
     spout_ellipticity: float = 1.1  # height / width of its section at the base
     mouth_tilt: float = 22.0  # how far the lower lip runs ahead of a square cut
     # Handle
+    handle: Handle = "behind"
+    bail_height: float = 0.075  # above: the centre line's top above the lid's
+    bail_span: float = 0.75  # above: radius at which its ends meet the shoulder / belly_radius
+    bail_swell: float = 0.1  # above: how far it bows out beyond its ends / belly_radius
+    bail_shift: float = 0.0  # above: x of its top / belly_radius
+    # Behind, and straight where a comment says so
     handle_top: float = 0.100
     handle_bottom: float = 0.040
-    handle_reach: float = 0.035  # its centre line's outermost point beyond belly_radius
+    handle_reach: float = 0.035  # its centre line's outermost point beyond belly_radius; straight too
     handle_peak: float = 0.6  # height of the outermost point between bottom (0) and top (1)
-    handle_rise: float = 15.0  # direction of its upper end above the horizon
+    handle_rise: float = 15.0  # direction of its upper end above the horizon; straight: of the whole grip
     handle_drop: float = 10.0  # direction of its lower end above the horizon, seen from the body
-    handle_upper_roundness: float = 0.6  # 0.3 pointed .. 0.55 round .. 0.9 squared
+    handle_upper_roundness: float = 0.6  # 0.3 pointed .. 0.55 round .. 0.9 squared; above: of the arc
     handle_lower_roundness: float = 0.55
-    handle_thickness: float = 0.012  # in the loop's plane
+    handle_thickness: float = 0.012  # in the loop's plane; straight: half the grip's
     handle_width: float = 0.016  # across it
     handle_squareness: float = 0.2  # of its section: 0 elliptic .. 1 nearly rectangular
-    # A handle over the lid (a bail) in place of one behind, where this is not 0; of the numbers above
-    # only thickness, width and squareness then count.
-    bail_height: float = 0.0  # its centre line's highest point above shoulder_height
-    bail_end: float = 0.85  # height of its ends / shoulder_height
-    bail_roundness: float = 0.6  # 0.3 pointed .. 0.6 round .. 0.9 squared
 
 
 def load_designs(split: str) -> tuple[TeapotDesign, ...]:

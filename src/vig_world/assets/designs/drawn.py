@@ -1,99 +1,121 @@
-"""Random teapots: between two named designs, with spout, handle and proportions of their own."""
+"""Random designs: mixtures of the named ones, part by part, a pure function of the random stream."""
 
 from __future__ import annotations
 
-import functools
-from dataclasses import fields, replace
+from dataclasses import asdict, fields
+from typing import Any
 
 import numpy as np
 
-from vig_world.assets.designs.design import TRAINING_DESIGNS, TeapotDesign
-from vig_world.assets.designs.teapot import teapot_vertices
+from vig_world.assets.designs.design import HANDLES, TRAINING_DESIGNS, Handle, TeapotDesign
+from vig_world.assets.designs.flaws import flaws
 
-BAILS = 0.25
-"""Share of designs whose handle goes over the lid."""
-_NUMBERS = tuple(field.name for field in fields(TeapotDesign) if field.name != "name")
-_LENGTHS = ("_radius", "_height", "_reach", "_tip_height", "handle_top", "handle_bottom")
-_HANDLE = ("handle_top", "handle_bottom", "handle_reach")
+SHARES: dict[Handle, float] = {"behind": 0.7, "above": 0.22, "straight": 0.08}
+"""How often each handle is drawn."""
+
+JITTER = 0.06
+"""Standard deviation of each length's logarithm about its mixture's."""
+ANGLE_JITTER = 4.0
+"""Degrees, the same of angles."""
+
+MOST_TRIES = 200
+
+_GROUPS = (
+    ("belly", "square", "lobe", "base", "shoulder", "neck", "upper", "rim", "foot"),
+    ("lid",),
+    ("knob",),
+    ("spout", "mouth"),
+    ("handle", "bail"),
+)
+_KINDS = ("name", "handle", "lobes")
+_OF_SHOULDER = ("belly_height", "spout_base_height", "spout_tip_height", "handle_top", "handle_bottom")
+_OF_NECK = ("lid_height", "knob_height", "knob_radius")
+_OF_BELLY = (
+    *("base_radius", "shoulder_height", "neck_radius", "bail_height"),
+    *("spout_reach", "spout_base_radius", "spout_tip_radius", "handle_reach"),
+)
+_ANGLES = ("spout_base_angle", "spout_tip_angle", "mouth_tilt", "handle_rise", "handle_drop")
+_LENGTHS = (
+    *_OF_SHOULDER,
+    *_OF_NECK,
+    *_OF_BELLY,
+    *("belly_radius", "foot_height", "neck_height", "lid_thickness", "handle_thickness", "handle_width"),
+)
 
 
-def drawn_design(rng: np.random.Generator, name: str) -> TeapotDesign:
-    """A design drawn at random; one whose parts would not hold together is drawn again."""
-    while True:
-        design = _candidate(rng, name)
-        if _holds_together(design):
+def draw_design(
+    rng: np.random.Generator, name: str = "drawn", handles: tuple[Handle, ...] = HANDLES
+) -> TeapotDesign:
+    """Draw a sound design: body, lid, knob, spout and handle each of a mixture of two training designs.
+
+    Lengths are mixed as ratios (heights of spout and handle to the shoulder's), so that a part fits another
+    body. Raises RuntimeError when `MOST_TRIES` drawn designs in a row have flaws.
+    """
+    shares = np.array([SHARES[handle] for handle in handles])
+    handle = handles[int(rng.choice(len(handles), p=shares / shares.sum()))]
+    for _ in range(MOST_TRIES):
+        design = _mixture(rng, handle, name)
+        if not flaws(design):
             return design
+    raise RuntimeError(f"{MOST_TRIES} drawn designs with a handle {handle} had flaws, the last: {design}")
 
 
-@functools.lru_cache(maxsize=4)
-def drawn_designs(count: int, seed: int = 0) -> tuple[TeapotDesign, ...]:
-    """The first `count` designs of a seed."""
+def drawn_designs(
+    count: int, handles: tuple[Handle, ...] = HANDLES, seed: int = 0
+) -> tuple[TeapotDesign, ...]:
+    """The first `count` random designs of a seed; a longer list begins with the shorter one.
+
+    handles: the kinds drawn, in proportion to `SHARES`.
+    """
     return tuple(
-        drawn_design(np.random.default_rng(np.random.SeedSequence([seed, number])), f"drawn {number}")
-        for number in range(count)
+        draw_design(
+            np.random.default_rng(np.random.SeedSequence([seed, index])), f"drawn {seed}.{index}", handles
+        )
+        for index in range(count)
     )
 
 
-def _candidate(rng: np.random.Generator, name: str) -> TeapotDesign:
-    one, other = (TRAINING_DESIGNS[int(i)] for i in rng.choice(len(TRAINING_DESIGNS), 2, replace=False))
-    share = rng.beta(0.5, 0.5)
-    values = {k: getattr(one, k) + share * (getattr(other, k) - getattr(one, k)) for k in _NUMBERS}
-    wide, tall = np.exp(rng.normal(0, [0.1, 0.2]))
-    for key in values:
-        if key.endswith(("_height", "handle_top", "handle_bottom")):
-            values[key] *= tall
-        elif key in ("belly_radius", "base_radius", "neck_radius"):
-            values[key] *= wide
-    shoulder, belly = values["shoulder_height"], values["belly_radius"]
-    values["neck_radius"] = np.clip(
-        values["neck_radius"] * np.exp(rng.normal(0, 0.2)), 0.3 * belly, 0.85 * belly
-    )
-    values["base_radius"] = np.clip(
-        values["base_radius"] * np.exp(rng.normal(0, 0.2)), 0.35 * belly, 0.95 * belly
-    )
-    values["belly_height"] = np.clip(
-        values["belly_height"] * np.exp(rng.normal(0, 0.15)), 0.25 * shoulder, 0.75 * shoulder
-    )
-    for key in ("lid_height", "knob_height", "knob_radius", "foot_height"):
-        values[key] *= np.exp(rng.normal(0, 0.35))
-    # The spout: short or long, low or high, straight or curved, thin or thick.
-    values["spout_reach"] *= np.exp(rng.normal(0, 0.35))
-    values["spout_tip_height"] = shoulder * rng.uniform(0.75, 1.2)
-    values["spout_base_height"] = np.clip(
-        shoulder * rng.uniform(0.3, 0.65), 0, values["spout_tip_height"] - 0.03
-    )
-    values["spout_bend"] = float(np.clip(values["spout_bend"] + rng.normal(0, 0.15), 0.0, 0.6))
-    values["spout_base_angle"] += rng.normal(0, 12)
-    values["spout_tip_angle"] += rng.normal(0, 12)
-    for key in ("spout_base_radius", "spout_tip_radius", "handle_thickness", "handle_width"):
-        values[key] *= np.exp(rng.normal(0, 0.2))
-    # The handle: an ear or a ring of any size.
-    values["handle_top"] = shoulder * rng.uniform(0.68, 1.0)
-    values["handle_bottom"] = values["handle_top"] - shoulder * rng.uniform(0.3, 0.62)
-    values["handle_reach"] = belly * rng.uniform(0.25, 0.75)
-    values["handle_peak"] = rng.uniform(0.4, 0.95)
-    values["handle_rise"] = rng.uniform(-5, 40)
-    if rng.random() < BAILS:
-        values["bail_height"] = shoulder * rng.uniform(0.55, 1.3)
-        values["bail_end"] = rng.uniform(0.75, 0.97)
-        values["bail_roundness"] = rng.uniform(0.4, 0.8)
-    return replace(one, name=name, **{key: float(value) for key, value in values.items()})
+def _mixture(rng: np.random.Generator, handle: Handle, name: str) -> TeapotDesign:
+    with_handle = [design for design in TRAINING_DESIGNS if design.handle == handle]
+    mixed: dict[str, Any] = {"name": name, "handle": handle}
+    for group in _GROUPS:
+        designs = with_handle if "handle" in group else TRAINING_DESIGNS
+        first, second = (_relative(designs[index]) for index in rng.integers(len(designs), size=2))
+        weight = rng.uniform(0.5, 1.0)
+        for key in first:
+            if key.startswith(group) and key not in _KINDS:
+                mixed[key] = weight * first[key] + (1.0 - weight) * second[key]
+        if "lobe" in group:
+            mixed["lobes"] = first["lobes"]
+    for key in _LENGTHS:
+        mixed[key] *= np.exp(rng.normal(0.0, JITTER))
+    for key in _ANGLES:
+        mixed[key] += rng.normal(0.0, ANGLE_JITTER)
+    return _absolute(mixed)
 
 
-def _holds_together(design: TeapotDesign) -> bool:
-    """Whether sizes are those of a pot, and handle and spout reach their places."""
-    try:
-        vertices = teapot_vertices(design)
-    except (ValueError, FloatingPointError):
-        return False
-    length, width, height = np.ptp(vertices, axis=0)
-    bail = design.bail_height > 0
-    return bool(
-        np.isfinite(vertices).all()
-        and 0.12 < length < 0.4
-        and 0.08 < width < 0.3
-        and 0.07 < height < 0.36
-        and design.handle_bottom > design.foot_height + 0.005
-        and (bail or design.handle_top - design.handle_bottom > 2.2 * design.handle_thickness)
-        and abs(vertices[:, 2].min()) < 1e-3
-    )
+def _relative(design: TeapotDesign) -> dict[str, Any]:
+    """A design's parameters, lengths that depend on the body's size as ratios."""
+    d = asdict(design)
+    return {key: value / _unit(d, key) if key in _LENGTHS else value for key, value in d.items()}
+
+
+def _absolute(relative: dict[str, Any]) -> TeapotDesign:
+    """The design of ratios; `_relative` undone."""
+    d = dict(relative)
+    for key in (*_OF_BELLY, *_OF_SHOULDER, *_OF_NECK):  # in the order in which units come to be known
+        d[key] = relative[key] * _unit(d, key)
+    names = [field.name for field in fields(TeapotDesign)]
+    return TeapotDesign(**{key: _plain(d[key]) for key in names})
+
+
+def _unit(d: dict[str, Any], key: str) -> float:
+    units = (("belly_radius", _OF_BELLY), ("shoulder_height", _OF_SHOULDER), ("neck_radius", _OF_NECK))
+    for unit, keys in units:
+        if key in keys:
+            return float(d[unit])
+    return 1.0
+
+
+def _plain(value: Any) -> Any:
+    return round(float(value), 5) if isinstance(value, float) else value

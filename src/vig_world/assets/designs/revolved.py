@@ -35,6 +35,11 @@ class Wall:
         order = np.argsort(self.points[:, 1], kind="stable")
         return np.interp(height, self.points[order, 1], self.points[order, 0])
 
+    def shoulder(self, radius: float) -> float:
+        """Height at which the body, above its belly, has narrowed to a radius, metres."""
+        upper = self.points[np.argmax(self.points[:, 0]) :]
+        return float(np.interp(-radius, -np.maximum.accumulate(upper[::-1, 0])[::-1], upper[:, 1]))
+
 
 def wall(design: TeapotDesign) -> Wall:
     """The body's dense profile; foot, neck and rim come before and after it."""
@@ -95,7 +100,29 @@ def body_vertices(design: TeapotDesign) -> np.ndarray:
     square = np.concatenate(
         [np.full(len(bottom), d.squareness), square_side, np.full(len(top), d.lid_squareness)]
     )
-    return _revolve(BODY_LOFT, profile, square, d.belly_aspect)
+    vertices = _revolve(BODY_LOFT, profile, square, d.belly_aspect)
+    if d.lobes:
+        # Ribs and flat sides are those of the wall; foot and rim are round.
+        depth = np.concatenate(
+            [
+                np.zeros(len(bottom)),
+                smoothstep(4.0 * along) * smoothstep(3.0 * (1.0 - along)),
+                np.zeros(len(top)),
+            ]
+        )
+        vertices[:, :2] *= _lobed(d, vertices, np.repeat(depth, BODY_LOFT.counts))[:, None]
+    return vertices
+
+
+def _lobed(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Factor of the radius of each vertex (V,) by ribs and flat sides, where `depth` (V,) is 0 to 1."""
+    d = design
+    angle = np.arctan2(vertices[:, 1], vertices[:, 0])
+    ribs = d.lobe_depth * np.cos(d.lobes * angle)
+    # The middle of a side, not a corner, is in front: spout and handle meet a flat.
+    side = 2.0 * np.pi / d.lobes
+    polygon = np.cos(0.5 * side) / np.cos((angle + 0.5 * side) % side - 0.5 * side)
+    return 1.0 + depth * (ribs + d.lobe_flatness * (polygon / np.sqrt(np.cos(0.5 * side)) - 1.0))
 
 
 def lid_vertices(design: TeapotDesign) -> np.ndarray:

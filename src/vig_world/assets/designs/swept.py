@@ -14,7 +14,7 @@ from vig_world.assets.designs.curves import (
     tangents,
 )
 from vig_world.assets.designs.design import TeapotDesign
-from vig_world.assets.designs.revolved import Wall
+from vig_world.assets.designs.revolved import Wall, lid_top
 from vig_world.assets.designs.topology import Loft
 
 _SPOUT_AROUND = 20
@@ -27,6 +27,8 @@ HANDLE_LOFT = Loft((1, 6, *[_HANDLE_AROUND] * _HANDLE_RINGS, 6, 1))
 _HIDDEN = 0.022  # how far the ends of spout and handle stay below the body's surface
 _SPOUT_FLARE = 0.18  # extra radius at the spout's base
 _HANDLE_FLARE = 1.55  # scale of the handle's section at its ends
+_BAIL_HIDDEN = 0.014  # how far the ends of a handle above the lid reach below the shoulder
+_GRIP_GAP = 1.08  # distance of the two halves of a straight handle / their thickness
 _DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
 
@@ -65,12 +67,32 @@ def spout_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
 
 
 def handle_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
-    """The handle as a closed surface over HANDLE_LOFT, both ends inside the body, (V, 3)."""
+    """The handle as a closed surface over HANDLE_LOFT, both ends inside the body, (V, 3).
+
+    Its rings run from the lower end to the upper one; above the lid, from the back to the front, which is the
+    ear turned about the pot: the two blend into each other.
+    """
     d = design
     half, side = 0.5 * d.handle_thickness, 0.5 * d.handle_width
-    end_half, end_side = _HANDLE_FLARE * half, _HANDLE_FLARE * side
-    if d.bail_height:
-        return _bail(d, wall, half, side)
+    line = {"behind": _ear, "above": _bail, "straight": _grip}[d.handle]
+    u = np.linspace(0.0, 1.0, _HANDLE_RINGS)
+    centre, tangent = _centre_line(line(d, wall), u)
+    swell = 1.0 + (_HANDLE_FLARE - 1.0) * (2.0 * np.abs(u - 0.5)) ** 5
+    lean = np.zeros(_HANDLE_RINGS)
+    if d.handle != "above":
+        # The end sections lean upright, parallel to the body's wall.
+        upright = -tangent[[0, -1], 1] / tangent[[0, -1], 0]
+        lean = upright[0] * (1.0 - smoothstep(u / 0.2)) + upright[-1] * smoothstep((u - 0.8) / 0.2)
+    rings = [
+        _section(_HANDLE_AROUND, c, t, half * s, side * s, a, d.handle_squareness)
+        for c, t, s, a in zip(centre, tangent, swell, lean, strict=True)
+    ]
+    return np.concatenate([*_cap(rings[0], 6), *rings, *_cap(rings[-1], 6)[::-1]])
+
+
+def _ear(d: TeapotDesign, wall: Wall) -> np.ndarray:
+    """Centre line (N, 2) of (x, z) of a handle behind the body, from its lower end to its upper."""
+    end_half, end_side = 0.5 * _HANDLE_FLARE * d.handle_thickness, 0.5 * _HANDLE_FLARE * d.handle_width
     rise, drop = np.radians(d.handle_rise), np.radians(d.handle_drop)
     top_x = -_inside(d, wall, d.handle_top, end_half / np.cos(rise), end_side)
     bottom_x = -_inside(d, wall, d.handle_bottom, end_half / np.cos(drop), end_side)
@@ -92,37 +114,45 @@ def handle_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
             top,
         ),
     )
-    u = np.linspace(0.0, 1.0, _HANDLE_RINGS)
-    centre, tangent = _centre_line(smooth(dense, 0.035), u)
-    swell = 1.0 + (_HANDLE_FLARE - 1.0) * (2.0 * np.abs(u - 0.5)) ** 5
-    # The end sections lean upright, parallel to the body's wall.
-    upright = -tangent[[0, -1], 1] / tangent[[0, -1], 0]
-    lean = upright[0] * (1.0 - smoothstep(u / 0.2)) + upright[-1] * smoothstep((u - 0.8) / 0.2)
-    rings = [
-        _section(_HANDLE_AROUND, c, t, half * s, side * s, a, d.handle_squareness)
-        for c, t, s, a in zip(centre, tangent, swell, lean, strict=True)
-    ]
-    return np.concatenate([*_cap(rings[0], 6), *rings, *_cap(rings[-1], 6)[::-1]])
+    return smooth(dense, 0.035)
 
 
-def _bail(d: TeapotDesign, wall: Wall, half: float, side: float) -> np.ndarray:
-    """A handle over the lid, from behind to the front: as `handle_vertices`."""
-    height = d.bail_end * d.shoulder_height
-    reach = _inside(d, wall, height, _HANDLE_FLARE * half, _HANDLE_FLARE * side)
-    top = d.shoulder_height + d.bail_height
-    up, level = d.bail_roundness * (top - height), d.bail_roundness * reach
-    back, peak, front = np.array([-reach, height]), np.array([0.0, top]), np.array([reach, height])
-    dense = join(
-        bezier(back, back + [-0.2 * level, up], peak - [level, 0.0], peak),
-        bezier(peak, peak + [level, 0.0], front + [0.2 * level, up], front),
-    )
-    u = np.linspace(0.0, 1.0, _HANDLE_RINGS)
-    centre, tangent = _centre_line(dense, u)
-    rings = [
-        _section(_HANDLE_AROUND, c, t, half, side, 0.0, d.handle_squareness)
-        for c, t in zip(centre, tangent, strict=True)
-    ]
-    return np.concatenate([*_cap(rings[0], 6), *rings, *_cap(rings[-1], 6)[::-1]])
+def _bail(d: TeapotDesign, wall: Wall) -> np.ndarray:
+    """Centre line (N, 2) of (x, z) of a handle above the lid, from the back shoulder to the front's."""
+    span, widest = d.bail_span * d.belly_radius, (d.bail_span + d.bail_swell) * d.belly_radius
+    end = wall.shoulder(span)
+    top = np.array([d.bail_shift * d.belly_radius, lid_top(d) + d.bail_height])
+    middle = end + 0.45 * (top[1] - end)
+    pieces = []
+    for sign in (-1.0, 1.0):
+        foot, out = np.array([sign * span, end - _BAIL_HIDDEN]), np.array([sign * widest, middle])
+        rise, reach = middle - foot[1], abs(out[0] - top[0])
+        leg = bezier(foot, foot + [0.0, 0.4 * rise], out - [0.0, 0.5 * rise], out)
+        arc = bezier(
+            out,
+            out + [0.0, d.handle_upper_roundness * (top[1] - middle)],
+            top + [sign * d.handle_upper_roundness * reach, 0.0],
+            top,
+        )
+        pieces += [leg, arc] if sign < 0.0 else [arc[::-1], leg[::-1]]
+    return smooth(join(*pieces), 0.02)
+
+
+def _grip(d: TeapotDesign, wall: Wall) -> np.ndarray:
+    """Centre line (N, 2) of (x, z) of a straight handle: out below, round its tip and back above.
+
+    The halves of the loop touch, so that a grip is an ear without an opening, and the two blend.
+    """
+    slope = np.radians(d.handle_rise)
+    way, up = np.array([-np.cos(slope), np.sin(slope)]), np.array([np.sin(slope), np.cos(slope)])
+    bend = 0.5 * _GRIP_GAP * d.handle_thickness
+    half = (bend + 0.5 * _HANDLE_FLARE * d.handle_thickness) / np.cos(slope)
+    base_x = -_inside(d, wall, d.handle_top, half, 0.5 * _HANDLE_FLARE * d.handle_width)
+    base = np.array([base_x, d.handle_top])
+    length = (d.belly_radius + d.handle_reach + base_x) / np.cos(slope)
+    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 65)[:, None]
+    tip = base + length * way + bend * (np.cos(turn) * way + np.sin(turn) * up)
+    return np.concatenate([[base - bend * up], tip, [base + bend * up]])
 
 
 def _inside(d: TeapotDesign, wall: Wall, height: float, half_height: float, half_width: float) -> float:
