@@ -56,7 +56,8 @@ def test_the_pack_holds_the_held_out_designs() -> None:
 
 def test_the_pack_holds_the_families(packaged: ObjectClass) -> None:
     built = teapot_families(packaged.shape_model)
-    assert [family.name for family in packaged.families] == ["handle behind", "handle above", "handle straight"]
+    names = [family.name for family in packaged.families]
+    assert names == ["handle behind", "handle above", "handle straight"]
     for held, made in zip(packaged.families, built, strict=True):
         assert held.share == made.share
         np.testing.assert_allclose(held.mean, made.mean, atol=2e-3)
