@@ -66,7 +66,7 @@ class Run:
         with tempfile.TemporaryDirectory() as folder, Memory() as memory:
             out = Path(folder) / "dataset"
             started = time.perf_counter()
-            make_dataset(out, count, seed, tier=renderer, workers=workers, progress=False)
+            make_dataset(out, count, seed, tier=renderer, workers=workers, progress=False, world="paper")
             whole = count / (time.perf_counter() - started)
             written = [image_paths(out / "train", i)["rgb"].stat().st_mtime for i in range(count)]
         late = np.sort(written)[count // 4 :]

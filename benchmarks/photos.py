@@ -35,7 +35,7 @@ def chosen(arguments: argparse.Namespace, object_class: ObjectClass) -> tuple[to
 def made(object_class: ObjectClass, count: int, seed: int) -> tuple[np.ndarray, torch.Tensor]:
     """Photos (N, H, W, 3) uint8 and latents (N, P) of the test split's scenes."""
     library = Library("test")
-    specs = [sample(library, object_class, seed, index) for index in range(count)]
+    specs = [sample(library, object_class, seed, index, "paper") for index in range(count)]
     images = np.stack([render(library, spec, object_class).image for spec in specs])
     return images, torch.tensor(np.stack([spec.latents() for spec in specs]), dtype=torch.float32)
 

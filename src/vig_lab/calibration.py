@@ -22,6 +22,7 @@ from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
 from vig.scene import ObjectClass, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
+from vig_lab.evaluation.framing import fit_settings, framed
 from vig_lab.training.calibration import WITHIN_90
 from vig_lab.training.drawing import studio_examples
 from vig_lab.training.examples import Examples
@@ -49,7 +50,7 @@ IN_DISTRIBUTION_FEATURES = (
     "log_azimuth_entropy",
     "log_elevation_deviation",
     "shape_deviation",
-    "log_presence",
+    "presence_log_odds",
     "predicted_roll",
     "outline_agreement",
 )
@@ -66,6 +67,8 @@ ROLLED_EVERY = 2
 """Of the photos that can be, one in so many is also rolled: a photo out of distribution."""
 HIGHEST_ROLLED = math.radians(50.0)
 """Elevation of the eye up to which a rolled photo is wrong: from above, it is one of another azimuth."""
+ABSENT = 0.45
+"""Share of a studio's photos that show something else."""
 LEAST_ROLL = 20.0
 """Degrees by which such photos are rolled at least, one way or the other."""
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -120,7 +123,7 @@ class StudioPhotos:
     @staticmethod
     def draw(object_class: ObjectClass, split: Split, count: int, seed: int) -> tuple[StudioPhotos, Examples]:
         """The first `count` images of a seed, level ones of a split's designs; and those with the object."""
-        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=0.2), split)
+        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT), split)
         drawn = studio_examples(studio, seed, range(count))
         shown = drawn.present() > 0
         latents = latents_of(drawn.numbers, drawn.azimuth).to_vector().numpy()
@@ -169,11 +172,14 @@ def calibrate_fits(
     parts = []
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
-        how = replace(plain, farther=PHOTO_FARTHER) if isinstance(dataset, StudioPhotos) else plain
-        fits, origin = fitted(dataset.images, name, how), to_roll(dataset)
-        photos = rolled(dataset.images[origin], roll_angles(len(origin)))
         if isinstance(dataset, StudioPhotos):
+            images, how = dataset.images, replace(plain, farther=PHOTO_FARTHER)
             photos, origin = dataset.others, np.arange(len(dataset.others))
+        else:
+            images, how = framed(dataset, recognizer)[0], fit_settings(plain, dataset)
+            origin = to_roll(dataset)
+            photos = rolled(images[origin], roll_angles(len(origin)))
+        fits = fitted(images, name, how)
         rolled_features = fits.confidence_features[:0]
         if len(origin):
             rolled_features = fitted(photos, name + "_outside", how).confidence_features

@@ -27,7 +27,7 @@ from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
 from vig_world.renderers.raster import Packed, Pyramid
-from vig_world.rooms import Layout, draw_layout, material_under
+from vig_world.rooms import Layout, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
 
 PROPS_PER_FAMILY = {"train": 16, "test": 8, "validation": 8}
@@ -36,6 +36,8 @@ PANORAMAS = {"train": 200, "test": 70, "validation": 70}
 SIZES = 0.95, 1.05
 """Range of the factor by which each prop is scaled, so that no two are identical."""
 LAYOUTS = {"train": 96, "test": 32, "validation": 32}
+SWEEPS = {"train": 64, "test": 24, "validation": 24}
+"""Seamless grounds, whose numbers follow those of the rooms."""
 TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Factor on the finishes of rooms, so that lit ones are seldom overexposed."""
@@ -145,8 +147,15 @@ class Library:
         """How many furnished rooms there are."""
         return LAYOUTS[self.split]
 
+    @property
+    def sweeps(self) -> range:
+        """Numbers of the layouts that are seamless grounds."""
+        return range(self.layouts, self.layouts + SWEEPS[self.split])
+
     def _layout(self, number: int) -> Layout:
-        """Furnished room `number`."""
+        """Furnished room `number`, or a seamless ground."""
+        if number >= self.layouts:
+            return draw_sweep(asset_rng(self.split, "sweep", number))
         return draw_layout(asset_rng(self.split, "layout", number), self._furniture)
 
     def _furniture(self, family: str, rng: np.random.Generator) -> Furniture:

@@ -18,7 +18,7 @@ SIGMA = ExplainSettings().likelihood.sigma
 @pytest.fixture(scope="module")
 def fits() -> Fits:
     teapot = ObjectClass.load("teapot")
-    images, _ = photos.made(teapot, 2, seed=8)
+    images, _ = photos.made(teapot, 2, seed=12)
     return Fits(teapot, torch.from_numpy(linear_from_srgb(images / 255)).float())
 
 

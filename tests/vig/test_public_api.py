@@ -196,7 +196,7 @@ def test_numpy_alone_puts_the_mesh_on_the_photo(explanation: vig.Explanation, tm
     # A pixel is of the object where half of it is covered; the pixel's far edge is its number plus one.
     found = column.min(), column.max(), row.min(), row.max()
     box = columns.min(), columns.max() + 1, rows.min(), rows.max() + 1
-    np.testing.assert_allclose(found, box, atol=1.0)
+    np.testing.assert_allclose(found, box, atol=1.2)  # a thin tip covers less than half of its last pixel
 
 
 def test_an_explanation_is_drawn_where_it_was_fitted_and_turned_and_relit(

@@ -32,7 +32,9 @@ def quick() -> ExplainSettings:
 def made(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Path:
     """A dataset's folder: four images of the test split."""
     out = tmp_path_factory.mktemp("evaluated") / "d"
-    return make_dataset(out, 4, 3, split="test", workers=1, progress=False, object_class=teapot)
+    return make_dataset(
+        out, 4, 3, split="test", workers=1, progress=False, object_class=teapot, world="paper"
+    )
 
 
 @pytest.fixture(scope="session")

@@ -302,7 +302,9 @@ def run(capsys, *arguments: object) -> tuple[int, str, str]:
 def photos(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Path:
     """A dataset's folder: four images of the validation split."""
     out = tmp_path_factory.mktemp("calibrated") / "d"
-    return make_dataset(out, 4, 3, split="validation", workers=1, progress=False, object_class=teapot)
+    return make_dataset(
+        out, 4, 3, split="validation", workers=1, progress=False, object_class=teapot, world="paper"
+    )
 
 
 def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_fits(

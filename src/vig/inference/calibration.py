@@ -38,7 +38,7 @@ CONFIDENCE_FEATURES = (
     "log_azimuth_entropy",  # of the network's view probabilities
     "log_elevation_deviation",  # as the network states it
     "shape_deviation",  # mean over the components, as the network states them
-    "log_presence",  # log probability, as predicted, that the photo shows the object at all
+    "presence_log_odds",  # log odds, as predicted, that the photo shows the object at all
     "predicted_roll",  # absolute, radians: that the network sees in a photo that should stand upright
     "outline_agreement",  # intersection over union of what the fit covers and the network's object
 )

@@ -124,7 +124,7 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
         "log_azimuth_entropy": math.log(max(entropy, 1e-3)),
         "log_elevation_deviation": math.log(max(float(stated["elevation"]), 1e-4)),
         "shape_deviation": float(stated["shape"].mean()),
-        "log_presence": math.log(max(float(prediction.presence[0]), 1e-4)),
+        "presence_log_odds": float(prediction.presence[0].double().logit(eps=LEAST_PROBABILITY)),
         "predicted_roll": abs(float(prediction.roll[0])),
         "outline_agreement": int((shown.amodal & predicted).sum()) / max(union, 1),
     }

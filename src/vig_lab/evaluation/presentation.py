@@ -49,6 +49,7 @@ def blocks(table: Mapping[str, Any]) -> list[Block]:
     found = [
         _medians(table, "rows", METRICS, "Table 1"),
         _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
+        _finishes(table),
         _fits(table),
         _coverage(table),
         _tests(table),
@@ -92,6 +93,23 @@ def _fits(table: Mapping[str, Any]) -> Block:
         lines.append([*line, counts[0], "-" if near is None else f"{near:.1%}", *counts[1:]])
     header = ["", f"azimuth off by > {FAR_DEG:.0f}", VERDICTS[0], f"within {NEAR_DEG:.0f}", *VERDICTS[1:]]
     return Block("Failures and verdicts; degrees; within: of the trusted", header, lines)
+
+
+def _finishes(table: Mapping[str, Any]) -> Block:
+    """Photographs by what the object is covered with."""
+    lines = []
+    for finish, methods in table.get("finishes", {}).items():
+        for method, found in methods.items():
+            verdicts = found["verdicts"]
+            near = None if verdicts is None else verdicts["trusted_within_15_deg"]
+            trusted = "-" if verdicts is None else f"{verdicts['trusted_share']:.0%}"
+            values = [str(found["count"]), _digits(found["azimuth_deg"]), f"{found['within_15_deg']:.0%}"]
+            lines.append(
+                [f"{finish}: {method}", *values, _digits(found["segmentation_iou"]), trusted]
+                + ["-" if near is None else f"{near:.0%}"]
+            )
+    header = ["", "images", "azimuth (degrees)", f"within {NEAR_DEG:.0f}", "IoU", "trusted", "of them right"]
+    return Block("By what covers the object; medians", header, lines)
 
 
 def _coverage(table: Mapping[str, Any]) -> Block:

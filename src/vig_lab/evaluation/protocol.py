@@ -17,6 +17,7 @@ from vig.names import LikelihoodName
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
+from vig_lab.evaluation.framing import fit_settings, framed
 from vig_lab.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
@@ -83,14 +84,15 @@ def evaluate(
     """
     _check(dataset, object_class, methods)
     settings = settings or ExplainSettings()
-    truth = Truth.of(dataset, object_class)
-    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
+    images, visible = framed(dataset, recognizer)
+    truth = Truth.of(dataset, object_class, visible)
+    photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
     prediction = recognizer(photos)
     fits: dict[str, Fits] = {}
     for name in fitted(methods):
-        chosen = replace(settings, likelihood=LIKELIHOODS[name])
+        chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), dataset)
         fits[name] = fit_all(
-            dataset.images,
+            images,
             photos,
             prediction,
             object_class,
@@ -132,12 +134,12 @@ class Truth:
     """(N, H, W) bool: the object's visible pixels."""
 
     @staticmethod
-    def of(dataset: Dataset, object_class: ObjectClass) -> Truth:
-        """The truth of a dataset."""
+    def of(dataset: Dataset, object_class: ObjectClass, visible: np.ndarray) -> Truth:
+        """The truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
         latents = Latents.from_vector(torch.from_numpy(dataset.latents))
         shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
         vertices = [shape_vertices(shape, design, object_class) for shape, design in shapes]
-        return Truth(latents, torch.from_numpy(np.stack(vertices)), dataset.visible)
+        return Truth(latents, torch.from_numpy(np.stack(vertices)), visible)
 
 
 def _check(dataset: Dataset, object_class: ObjectClass, methods: tuple[str, ...]) -> None:

@@ -152,6 +152,31 @@ def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]
     return {name: float(held[:, columns].mean()) for name, columns in latent_groups(held.shape[1]).items()}
 
 
+def by_finish(
+    results: Mapping[str, MethodResult], finish: Sequence[str], chosen: np.ndarray
+) -> dict[str, dict[str, Any]]:
+    """What the object is covered with to method to what counts of photographs, of images `chosen` (N,) bool.
+
+    That is the number of images, the azimuth's median error and its share within 15 degrees, the median IoU
+    of the visible pixels, and of fits the `verdicts`.
+    """
+    names, found = np.array(finish), {}
+    for name in sorted(set(names[chosen].tolist())):
+        here = chosen & (names == name)
+        found[name] = {
+            method: {
+                "count": int(here.sum()),
+                "azimuth_deg": float(np.median(result.errors["azimuth_deg"][here])),
+                "within_15_deg": float((result.errors["azimuth_deg"][here] <= NEAR_DEG).mean()),
+                "segmentation_iou": float(np.median(result.errors["segmentation_iou"][here])),
+                "verdicts": verdicts(result, here) if any(result.verdicts) else None,
+            }
+            for method, result in results.items()
+            if "segmentation_iou" in result.errors
+        }
+    return found
+
+
 def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:
     """How often each verdict was given among the images `chosen` (N,) bool, and how reliable "trusted" is.
 

@@ -16,6 +16,7 @@ from vig_lab.evaluation.results import MethodResult
 from vig_lab.evaluation.statistics import (
     BINS,
     LEVELS,
+    by_finish,
     by_occlusion,
     coverage,
     failure,
@@ -138,9 +139,9 @@ def summarise(
     Returns:
         The table, with "failures": method to `statistics.failure`; "verdicts": method to
         `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
-        predicted 90 % interval; "tests": a list from `statistics.paired_tests`, without the baseline;
-        "levels", "bins": of all images whatever the limits, {"ranges": [[least, most], ...], "counts",
-        "rows": {metric: {method: [summary or None, ...]}}}.
+        predicted 90 % interval; "finishes": of photographs, see `statistics.by_finish`; "tests": a list from
+        `statistics.paired_tests`, without the baseline; "levels", "bins": of all images whatever the limits,
+        {"ranges": [[least, most], ...], "counts", "rows": {metric: {method: [summary or None, ...]}}}.
 
     Raises:
         UserError: No image is within the limits.
@@ -162,6 +163,7 @@ def summarise(
     return table | {
         "failures": {m: failure(r.errors["azimuth_deg"][chosen], drawn) for m, r in posed.items()},
         "verdicts": {m: verdicts(r, chosen) for m, r in posed.items() if any(r.verdicts)},
+        "finishes": by_finish(posed, dataset.finish, chosen) if dataset.world == "photo" else {},
         "coverage": {m: coverage(standardised(r, dataset.latents)[chosen]) for m, r in uncertain.items()},
         "tests": paired_tests(compared, TESTED, drawn),
         "levels": _ranges(errors, dataset.occlusion, [(0.0, level) for level in LEVELS], rng),

@@ -136,6 +136,7 @@ def make_data(run: Run, name: str) -> None:
         run.workers,
         run.progress,
         run.object_class,
+        world="paper",
     )
 
 

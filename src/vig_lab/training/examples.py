@@ -46,8 +46,8 @@ class Examples:
             visible.append(torch.from_numpy(seen.astype(np.uint8) * 255))
             hidden.append(torch.from_numpy((amodal & ~seen).astype(np.uint8) * 255))
         masks = torch.cat(visible), torch.cat(hidden)
-        level = torch.zeros(len(dataset))
-        return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), level, *masks)
+        roll = torch.tensor(dataset.roll).float()
+        return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), roll, *masks)
 
     @staticmethod
     def joined(parts: list[Examples]) -> Examples:

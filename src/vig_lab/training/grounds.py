@@ -6,11 +6,12 @@ import numpy as np
 
 from vig.scene import IMAGE_SIZE
 from vig_lab.training.layers import draw_sheet, draw_slope, pixels, softened
-from vig_lab.training.surfaces import any_colour
 from vig_lab.training.things import draw_thing
+from vig_world.assets.coats import any_colour
+from vig_world.names import Split
 
 
-def draw_ground(rng: np.random.Generator) -> np.ndarray:
+def draw_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
     """What is behind the object: (H, W, 3) linear RGB."""
     x, y = pixels()
     kind = rng.random()
@@ -33,7 +34,7 @@ def draw_ground(rng: np.random.Generator) -> np.ndarray:
         for _ in range(int(rng.integers(4, 14))):
             centre = rng.uniform(-0.6, 0.6, 2)
             near = (*centre, rng.uniform(0.1, 0.5))
-            picture = draw_thing(rng, [any_colour(rng)], near, before=False).over(picture)
+            picture = draw_thing(rng, split, [any_colour(rng)], near, before=False).over(picture)
         picture = softened(picture, float(rng.choice([0.0, 1.5, 4.0, 8.0])))
     return np.clip(picture, 0, 1.5).astype(np.float32)
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from vig.scene import IMAGE_SIZE
-from vig_lab.training.surfaces import TEXTURES, any_colour, stock_texture
+from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 
 
 @dataclass(frozen=True)

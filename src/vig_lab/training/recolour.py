@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig.scene import linear_from_srgb, srgb_from_linear
-from vig_lab.training.surfaces import TEXTURES, any_colour, stock_texture
+from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 
 LEAST_ALBEDO = 0.02
 

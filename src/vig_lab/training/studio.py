@@ -22,20 +22,24 @@ from vig.scene import (
     Latents,
     ObjectClass,
 )
+from vig_lab.training.environment import Environment
 from vig_lab.training.grounds import draw_ground, shadowed
 from vig_lab.training.layers import Layer, place_of
 from vig_lab.training.snapshots import continued, photographed
-from vig_lab.training.surfaces import DIELECTRIC, Environment, Surface, any_colour
-from vig_lab.training.things import draw_thing
+from vig_lab.training.things import draw_lookalike, draw_thing
+from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.target import draw_shape, shape_vertices
-from vig_world.dataset.spec import Split
+from vig_world.dataset.spec import Coat, Split
 from vig_world.mesh import vertex_normals
-from vig_world.renderers.rasterize import rasterize
+from vig_world.renderers.coated import appearance_of
+from vig_world.renderers.view import View
 
 SAMPLES = 2
 """Points across a pixel at which the object is drawn."""
 MOST_THINGS = 5
 """Before the object."""
+NOTHING, OTHER_VESSEL, PART, WHOLE = range(4)
+"""What images show in the object's place."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,8 @@ class StudioSettings:
         metal: Share that are of metal.
         glass: Share through which the ground shows.
         occluded: Share with things before the object, which hide up to `most_hidden` of it.
-        absent: Share of images without the object; half of these show part of one, such as a body alone.
+        absent: Share of images without the object; a third of these show part of one, such as a body alone,
+            a third another vessel.
         level: Share of views from within 15 degrees of the horizon.
         boxed: Share framed by a box about the object; others by the class's standard camera.
         small: Share in which the object is small and away from the middle.
@@ -59,9 +64,9 @@ class StudioSettings:
     decorated: float = 0.5
     metal: float = 0.08
     glass: float = 0.03
-    occluded: float = 0.5
+    occluded: float = 0.6
     most_hidden: float = 0.8
-    absent: float = 0.1
+    absent: float = 0.15
     level: float = 0.6
     boxed: float = 0.6
     small: float = 0.1
@@ -114,27 +119,27 @@ class Studio:
         settings = self.settings
         latents, vertices = self._shape(rng)
         camera = self._camera(rng, vertices, latents)
-        surface = Surface.draw(
-            rng, len(self.object_class.shape_model.part_names), settings.decorated, settings.metal
-        )
-        ground = draw_ground(rng)
+        parts = len(self.object_class.shape_model.part_names)
+        coat = draw_coat(rng, parts, settings.decorated, settings.metal)
+        ground = draw_ground(rng, self.split)
         environment = Environment.draw(rng)
         absent = rng.random() < settings.absent
-        faces = self.object_class.shape_model.faces
-        if absent:
-            faces = self._part(rng)
+        shown = int(rng.integers(WHOLE)) if absent else WHOLE
         tint = 1 + rng.normal(0, 0.04, 3)
-        if len(faces):
-            layer, albedo = self._object(rng, latents, vertices, faces, camera, surface, environment, ground)
+        albedo = np.mean(coat.colours, axis=0)
+        if shown >= PART:
+            faces = self._part(rng) if shown == PART else self.object_class.shape_model.faces
+            layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
+        elif shown == OTHER_VESSEL:
+            layer = draw_lookalike(rng, self.split)
         else:
             layer = Layer(ground, np.zeros(ground.shape[:2], np.float32))
-            albedo = surface.colours.mean(0)
         place = place_of(layer.cover)
         picture = shadowed(rng, ground, layer.cover, place)
-        colours = [*surface.colours[:2], any_colour(rng)]
+        colours = [*map(np.array, coat.colours[:2]), any_colour(rng)]
         for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.4, 0.3, 0.2, 0.1]))):
-            picture = draw_thing(rng, colours, place, before=False).over(picture)
+            picture = draw_thing(rng, self.split, colours, place, before=False).over(picture)
         picture = layer.over(picture)
         visible = layer.cover.copy()
         if rng.random() < settings.occluded:
@@ -165,7 +170,7 @@ class Studio:
         visible, whole = cover, max(float(cover.sum()), 1e-6)
         wanted = 1 - rng.uniform(0, self.settings.most_hidden)
         for _ in range(MOST_THINGS):
-            thing = draw_thing(rng, colours, place, before=True)
+            thing = draw_thing(rng, self.split, colours, place, before=True)
             left = visible * (1 - thing.cover)
             if left.sum() < (1 - self.settings.most_hidden) * whole:
                 continue
@@ -230,10 +235,8 @@ class Studio:
         )
 
     def _part(self, rng: np.random.Generator) -> np.ndarray:
-        """Faces of something like the object that is none, the first part with another; or nothing."""
+        """Faces of something like the object that is none, the first part with another."""
         model = self.object_class.shape_model
-        if rng.random() < 0.5:
-            return model.faces[:0]
         part = model.parts[model.faces[:, 0]]
         kept = {0, int(rng.integers(1, len(model.part_names)))}
         return model.faces[np.isin(part, list(kept))]
@@ -245,49 +248,25 @@ class Studio:
         vertices: np.ndarray,
         faces: np.ndarray,
         camera: Camera,
-        surface: Surface,
+        coat: Coat,
         environment: Environment,
         ground: np.ndarray,
     ) -> tuple[Layer, np.ndarray]:
         """The object lit, and the mean albedo (3,) of what is seen of it."""
         model = self.object_class.shape_model
+        normals = torch.from_numpy(vertex_normals(vertices, model.faces))
+        light = vertex_irradiance(latents, normals, self.object_class).numpy()
         matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-        rotation, translation = matrix[:3, :3], matrix[:3, 3]
-        fragments = rasterize(vertices, faces, rotation, translation, camera.scaled(SAMPLES))
-        on = fragments.face >= 0
-        corners, weights = faces[fragments.face[on]], fragments.barycentric[on]
-        normals = vertex_normals(vertices, model.faces)
-        shade = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
-        table = np.concatenate([vertices, normals, shade[:, None]], axis=1)
-        rows = np.add.reduce([weights[:, corner, None] * table[corners[:, corner]] for corner in range(3)])
-        points, normal, irradiance = rows[:, :3], rows[:, 3:6], rows[:, 6:]
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-9
-        part = model.parts[corners[:, 0]]
-        albedo = surface.albedo(points, part, self.height)
-        towards = -rotation.T @ translation - points
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        facing = (normal * towards).sum(1, keepdims=True)
-        normal = np.where(facing < 0, -normal, normal)
-        facing = np.abs(facing)
-        mirrored = environment.radiance_from(2 * facing * normal - towards, surface.roughness)
-        colour = albedo * np.maximum(irradiance, 0)
-        if surface.metal:
-            # What lights a mirror is about what lights a matt surface.
-            colour = albedo * mirrored * rng.uniform(0.5, 1.1)
-        elif surface.gloss:
-            fresnel = DIELECTRIC + (1 - DIELECTRIC) * (1 - facing) ** 5
-            colour = colour * (1 - 0.5 * fresnel) + surface.gloss * fresnel * mirrored
+        view = View(camera.scaled(SAMPLES), matrix[:3, :3], matrix[:3, 3])
+        reflectance = float(rng.uniform(0.5, 1.1))
+        look = appearance_of(
+            coat, model, vertices, faces, light, view, environment.radiance_from, reflectance
+        )
         if rng.random() < self.settings.glass:
-            row, column = np.nonzero(on)
-            bent = np.stack([row, column], 1) / SAMPLES + normal[:, 2:0:-1] * rng.uniform(3, 12)
+            row, column = np.nonzero(look.on)
+            bent = np.stack([row, column], 1) / SAMPLES + look.normal[:, 2:0:-1] * rng.uniform(3, 12)
             bent = np.clip(bent.astype(int), 0, IMAGE_SIZE - 1)
-            through = ground[bent[:, 0], bent[:, 1]] * (0.3 + 0.7 * np.sqrt(albedo))
-            colour = 0.85 * through + 0.15 * colour
-        size = IMAGE_SIZE * SAMPLES
-        picture = np.zeros((size, size, 4), np.float32)
-        picture[on] = np.concatenate([colour, np.ones((len(colour), 1))], axis=1)
-        parts = [picture[i::SAMPLES, j::SAMPLES] for i in range(SAMPLES) for j in range(SAMPLES)]
-        mean = np.add.reduce(parts) / len(parts)
-        cover = mean[..., 3]
-        layer = Layer(mean[..., :3] / np.maximum(cover, 1e-6)[..., None], cover)
-        return layer, albedo.mean(0) if len(albedo) else surface.colours.mean(0)
+            through = ground[bent[:, 0], bent[:, 1]] * (0.3 + 0.7 * np.sqrt(look.albedo))
+            look = replace(look, colour=0.85 * through + 0.15 * look.colour)
+        mean = look.albedo.mean(0) if len(look.albedo) else np.mean(coat.colours, axis=0)
+        return Layer(*look.averaged(SAMPLES)), mean

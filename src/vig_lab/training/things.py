@@ -5,25 +5,34 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from PIL import Image
 from scipy import ndimage
 
 from vig.scene import IMAGE_SIZE
+from vig_lab.training.cutouts import draw_cutout, placed_cutout
 from vig_lab.training.layers import Layer, draw_sheet, pixels
-from vig_lab.training.surfaces import TEXTURES, any_colour, stock_texture
+from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
+from vig_world.names import Split
 
-TURNED, FIGURES = 0.4, 0.3
-"""Shares of things that are bodies of revolution, and that are put together from round parts; others are flat
-shapes, shaded as if they were round."""
+SOLID, TURNED, FIGURES = 0.5, 0.2, 0.1
+"""Shares of things that are cut-outs of solid ones, that are bodies of revolution, and that are put together
+from round parts; others are flat shapes, shaded as if they were round."""
 
 
 def draw_thing(
-    rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], before: bool
+    rng: np.random.Generator,
+    split: Split,
+    colours: list[np.ndarray],
+    place: tuple[float, float, float],
+    before: bool,
 ) -> Layer:
-    """Something of a simple shape near a place, in one of the given colours, in another, or textured."""
+    """Something of a split near a place, in one of the given colours, in another, or textured."""
     kind = rng.random()
-    if kind < TURNED:
+    if kind < SOLID:
+        return _solid(rng, split, place, before)
+    if kind < SOLID + TURNED:
         return _turned(rng, colours, place, before)
-    if kind < TURNED + FIGURES:
+    if kind < SOLID + TURNED + FIGURES:
         return _figure(rng, colours, place, before)
     x, y = pixels()
     angle = rng.uniform(0, math.pi)
@@ -59,6 +68,30 @@ def draw_thing(
         glint = np.exp(-(((along / reach[0]) - 0.3) ** 2 + ((across / reach[1]) + 0.3) ** 2) / 0.02)
         shaded = shaded + rng.uniform(0.2, 1) * glint[..., None]
     return Layer(shaded.astype(np.float32), cover.astype(np.float32))
+
+
+def draw_lookalike(rng: np.random.Generator, split: Split) -> Layer:
+    """A vessel that is not of the class, in the middle of the picture."""
+    middle = rng.normal(0, 0.04, 2)
+    return _placed(rng, draw_cutout(rng, split, lookalike=True), middle, rng.uniform(0.5, 0.85))
+
+
+def _solid(rng: np.random.Generator, split: Split, place: tuple[float, float, float], before: bool) -> Layer:
+    """A prop, an animal or a vehicle."""
+    size = max(place[2], 0.3)
+    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if before else 1.0) * size
+    reach = size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if before else 1.2)))
+    return _placed(rng, draw_cutout(rng, split), middle, reach)
+
+
+def _placed(rng: np.random.Generator, cutout: Image.Image, middle: np.ndarray, size: float) -> Layer:
+    """A cut-out of a size, either way round, in some light, sometimes turned."""
+    angle = rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360)
+    if rng.random() < 0.5:
+        cutout = cutout.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
+    picture = placed_cutout(cutout, (float(middle[0]), float(middle[1])), size, float(angle), IMAGE_SIZE)
+    gain = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.05, 3))
+    return Layer(picture[..., :3] * gain.astype(np.float32), picture[..., 3])
 
 
 def _turned(

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from vig_world.names import Split
+from vig_world.names import Split, World
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,12 @@ class Make:
     """Which assets and object designs the scenes are made of; no two splits share any."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
+    world: World = "photo"
+    """photo: scenes as wide as photographs, with objects of any surface, on seamless grounds too, through any
+    lens; paper: the paper's, with matt objects in pastel colours before one camera."""
     finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
-    """Finish of the path-traced object: matt as in the model, glazed, or glazed over a painted decoration."""
+    """With --world paper, finish of the path-traced object: matt as in the model, glazed, or glazed over a
+    painted decoration."""
     photo: bool = False
     """Pass the pictures through a camera model: exposure, white balance, blur, noise, JPEG."""
     envmaps: str | None = None

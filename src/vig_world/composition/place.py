@@ -40,6 +40,7 @@ NEAR_RAY = 0.05
 
 def find_place(
     library: Library,
+    layouts: range,
     actor: Actor,
     finishes: tuple[tuple[str, Surface], ...],
     hidden: tuple[float, float],
@@ -48,9 +49,9 @@ def find_place(
 ) -> Stage | None:
     """A stage whose room and furniture hide a share of the object within `hidden`; None if none is found.
 
-    The latents stay fixed: the room is turned and shifted round the object.
+    The latents stay fixed: one of the rooms `layouts` is turned and shifted round the object.
     """
-    number = int(rng.integers(library.layouts))
+    number = int(rng.choice(layouts)) if layouts.start else int(rng.integers(layouts.stop))
     layout = library.layout(number)
     places = _Places.draw(layout, actor, hidden[0] > 0, rng)
     for place in places.sifted(layout, actor, hidden[0] > 0, rejected):

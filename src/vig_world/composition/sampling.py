@@ -12,11 +12,14 @@ from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
+from vig_world.composition.photographs import draw_manner
 from vig_world.composition.place import find_place
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
-from vig_world.dataset.spec import Placed, Room, SceneSpec, Split
+from vig_world.dataset.spec import Lens, Placed, Room, SceneSpec, Split
 from vig_world.library import SLOTS, Library
+from vig_world.names import World
 from vig_world.renderers.raster import Item, depth
+from vig_world.renderers.view import View
 from vig_world.streams import stream
 
 MAX_OCCLUSION = 0.9
@@ -24,8 +27,8 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS = 60
-TARGET_STREAM = 2**20 + 1
-"""Number of the random stream of a seed's first target."""
+TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
+"""Numbers of the random streams of a seed's first target, and of how a photograph is taken."""
 BOARDS_FROM = 8
 """From this attempt on, shelf boards may reach into the picture."""
 SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
@@ -33,13 +36,17 @@ SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
 is hidden, if one of four rooms allows it."""
 
 
-def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -> SceneSpec:
+def sample(
+    library: Library, object_class: ObjectClass, seed: int, index: int, world: World = "photo"
+) -> SceneSpec:
     """Draw scene number `index` of a seed.
 
     Latents and the target occlusion are drawn first and never redrawn, so their distributions are exactly the
     documented ones: shape as in `target.draw_shape`, azimuth uniform, elevation uniform in [0.05, pi/2],
     albedo uniform in [0.2, 0.8], occlusion uniform in [0, 0.9]. Only rooms, spots and placements are redrawn,
-    until the hidden share of the object is within 0.015 of the target.
+    until the hidden share of the object is within 0.015 of the target. In the world of photographs elevation,
+    albedo, coat and lens are those of `photographs.draw_manner` instead, and some objects stand on a seamless
+    ground.
 
     Raises:
         UserError: When no placement reached the target in 60 rooms.
@@ -53,13 +60,25 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
     target = target_occlusion(seed, index, split)
     finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
-    actor = Actor.of(object_class, shape_vertices(shape, design, object_class), azimuth, elevation)
+    vertices = shape_vertices(shape, design, object_class)
+    coat, lens, layouts = None, Lens(), range(library.layouts)
+    if world == "photo":
+        manner = draw_manner(stream(seed, index, split, MANNER_STREAM), object_class, vertices, azimuth)
+        elevation, albedo, coat, lens = manner.elevation, manner.albedo, manner.coat, manner.lens
+        layouts = library.sweeps if manner.seamless else layouts
+    actor = Actor.of(
+        View.through(lens, object_class, azimuth, elevation, LAYOUT_SIZE),
+        object_class,
+        vertices,
+        elevation,
+        azimuth,
+    )
     rejected: Counter[str] = Counter()
     by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
     for attempt in range(ATTEMPTS):
         rng = stream(seed, index, split, 1 + attempt)
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
-        stage = find_place(library, actor, finishes, (least, target), rng, rejected)
+        stage = find_place(library, layouts, actor, finishes, (least, target), rng, rejected)
         if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
             rejected["room"] += 1
             continue
@@ -86,6 +105,8 @@ def sample(library: Library, object_class: ObjectClass, seed: int, index: int) -
             room=stage.room,
             props=tuple(stage.props),
             rejected=dict(sorted(rejected.items())),
+            coat=coat,
+            lens=lens,
         )
     raise UserError(
         f"sample {index} of seed {seed}: expected a scene that hides {target:.0%} of the object;"

@@ -52,9 +52,10 @@ class Actor:
     aside: np.ndarray
 
     @staticmethod
-    def of(object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float) -> Actor:
-        """The object (V, 3) at the origin, seen from angles in radians."""
-        view = View.of(object_class, azimuth, elevation, LAYOUT_SIZE)
+    def of(
+        view: View, object_class: ObjectClass, vertices: np.ndarray, elevation: float, azimuth: float
+    ) -> Actor:
+        """The object (V, 3) at the origin, seen in a view of `LAYOUT_SIZE` from angles in radians."""
         modes = object_class.shape_model.modes
         dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
         item = Item(dark.packed, np.eye(3), np.zeros(3))

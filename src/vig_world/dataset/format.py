@@ -15,8 +15,9 @@ from typing import Any
 from vig.checks import decode, read_json, reading
 from vig.errors import UserError
 from vig_world.dataset.spec import SPLITS
+from vig_world.names import World
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 DEPTH_SCALE = 0.1
 """Millimetres per unit of the depth images."""
 OBJECT_ID = 1
@@ -65,6 +66,8 @@ COLUMNS = (
     "zone",
     "design",
     "assets",
+    "finish",
+    "roll",
     "photo",
 )
 """The columns of latents.parquet that are no latents."""
@@ -96,6 +99,7 @@ _SETTINGS = {
     "tier": str,
     "options": dict[str, Any],
     "photo": bool,
+    "world": World,
     "own_assets": dict[str, str],
     "world_version": int,
     "complete": bool,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from vig_world.dataset.format import (
     read_info,
 )
 from vig_world.dataset.spec import SceneSpec
+from vig_world.names import World
 
 MOST_SPEC = 65_536
 """Bytes of each sample's spec."""
@@ -39,7 +40,9 @@ class Dataset:
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
     1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
     truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
-    the model the object has, see `vig_world.assets.target`; -1 for none.
+    the model the object has, see `vig_world.assets.target`; -1 for none. finish: `matt`, `glossy`, `painted`
+    or `metal`. roll: (N,) clockwise turn of the image, radians. world: of all scenes, see
+    `vig_world.names.WORLDS`.
     """
 
     folder: Path
@@ -50,13 +53,17 @@ class Dataset:
     cause: tuple[str, ...]
     truncated: np.ndarray
     design: np.ndarray
+    finish: tuple[str, ...]
+    roll: np.ndarray
+    world: World
 
     def __len__(self) -> int:
         return len(self.latents)
 
     def first(self, count: int) -> Dataset:
         """The first `count` samples, all when there are fewer."""
-        of_each = ("latents", "occlusion", "target_occlusion", "cause", "truncated", "design")
+        of_all = ("folder", "names", "world")
+        of_each = [field.name for field in fields(self) if field.name not in of_all]
         return replace(self, **{name: getattr(self, name)[:count] for name in of_each})
 
     def read(self, kind: str, indices: Iterable[int] | None = None) -> np.ndarray:
@@ -122,6 +129,9 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
             cause=tuple(table["cause"].to_pylist()),
             truncated=table["truncated"].to_numpy(zero_copy_only=False),
             design=table["design"].to_numpy(),
+            finish=tuple(table["finish"].to_pylist()),
+            roll=table["roll"].to_numpy(),
+            world=read_info(root)["splits"][split]["world"],
         )
         for shares in (dataset.occlusion, dataset.target_occlusion):
             if not ((shares >= 0) & (shares <= 1)).all():

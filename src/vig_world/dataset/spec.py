@@ -76,15 +76,59 @@ class Placed:
 
 
 @dataclass(frozen=True)
+class Coat:
+    """What the object is covered with.
+
+    Attributes:
+        colours: Linear albedo of each of the object's parts.
+        metal: Whether it mirrors in its own colour and scatters nothing.
+        gloss: Factor of what a glaze mirrors, 0 for matt.
+        roughness: Of the mirror, in [0, 1].
+        paint: Seed of a decoration; None for plain.
+    """
+
+    colours: tuple[tuple[float, float, float], ...]
+    metal: bool
+    gloss: float
+    roughness: float
+    paint: int | None
+
+    @property
+    def finish(self) -> str:
+        """`metal`, `painted`, `glossy` or `matt`."""
+        if self.metal or self.paint is not None:
+            return "metal" if self.metal else "painted"
+        return "glossy" if self.gloss else "matt"
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How a photo's camera differs from the standard one of the object's class.
+
+    Attributes:
+        farther: Factor of distance and focal length: the same picture with less perspective.
+        roll: Clockwise turn of the image, radians.
+        scale: Factor of the focal length alone.
+        shift: By which the picture is moved to the right and down, in its sides.
+    """
+
+    farther: float = 1.0
+    roll: float = 0.0
+    scale: float = 1.0
+    shift: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class SceneSpec:
-    """One scene: the 24 latents and everything else that is seen.
+    """One scene: the latents and everything else that is seen.
 
     shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
     held-out design of the class whose deviation from the model the object also has, -1 for none.
     azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame,
     as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
     target: the occlusion asked for, in [0, 0.9]; occlusion: what the sampler measured, one sample per
-    pixel. rejected: how many candidate placements were thrown away, by reason.
+    pixel. rejected: how many candidate placements were thrown away, by reason. coat: None for a matt
+    object of one albedo; else `albedo` is its mean. lens: of the camera.
     """
 
     seed: int
@@ -103,6 +147,8 @@ class SceneSpec:
     room: Room
     props: tuple[Placed, ...]
     rejected: dict[str, int]
+    coat: Coat | None = None
+    lens: Lens = Lens()
 
     def latents(self) -> np.ndarray:
         """All latents (P,) float32 in the order of `vig.scene.Latents.to_vector`."""

@@ -21,7 +21,7 @@ MOST_IN_LIST, MOST_TEXT = 256, 16_384
 
 _TYPES = {
     **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),
-    **dict.fromkeys(("cause", "zone", "photo"), pa.string()),
+    **dict.fromkeys(("cause", "zone", "finish", "photo"), pa.string()),
     **dict.fromkeys(("hidden_by", "assets"), pa.list_(pa.string())),
     "truncated": pa.bool_(),
 }

@@ -83,7 +83,7 @@ def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
 
 
 def camera() -> dict[str, Any]:
-    """`camera.json`: the camera that all images share."""
+    """`camera.json`: the standard camera, which all images of the paper's world share."""
     standard = Camera.standard(IMAGE_SIZE)
     return {
         "cx": standard.cx,

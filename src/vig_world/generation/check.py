@@ -124,7 +124,7 @@ def check_dataset(
                 " Check without --render, or with the release that made it."
             )
         job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"], own)  # type: ignore[arg-type]
-        job = replace(job, photo=settings["photo"])
+        job = replace(job, photo=settings["photo"], world=settings["world"])
         problems += _render_problems(job, folder, [merged[index] for index in again])
     return Findings(split, tuple(problems), len(merged), len(hashes), len(again))
 

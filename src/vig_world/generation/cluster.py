@@ -126,7 +126,7 @@ def _make(job: Job, indices: tuple[int, ...]) -> list[dict[str, bytes]]:
 
 def _same(one: Job, other: Job) -> bool:
     plain = [
-        (job.seed, job.split, job.tier, dict(job.options), job.photo, job.own.fingerprints())
+        (job.seed, job.split, job.tier, dict(job.options), job.photo, job.world, job.own.fingerprints())
         for job in (one, other)
     ]
     return plain[0] == plain[1] and one.fingerprint == other.fingerprint

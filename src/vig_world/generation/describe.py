@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.scene import IMAGE_SIZE, ObjectClass, latent_layout
+from vig.scene import ObjectClass, latent_layout
 from vig_world.assets.target import NO_DESIGN
 from vig_world.dataset.format import DEPTH_SCALE, read_info
 from vig_world.dataset.spec import SceneSpec
@@ -38,7 +38,7 @@ def describe(
         depth: The depth image as stored, see `depth_units`.
         photo: Settings of the camera model, if it was used.
     """
-    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
+    view = View.of_scene(spec, object_class)
     info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
     shares = picture.shares
     latents = spec.latents()
@@ -65,6 +65,8 @@ def describe(
             "zone": spec.room.zone,
             "design": spec.design,
             "assets": assets_used(spec),
+            "finish": "matt" if spec.coat is None else spec.coat.finish,
+            "roll": spec.lens.roll,
             "photo": None if photo is None else json.dumps(asdict(photo)),
         },
         "rejected": spec.rejected,

@@ -22,6 +22,7 @@ from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe
 from vig_world.generation.files import sidecar_path, write_bytes
 from vig_world.library import Library, OwnAssets
+from vig_world.names import World
 from vig_world.renderers.photo import PhotoSettings, photograph
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.rasterized import render
@@ -69,6 +70,7 @@ class Job:
         options: Settings of the renderer; they are recorded in the dataset.
         own: The user's custom assets.
         photo: Whether pictures pass through a camera model (`vig_world.renderers.photo`).
+        world: What scenes are like.
     """
 
     seed: int
@@ -78,6 +80,7 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
     own: OwnAssets = OwnAssets()
     photo: bool = False
+    world: World = "photo"
 
     @cached_property
     def fingerprint(self) -> str:
@@ -100,7 +103,7 @@ class Maker:
     def sample(self, index: int) -> SceneSpec:
         """The scene of sample `index`."""
         with one_thread():
-            return sample(self.library, self.job.object_class, self.job.seed, index)
+            return sample(self.library, self.job.object_class, self.job.seed, index, self.job.world)
 
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
         """The files of a scene. Raises UserError when the renderer cannot run here."""

@@ -49,7 +49,7 @@ def label_problems(
         yield "mask is empty"
         return
     yield from _latent_problems(item["row"], spec)
-    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE)
+    view = View.of_scene(spec, object_class)
     yield from _pose_problems(item, view)
     vertices = target_vertices(spec, object_class)
     canvas = silhouette(object_class, vertices, spec)
@@ -68,7 +68,7 @@ def silhouette(object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec)
 
     By the differentiable renderer, which shares no code with those that make pictures.
     """
-    view = View.of(object_class, spec.azimuth, spec.elevation, IMAGE_SIZE * SAMPLES).widened(CANVAS)
+    view = View.of_scene(spec, object_class, IMAGE_SIZE * SAMPLES).widened(CANVAS)
     depth = view.depth(vertices, object_class.shape_model.faces)
     size = CANVAS * IMAGE_SIZE
     samples = np.isfinite(depth).reshape(size, SAMPLES, size, SAMPLES)

@@ -32,6 +32,7 @@ from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_here, make_in_processes
 from vig_world.generation.progress import Meter
 from vig_world.library import OwnAssets
+from vig_world.names import WORLDS, World
 
 with optional_import("world"):
     import pyarrow as pa
@@ -53,6 +54,7 @@ def make_dataset(
     own: OwnAssets | None = None,
     photo: bool = False,
     ray: str | None = None,
+    world: World = "photo",
 ) -> Path:
     """Make, or resume making, `count` samples of a split in folder `out`; see docs/dataset.md.
 
@@ -71,6 +73,7 @@ def make_dataset(
         own: The user's custom assets.
         photo: Whether to pass pictures through a camera model.
         ray: Address of a Ray cluster, or `auto`, in place of worker processes.
+        world: What scenes are like, see `vig_world.names.WORLDS`.
 
     Returns:
         `out`.
@@ -89,12 +92,14 @@ def make_dataset(
         raise UserError(f"split must be one of {', '.join(SPLITS)}; got '{split}'")
     if tier not in TIERS:
         raise UserError(f"tier must be one of {', '.join(TIERS)}; got '{tier}'")
+    if world not in WORLDS:
+        raise UserError(f"world must be one of {', '.join(WORLDS)}; got '{world}'")
     if workers is not None and workers < 1:
         raise UserError(f"workers must be at least 1; got {workers}")
     if object_class is None:
         object_class = ObjectClass.load("teapot")
 
-    job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo)
+    job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo, world)
     settings = {
         "class": object_class.name,
         "class_fingerprint": job.fingerprint,
@@ -103,6 +108,7 @@ def make_dataset(
         "tier": tier,
         "options": dict(job.options),
         "photo": photo,
+        "world": world,
         "own_assets": job.own.fingerprints(),
         "world_version": WORLD_VERSION,
     }

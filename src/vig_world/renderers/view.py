@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
 
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+from vig_world.dataset.spec import Lens, SceneSpec
 from vig_world.renderers.rasterize import rasterize
 
 
@@ -23,8 +24,27 @@ class View:
     @staticmethod
     def of(object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE) -> View:
         """The standard camera of a class for a square image of `size` pixels, at angles in radians."""
-        camera = Camera.standard(size, object_class.target_height)
-        return View(camera, *_pose(object_class.target_height, azimuth, elevation))
+        return View.through(Lens(), object_class, azimuth, elevation, size)
+
+    @staticmethod
+    def of_scene(spec: SceneSpec, object_class: ObjectClass, size: int = IMAGE_SIZE) -> View:
+        """The camera of a scene, for an image of `size` pixels a side."""
+        return View.through(spec.lens, object_class, spec.azimuth, spec.elevation, size)
+
+    @staticmethod
+    def through(
+        lens: Lens, object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE
+    ) -> View:
+        """The camera of a class with a lens of its own."""
+        standard = Camera.standard(size, object_class.target_height, lens.farther)
+        camera = replace(
+            standard,
+            focal=standard.focal * lens.scale,
+            cx=standard.cx + lens.shift[0] * size,
+            cy=standard.cy + lens.shift[1] * size,
+            roll=lens.roll,
+        )
+        return View(camera, *_pose(object_class.target_height, azimuth, elevation, lens.farther, lens.roll))
 
     def widened(self, factor: int) -> View:
         """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
@@ -71,9 +91,11 @@ class View:
 
 
 @lru_cache(maxsize=64)
-def _pose(target_height: float, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and translation (3,) of the standard camera, read-only."""
-    camera = Camera.standard(target_height=target_height)
+def _pose(
+    target_height: float, azimuth: float, elevation: float, farther: float, roll: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) of a camera, read-only."""
+    camera = replace(Camera.standard(target_height=target_height, farther=farther), roll=roll)
     rotation, translation = camera.pose(
         torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
     )

@@ -2,9 +2,11 @@
 
 from vig_world.rooms.draw import draw_layout
 from vig_world.rooms.layout import Layout, material_under
+from vig_world.rooms.sweep import draw_sweep
 
 __all__ = [
     "Layout",
     "draw_layout",
+    "draw_sweep",
     "material_under",
 ]

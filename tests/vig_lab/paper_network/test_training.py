@@ -41,7 +41,10 @@ def discs(folder: Path, count: int = COUNT) -> Dataset:
     colours = np.broadcast_to(srgb_from_linear(latents[:, None, None, 12:15]) * 255, (count, 150, 150, 3))
     images = np.where(inside[..., None], colours, 60).astype(np.uint8)
     zeros = np.zeros(count, np.float32)
-    dataset = Dataset(folder, latents, (), zeros, zeros, ("none",) * count, zeros > 0, np.full(count, -1))
+    names, none = ("none",) * count, np.full(count, -1)
+    dataset = Dataset(
+        folder, latents, (), zeros, zeros, names, zeros > 0, none, ("matt",) * count, zeros, "paper"
+    )
     dataset.__dict__.update(images=images)  # instead of files
     return dataset
 

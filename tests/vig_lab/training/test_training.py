@@ -39,7 +39,10 @@ def tiny_dataset(folder: Path, count: int = COUNT) -> Dataset:
     images = rng.integers(0, 80, (count, 150, 150, 3), np.uint8)
     images[visible] += 150
     zeros = np.zeros(count, np.float32)
-    dataset = InMemory(folder, latents, (), zeros, zeros, ("none",) * count, zeros > 0, np.full(count, -1))
+    names, none = ("none",) * count, np.full(count, -1)
+    dataset = InMemory(
+        folder, latents, (), zeros, zeros, names, zeros > 0, none, ("matt",) * count, zeros, "paper"
+    )
     dataset.__dict__.update(rgb=images, mask=amodal, mask_visib=visible)  # instead of files
     return dataset
 

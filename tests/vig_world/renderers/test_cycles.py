@@ -62,7 +62,7 @@ def library() -> Library:
 
 @pytest.fixture(scope="module")
 def spec(library: Library, teapot: ObjectClass) -> SceneSpec:
-    return sample(library, teapot, 5, 8)
+    return sample(library, teapot, 5, 8, "paper")
 
 
 def test_messages_come_out_as_they_went_in() -> None:
@@ -231,7 +231,7 @@ needs_blender = pytest.mark.skipif(blender() is None, reason=f"no Blender; set {
 def test_blender_renders_the_same_bytes_whatever_came_before(
     library: Library, teapot: ObjectClass, spec: SceneSpec
 ) -> None:
-    other = sample(library, teapot, 5, 14)
+    other = sample(library, teapot, 5, 14, "paper")
     with CyclesRenderer(library, teapot, samples=2, threads=1) as cycles:
         first = cycles.render(spec)
         cycles.render(other)
@@ -246,7 +246,7 @@ def test_blender_renders_the_same_bytes_whatever_came_before(
 @needs_blender
 def test_what_blender_draws_is_what_the_raster_tier_labels(library: Library, teapot: ObjectClass) -> None:
     """Pure red or pure green: the object's pixels share no light between the two, all others most of it."""
-    spec = sample(library, teapot, 5, 14)
+    spec = sample(library, teapot, 5, 14, "paper")
     with CyclesRenderer(library, teapot, samples=4) as cycles:
         picture = cycles.render(spec)
         red = cycles.render(replace(spec, albedo=(0.9, 0.0, 0.0)))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from vig.scene import ShapeModel
+from vig_world.assets.coats import albedo_of
 from vig_world.assets.textures import decoration
+from vig_world.dataset.spec import Coat
 
 Finish = Literal["diffuse", "glossy", "painted"]
 FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")
@@ -16,6 +19,8 @@ FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")
 COAT_ROUGHNESS = (0.1, 0.4)
 """Of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
 DECORATION_SIZE = 128
+TEXELS, RIM = 10, 1
+"""Texels a side of each face's own square of a baked coat, and those at its edges for interpolation."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,49 @@ def coated(albedo: np.ndarray, roughness: float, texture: str | None) -> dict[st
         "relief": 0.0,
         "principled": principled,
     }
+
+
+def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
+    """The material of an object with a coat, whose albedo is in a texture."""
+    if coat.metal:
+        principled = {"Metallic": 1.0}
+    else:
+        principled = {"Specular IOR Level": 0.0, "Coat Weight": coat.gloss, "Coat Roughness": coat.roughness}
+        principled["Coat IOR"] = 1.5
+    return {
+        "lambertian": False,
+        "texture": texture,
+        "colour": [0.5, 0.5, 0.5],
+        "roughness": coat.roughness if coat.metal else 1.0,
+        "emission": 0.0,
+        "relief": 0.0,
+        "principled": principled,
+    }
+
+
+def baked(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> tuple[np.ndarray, np.ndarray]:
+    """The albedo of a coat as a texture (h, w, 3), linear, row 0 on top, and corners' coordinates (F, 3, 2).
+
+    Each face has a square of `TEXELS` a side to itself, of which it fills the lower left half but for a rim.
+    """
+    faces = model.faces
+    columns = math.ceil(math.sqrt(len(faces)))
+    rows = math.ceil(len(faces) / columns)
+    inner = TEXELS - 2 * RIM
+    step = (np.arange(TEXELS) + 0.5 - RIM) / inner
+    b, c = (grid.ravel() for grid in np.meshgrid(step, step))
+    weights = np.stack([1 - b - c, b, c], 1)
+    points = np.einsum("tk,fkd->ftd", weights, vertices[faces]).reshape(-1, 3)
+    part = np.repeat(model.parts[faces[:, 0]], TEXELS**2)
+    found = albedo_of(coat, points, part, float(model.mean[:, 2].max()))
+    cells = np.zeros((rows * columns, TEXELS, TEXELS, 3), np.float32)
+    cells[: len(faces)] = found.reshape(len(faces), TEXELS, TEXELS, 3)
+    image = cells.reshape(rows, columns, TEXELS, TEXELS, 3).swapaxes(1, 2).reshape(rows * TEXELS, -1, 3)
+    row, column = np.divmod(np.arange(len(faces)), columns)
+    start = np.stack([column, row], 1)[:, None] * TEXELS + RIM
+    corners = start + inner * np.array([[0, 0], [1, 0], [0, 1]])
+    uv = corners / [columns * TEXELS, rows * TEXELS]
+    return image[::-1], uv.astype(np.float32)
 
 
 def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:

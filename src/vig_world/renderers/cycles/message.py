@@ -15,6 +15,8 @@ from vig_world.renderers.cycles.appearance import (
     COAT_ROUGHNESS,
     Finish,
     appearance,
+    baked,
+    coat_material,
     coated,
     cylindrical_uv,
     lambertian,
@@ -47,11 +49,15 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
     scene = _Scene()
     for instance in instances:
         if instance.is_target:
-            _add_target(scene, instance, object_class, finish, finish_rng)
+            if spec.coat is None:
+                _add_target(scene, instance, object_class, finish, finish_rng)
+            else:
+                pixels, uv = baked(spec.coat, instance.mesh.vertices, object_class.shape_model)
+                scene.add(instance, coat_material(spec.coat, scene.texture(pixels)), uv=uv)
         else:
             scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
     scene.arrays["panorama"] = library.surroundings(spec.panorama).astype(np.float32)
-    view = View.of(object_class, spec.azimuth, spec.elevation)
+    view = View.of_scene(spec, object_class)
     header = {
         "seed": noise_seed,
         "angle": spec.panorama_angle,

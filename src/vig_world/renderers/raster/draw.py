@@ -39,12 +39,15 @@ def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
     return far.reshape(camera.height, camera.width), ids.reshape(camera.height, camera.width).copy()
 
 
-def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) -> Picture:
+def draw(
+    items: Sequence[Item], target: Target, view: View, light: ArrayLike, colour: np.ndarray | None = None
+) -> Picture:
     """The picture of an object and items, as the view's camera sees them, in SH light (9,).
 
     The object shows its vertices' light without cast shadows or gloss. Items get the same light less shadows
     of object and props and the ambient occlusion of rooms, with a little gloss. Four samples a pixel,
-    averaged in linear light clipped to [0, 1].
+    averaged in linear light clipped to [0, 1]. colour (H, W, 3): mean linear RGB of the object at each pixel,
+    in place of the light of its vertices.
     """
     camera, coefficients = view.camera, np.asarray(light, np.float64)
     height, width = camera.height, camera.width
@@ -57,12 +60,13 @@ def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) ->
     encode, thresholds = srgb_tables()
     image, depths = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
     seen, support = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
+    linear = workspace.buffer("linear", 3 * pixels, np.float32)
     direction = coefficients[[3, 1, 2]]
     strength = float(np.linalg.norm(direction))
     for name, array in (
         ("fragments", workspace.buffer("fragments", samples, FRAGMENT)),
         ("sorted", workspace.buffer("sorted", samples, np.int32)),
-        ("linear", workspace.buffer("linear", 3 * pixels, np.float32)),
+        ("linear", linear),
         ("image", image),
         ("depth", depths),
         ("seen", seen),
@@ -76,9 +80,12 @@ def draw(items: Sequence[Item], target: Target, view: View, light: ArrayLike) ->
     record["radiance"] = coefficients * HARMONICS
     record["sun"][0, :3] = direction / max(strength, 1e-9)
     record["sun"][0, 3] = SUN_SHARE * strength / Y1 / (2 * np.pi)
-    record["albedo"] = target.albedo
+    record["albedo"] = target.albedo if colour is None else 0.0
     workspace.launch("collect", "task")
     workspace.launch("shade", "task")
+    if colour is not None:
+        share = seen.reshape(-1, 1).astype(np.float32) / SAMPLES**2
+        linear[: 3 * pixels] += (share * np.clip(colour, 0, 1).reshape(-1, 3)).ravel()
     workspace.launch("encode", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))

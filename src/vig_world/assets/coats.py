@@ -1,17 +1,19 @@
-"""Surfaces of drawn objects: any colour, paint that follows the shape, glaze and metal."""
+"""Coats of objects: any colour, paint that follows the shape, glaze and metal."""
 
 from __future__ import annotations
 
 import colorsys
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 
+from vig.scene import ShapeModel
 from vig_world.assets.textures import KINDS, decoration, texture
+from vig_world.dataset.spec import Coat
+from vig_world.mesh import face_normals
 
 TEXTURES, DECORATIONS = 240, 120
-"""How many of each a studio draws from."""
+"""How many of each there are."""
 TEXTURE_SIZE = 96
 DIELECTRIC = 0.04
 """Reflectance of glaze at normal incidence."""
@@ -19,7 +21,7 @@ DIELECTRIC = 0.04
 
 @functools.lru_cache(maxsize=TEXTURES)
 def stock_texture(number: int) -> np.ndarray:
-    """One of the studio's textures: (S, S, 3) float32 linear albedo."""
+    """A texture of anything: (S, S, 3) float32 linear albedo."""
     rng = np.random.default_rng(np.random.SeedSequence([number, 31]))
     base = any_colour(rng) if rng.random() < 0.5 else None
     return texture(list(KINDS)[number % len(KINDS)], rng, TEXTURE_SIZE, base)
@@ -27,7 +29,7 @@ def stock_texture(number: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=DECORATIONS)
 def stock_decoration(number: int) -> np.ndarray:
-    """One of the studio's decorations for ceramics: (S, 2 S, 4) float32 linear albedo and coverage."""
+    """A decoration for ceramics: (S, 2 S, 4) float32 linear albedo and coverage."""
     return decoration(np.random.default_rng(np.random.SeedSequence([number, 32])), TEXTURE_SIZE)
 
 
@@ -50,101 +52,46 @@ def any_colour(rng: np.random.Generator) -> np.ndarray:
     return np.clip(colour, 0.008, 0.95).astype(np.float32)
 
 
-@dataclass(frozen=True)
-class Environment:
-    """What a glossy thing mirrors: a gradient from ground to sky, and lamps and windows.
-
-    Attributes:
-        ground: (3,) radiance below.
-        sky: (3,) above.
-        directions: (L, 3) unit, towards the lamps.
-        sharpness: (L,) of each lamp's lobe.
-        radiance: (L, 3).
-    """
-
-    ground: np.ndarray
-    sky: np.ndarray
-    directions: np.ndarray
-    sharpness: np.ndarray
-    radiance: np.ndarray
-
-    @staticmethod
-    def draw(rng: np.random.Generator) -> Environment:
-        """An indoor environment."""
-        count = int(rng.integers(1, 5))
-        directions = rng.normal(size=(count, 3))
-        directions[:, 2] = np.abs(directions[:, 2]) + 0.2
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        tint = rng.uniform(0.85, 1.0, (count, 3))
-        strength = np.exp(rng.uniform(np.log(2), np.log(25), (count, 1)))
-        return Environment(
-            rng.uniform(0.05, 0.7) * rng.uniform(0.7, 1, 3),
-            rng.uniform(0.2, 1.1) * rng.uniform(0.85, 1, 3),
-            directions,
-            np.exp(rng.uniform(np.log(10), np.log(800), count)),
-            strength * tint,
-        )
-
-    def radiance_from(self, directions: np.ndarray, roughness: float) -> np.ndarray:
-        """Radiance (N, 3) from unit directions (N, 3), blurred by the roughness of what mirrors it."""
-        up = np.clip(0.5 + directions[:, 2:] / (0.1 + 2 * roughness), 0, 1)
-        total = self.ground + (self.sky - self.ground) * up
-        for towards, sharpness, radiance in zip(self.directions, self.sharpness, self.radiance, strict=True):
-            wide = 1 / (1 / sharpness + roughness**2)
-            lobe = np.exp(wide * (directions @ towards - 1)) * min(1.0, wide / sharpness)
-            total = total + lobe[:, None] * radiance
-        return total
+def draw_coat(rng: np.random.Generator, parts: int, decorated: float, metal: float) -> Coat:
+    """Any coat of an object of so many parts; a share `decorated` are painted, a share `metal` of metal."""
+    colours = np.repeat(any_colour(rng)[None], parts, axis=0)
+    if rng.random() < 0.25:
+        other = any_colour(rng)
+        colours[rng.random(parts) < rng.choice([0.2, 0.5])] = other
+    shiny = bool(rng.random() < metal)
+    colours = np.clip(colours * 1.5 + 0.15, 0, 0.95) if shiny else colours
+    return Coat(
+        tuple((float(r), float(g), float(b)) for r, g, b in colours),
+        shiny,
+        float(rng.choice([0.0, 0.5, 1.0], p=[0.35, 0.2, 0.45])),
+        float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))),
+        int(rng.integers(2**31)) if rng.random() < decorated and not shiny else None,
+    )
 
 
-@dataclass(frozen=True)
-class Surface:
-    """The finish of one object.
-
-    Attributes:
-        colours: (parts, 3) linear albedo of each part.
-        metal: Whether it mirrors in its own colour and scatters nothing.
-        gloss: Factor of what glaze mirrors, 0 for matt.
-        roughness: Of the mirror.
-        paint: Seed of the decoration, None for plain.
-    """
-
-    colours: np.ndarray
-    metal: bool
-    gloss: float
-    roughness: float
-    paint: int | None
-
-    @staticmethod
-    def draw(rng: np.random.Generator, parts: int, decorated: float, metal: float) -> Surface:
-        """Any finish; `decorated` and `metal` are the shares of painted and metal ones."""
-        colours = np.repeat(any_colour(rng)[None], parts, axis=0)
-        if rng.random() < 0.25:
-            other = any_colour(rng)
-            colours[rng.random(parts) < rng.choice([0.2, 0.5])] = other
-        shiny = rng.random() < metal
-        return Surface(
-            np.clip(colours * 1.5 + 0.15, 0, 0.95) if shiny else colours,
-            bool(shiny),
-            float(rng.choice([0.0, 0.5, 1.0], p=[0.35, 0.2, 0.45])),
-            float(np.exp(rng.uniform(np.log(0.02), np.log(0.4)))),
-            int(rng.integers(2**31)) if rng.random() < decorated and not shiny else None,
-        )
-
-    def albedo(self, points: np.ndarray, part: np.ndarray, height: float) -> np.ndarray:
-        """Albedo (N, 3) at points (N, 3), metres, of parts (N,), of an object of this height."""
-        found = self.colours[part]
-        if self.paint is None:
-            return found
-        rng = np.random.default_rng(self.paint)
-        around = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) + rng.random()
-        level = points[:, 2] / height
-        everywhere = rng.random() < 0.4
-        on = np.ones(len(part), bool) if everywhere else part <= 1
-        for _ in range(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1])):
-            paint, cover = _painted(rng, around, level, points, height)
-            cover = np.where(on, cover, 0.0)[:, None]
-            found = found * (1 - cover) + paint * cover
+def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -> np.ndarray:
+    """Albedo (N, 3) float32 at points (N, 3), metres, of parts (N,), of an object of this height."""
+    found = np.array(coat.colours, np.float32)[part]
+    if coat.paint is None:
         return found
+    rng = np.random.default_rng(coat.paint)
+    around = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) + rng.random()
+    level = points[:, 2] / height
+    everywhere = rng.random() < 0.4
+    on = np.ones(len(part), bool) if everywhere else part <= 1
+    for _ in range(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1])):
+        paint, cover = _painted(rng, around, level, points, height)
+        cover = np.where(on, cover, 0.0)[:, None]
+        found = found * (1 - cover) + paint * cover
+    return found
+
+
+def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarray:
+    """Mean albedo (3,) over the surface of an object (V, 3), metres."""
+    height = float(model.mean[:, 2].max())
+    area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)
+    middle = vertices[model.faces].mean(1)
+    return np.average(albedo_of(coat, middle, model.parts[model.faces[:, 0]], height), axis=0, weights=area)
 
 
 def _painted(

@@ -1,0 +1,56 @@
+"""Images of a dataset as fits take them: of photographs the window of the object's box, turned upright."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vig.explainer import PHOTO_FARTHER
+from vig.inference import ExplainSettings
+from vig.photo import Window
+from vig.recognition import Recognizer
+from vig.recognition.find import upright
+from vig.scene import linear_from_srgb, srgb_from_linear
+from vig_world.dataset import Dataset
+
+LEAST_SIDE = 8
+"""Of a box, pixels; of an object that shows less the whole image is taken."""
+
+
+def framed(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
+    """Images (N, H, W, 3) uint8 sRGB, and the object's visible pixels in them (N, H, W) bool.
+
+    Those of the paper's world are as they are. Of photographs the box of the object's whole silhouette is
+    given, as to `vig fit --boxes`, and the window is turned as the network sees the object rolled.
+    """
+    if dataset.world == "paper":
+        return dataset.images, dataset.visible
+    images, visible = np.empty_like(dataset.images), np.empty_like(dataset.visible)
+    for number, (image, whole) in enumerate(zip(dataset.images, dataset.amodal, strict=True)):
+        linear = linear_from_srgb(image.astype(np.float32) / 255)
+        height, width = whole.shape
+        window = upright(linear, Window.of(width, height, _box(whole)), recognizer)
+        cut, _ = window.cut(linear)
+        images[number] = (srgb_from_linear(cut) * 255).round()
+        seen = np.repeat(dataset.visible[number][..., None].astype(np.float32), 3, axis=2)
+        mask, inside = window.cut(seen)
+        visible[number] = (mask[..., 0] > 0.5) & inside
+    return images, visible
+
+
+def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings:
+    """Settings of the fits of such images."""
+    if dataset.world == "paper":
+        return settings
+    return replace(settings, free_framing=True, farther=PHOTO_FARTHER)
+
+
+def _box(whole: np.ndarray) -> tuple[float, float, float, float] | None:
+    """The box of a silhouette (H, W) bool."""
+    rows, columns = np.flatnonzero(whole.any(1)), np.flatnonzero(whole.any(0))
+    if min(len(rows), len(columns)) == 0:
+        return None
+    x, y = float(columns[0]), float(rows[0])
+    w, h = float(columns[-1]) + 1 - x, float(rows[-1]) + 1 - y
+    return None if min(w, h) < LEAST_SIDE else (x, y, w, h)

@@ -1,0 +1,76 @@
+"""How things are photographed: with what surface, from what height, through what lens."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vig.photo import Window
+from vig.scene import IMAGE_SIZE, ObjectClass
+from vig_world.assets.coats import draw_coat, mean_albedo
+from vig_world.dataset.spec import Coat, Lens
+from vig_world.renderers.view import View
+
+SEAMLESS = 0.35
+"""Share of objects on a seamless ground."""
+DECORATED, METAL = 0.5, 0.08
+"""Shares of painted and of metal objects."""
+LEVEL, LOW = math.radians(15.0), math.radians(42.0)
+"""Elevation below which most photographs are taken, and most of the others."""
+LEVEL_SHARE, LOW_SHARE = 0.55, 0.33
+LONGEST = 6.0
+"""Of lenses, over the standard one."""
+ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
+"""Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
+SCALE, SHIFT = 0.1, 0.04
+"""Standard deviations of the log size, and of the place, of what boxes frame."""
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How one object is photographed; albedo (3,) is the coat's mean."""
+
+    elevation: float
+    coat: Coat
+    albedo: np.ndarray
+    lens: Lens
+    seamless: bool
+
+
+def draw_manner(
+    rng: np.random.Generator, object_class: ObjectClass, vertices: np.ndarray, azimuth: float
+) -> Manner:
+    """Draw how an object (V, 3), metres, at an azimuth, radians, is photographed."""
+    model = object_class.shape_model
+    kind = rng.random()
+    if kind < LEVEL_SHARE:
+        elevation = rng.uniform(0.0, LEVEL)
+    else:
+        low = kind < LEVEL_SHARE + LOW_SHARE
+        elevation = rng.uniform(LEVEL, LOW) if low else rng.uniform(LOW, 0.49 * math.pi)
+    coat = draw_coat(rng, len(model.part_names), DECORATED, METAL)
+    farther = math.exp(rng.uniform(math.log(0.9), math.log(LONGEST))) if rng.random() < 0.7 else 1.0
+    roll = rng.uniform(-MOST_ROLL, MOST_ROLL) if rng.random() < ROLLED else rng.normal(0, ROLL)
+    lens = _framed(Lens(farther, float(roll)), object_class, vertices, azimuth, float(elevation))
+    scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)
+    moved = (lens.shift[0] * scale + shift[0], lens.shift[1] * scale + shift[1])
+    lens = replace(lens, scale=lens.scale * scale, shift=(float(moved[0]), float(moved[1])))
+    seamless = bool(rng.random() < SEAMLESS)
+    return Manner(float(elevation), coat, mean_albedo(coat, vertices, model), lens, seamless)
+
+
+def _framed(
+    lens: Lens, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
+) -> Lens:
+    """A lens that frames the object as the window of its box does."""
+    view = View.through(lens, object_class, azimuth, elevation)
+    seen = vertices @ view.rotation.T + view.translation
+    x, y = (view.camera.focal * seen[:, :2] / seen[:, 2:] + [view.camera.cx, view.camera.cy]).T
+    box = (float(x.min()), float(y.min()), float(np.ptp(x)), float(np.ptp(y)))
+    window = Window.round_box(box)
+    scale = IMAGE_SIZE / window.side
+    middle = IMAGE_SIZE / 2
+    shift = [(middle - start) * scale / IMAGE_SIZE - 0.5 for start in (window.left, window.top)]
+    return replace(lens, scale=lens.scale * scale, shift=(shift[0], shift[1]))
