@@ -57,7 +57,8 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
         leaves = [metadata.schema.column(i) for i in range(metadata.num_columns)]
         strings = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=strings)
-        table = file.read([name for name in held if texts or name not in _TEXTS])
+        # On this thread: one of Arrow's may let go of `data` while Python ends, which aborts the process.
+        table = file.read([name for name in held if texts or name not in _TEXTS], use_threads=False)
         if len(table) != count:
             raise ValueError(f"{len(table)} of its {count} rows could be read")
         for place, name in enumerate(table.column_names):
