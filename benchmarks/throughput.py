@@ -55,7 +55,9 @@ class Fits:
         camera = Camera.standard(self.photos.shape[1], self.object_class.target_height)
         geometry = geometry_of(self.object_class, self.settings.self_shadow)
         likelihood = Likelihood(geometry, camera, photos, self.settings.silhouette)
-        objective = Objective(likelihood, self.object_class, prior_weight=self.settings.prior_weight)
+        objective = Objective(
+            likelihood, self.object_class, prior_weight=self.settings.filled().prior_weight or 0.0
+        )
         return objective, objective.point(self.guesses[which])
 
     def whole(self, which: torch.Tensor) -> list[Fit]:

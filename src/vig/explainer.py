@@ -23,8 +23,6 @@ from vig.scene import Latents, ObjectClass
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
-PHOTO_FARTHER = 1.4
-"""Taken for photos that do not tell, as `ExplainSettings.farther`."""
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
 
@@ -46,8 +44,8 @@ class Explainer:
 
         Args:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
-            settings: How to fit. Where their `free_framing` is None, shift and magnification are fitted
-                unless a window is given; where `farther` is None it follows from the photo's focal length.
+            settings: How to fit. What is None in them is that of photographs, and with a window that of
+                pictures by the standard camera; `farther` follows from the photo's focal length if known.
             device: "cpu", the only one that fits run on so far.
 
         Raises:
@@ -88,17 +86,14 @@ class Explainer:
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
         linear = as_photo(photo)
         height, width = linear.shape[:2]
-        settings, found, given = self.settings, 1.0, window is not None
-        if settings.free_framing is None:
-            settings = replace(settings, free_framing=not given)
+        settings, found = self.settings.filled(photo=window is None), 1.0
         if window is None and box is not None:
             window = upright(linear, Window.of(width, height, checked_box(box)), self.recognizer)
         if window is None:
             window, found = (best := find(linear, self.recognizer)[0]).window, best.score
-        if settings.farther is None:
+        if self.settings.farther is None:
             focal = checked_focal(focal) if focal is not None else focal_of(photo)
-            usual = 1.0 if given else PHOTO_FARTHER
-            settings = replace(settings, farther=window.farther(focal) if focal else usual)
+            settings = replace(settings, farther=window.farther(focal)) if focal else settings
         cut, known = window.cut(linear)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid))

@@ -15,7 +15,6 @@ from scipy.ndimage import rotate
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from vig.explainer import PHOTO_FARTHER
 from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
 from vig.inference.calibration import faded, residual
 from vig.recognition import Recognizer
@@ -173,7 +172,7 @@ def calibrate_fits(
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         if isinstance(dataset, StudioPhotos):
-            images, how = dataset.images, replace(plain, farther=PHOTO_FARTHER)
+            images, how = dataset.images, plain.filled(photo=True)
             photos, origin = dataset.others, np.arange(len(dataset.others))
         else:
             images, how = framed(dataset, recognizer)[0], fit_settings(plain, dataset)
@@ -347,10 +346,16 @@ def logistic(
 
 
 def least_threshold(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
-    """The lowest confidence from which on at least `PRECISION` of the fits are right."""
+    """The lowest confidence from which on at least `PRECISION` of the fits are right, less a standard error.
+
+    The error is that of the share itself, of so many fits as the weights stand for (Kish 1965): the lowest
+    confidence that happens to do would be too low for other photos.
+    """
     order = np.argsort(-confidence)
-    share = np.cumsum((right * weight)[order]) / np.cumsum(weight[order])
-    enough = np.flatnonzero(share >= PRECISION)
+    total = np.cumsum(weight[order])
+    share = np.cumsum((right * weight)[order]) / total
+    error = np.sqrt(share * (1 - share) * np.cumsum(weight[order] ** 2)) / total
+    enough = np.flatnonzero(share - error >= PRECISION)
     return float(confidence[order][enough[-1]]) if len(enough) else 1.0
 
 

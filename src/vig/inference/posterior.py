@@ -45,7 +45,9 @@ def objectives_of(
     valid: torch.Tensor | None = None,
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
-    camera = Camera.standard(photo.shape[1], object_class.target_height, settings.farther or 1.0)
+    settings = settings.filled()
+    assert settings.farther is not None and settings.prior_weight is not None
+    camera = Camera.standard(photo.shape[1], object_class.target_height, settings.farther)
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid)
     if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
@@ -117,10 +119,10 @@ def pixel_prior(
         density = settings.surroundings * log_colour_density(photo, (1 - mask[..., 0]) * known)
         prior[..., 1] += density
         prior[..., 2] += density
-    if settings.decoration > 0:
-        own = prior[..., 0] + math.log(settings.decoration) + log_colour_density(photo, mask[..., 0] * known)
+    if share := settings.filled().decoration:
+        own = prior[..., 0] + math.log(share) + log_colour_density(photo, mask[..., 0] * known)
         both = torch.logaddexp(prior[..., 1], own)
         decorated = (own - both).exp()
-        prior[..., 0] += math.log1p(-settings.decoration)
+        prior[..., 0] += math.log1p(-share)
         prior[..., 1] = both
     return prior, decorated

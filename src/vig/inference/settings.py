@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any
 
 import torch
 
@@ -91,6 +92,12 @@ class Stage:
         return Budget(self.iterations, self.tolerance)
 
 
+PICTURE: dict[str, Any] = {"free_framing": False, "farther": 1.0, "decoration": 0.3, "prior_weight": 10.0}
+PHOTO: dict[str, Any] = {"free_framing": True, "farther": 1.4, "decoration": 0.6, "prior_weight": 30.0}
+"""What `ExplainSettings` that say nothing of these take: for pictures by the standard camera; and for
+photographs, where surfaces are painted and glazed, and shading says less of shape."""
+
+
 @dataclass(frozen=True)
 class ExplainSettings:
     """How to fit.
@@ -102,18 +109,18 @@ class ExplainSettings:
             paper's constant alpha, 1 takes them fully.
         surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
         decoration: Probability in [0, 1) that a visible pixel shows another of the object's own colours than
-            the rendered one: painted decoration, a highlight.
+            the rendered one: painted decoration, a highlight; None leaves it to `filled`.
         recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
             these and azimuth's out.
         prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
-            independent, which they are not.
+            independent, which they are not; None leaves it to `filled`.
         azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
         view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
             same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
-        free_framing: Also fit shift and magnification, for photos cropped by hand; None is False, unless an
-            `Explainer` chooses.
-        farther: Distance of the eye and focal length, of the standard camera's; None likewise is 1.
+        free_framing: Also fit shift and magnification, for photos cropped by hand; None leaves it to
+            `filled`.
+        farther: Distance of the eye and focal length, of the standard camera's; None leaves it to `filled`.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.
@@ -129,9 +136,9 @@ class ExplainSettings:
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
-    decoration: float = 0.3
+    decoration: float | None = None
     recognition_weight: float = 1.0
-    prior_weight: float = 10.0
+    prior_weight: float | None = None
     azimuth_weight: float = 100.0
     view_weight: float = 1000.0
     self_shadow: bool = True
@@ -156,7 +163,13 @@ class ExplainSettings:
         shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99}
         for name in (*shares, "recognition_weight", "prior_weight", "azimuth_weight", "view_weight"):
             most = shares.get(name, math.inf)
-            if not 0 <= (given := getattr(self, name)) <= most or given == math.inf:
+            given = getattr(self, name)
+            if given is not None and (not 0 <= given <= most or given == math.inf):
                 raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
         if self.silhouette not in ("exact", "paper"):
             raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
+
+    def filled(self, photo: bool = False) -> ExplainSettings:
+        """The same with what is None taken from `PICTURE`, or from `PHOTO`."""
+        chosen = PHOTO if photo else PICTURE
+        return replace(self, **{name: value for name, value in chosen.items() if getattr(self, name) is None})

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from vig.explainer import PHOTO_FARTHER
 from vig.inference import ExplainSettings
 from vig.photo import Window
 from vig.recognition import Recognizer
@@ -41,9 +38,7 @@ def framed(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.nda
 
 def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings:
     """Settings of the fits of such images."""
-    if dataset.world == "paper":
-        return settings
-    return replace(settings, free_framing=True, farther=PHOTO_FARTHER)
+    return settings.filled(photo=dataset.world == "photo")
 
 
 def _box(whole: np.ndarray) -> tuple[float, float, float, float] | None:

@@ -475,8 +475,13 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
     assert stages == [(8, 5, 4, 0.5, 40), (4, 6, 4, 0.5, 20), (2, 8, 2, 1, 10), (2, 15, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
-    assert weights == (1, 1, 1) and (settings.prior_weight, settings.view_weight) == (10, 1000)
-    assert (settings.decoration, settings.azimuth_weight) == (0.3, 100)
+    assert weights == (1, 1, 1) and (settings.view_weight, settings.azimuth_weight) == (1000, 100)
+    for photo, chosen in ((False, (False, 1.0, 0.3, 10)), (True, (True, 1.4, 0.6, 30))):
+        filled = settings.filled(photo)
+        found = (filled.free_framing, filled.farther, filled.decoration, filled.prior_weight)
+        assert found == chosen
+    assert replace(settings, decoration=0.0, farther=2.0).filled(photo=True).farther == 2.0
+    assert replace(settings, decoration=0.0).filled(photo=True).decoration == 0.0
     assert settings.likelihood is SPATIAL and settings.silhouette == "exact"
     assert (settings.self_shadow, settings.free_framing, settings.calibrated) == (True, None, True)
     assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
