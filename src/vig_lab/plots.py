@@ -19,10 +19,10 @@ from vig_world.extras import optional_import
 
 
 def train_and_plot(
-    dataset: Dataset, out: Path, settings: TrainingSettings, say: Callable[[str], None] = print
+    datasets: Sequence[Dataset], out: Path, settings: TrainingSettings, say: Callable[[str], None] = print
 ) -> Path:
     """As `vig_lab.training.train`; also writes every loss of every epoch to log.csv and losses.png."""
-    return train(dataset, out, settings, say, TrainingLog(Path(out)).add)
+    return train(datasets, out, settings, say, TrainingLog(Path(out)).add)
 
 
 def calibrate_and_plot(

@@ -73,6 +73,6 @@ def test_a_resumed_training_replaces_what_was_logged_after_its_checkpoint(tmp_pa
 
 def test_a_training_is_logged(tmp_path: Path) -> None:
     settings = TrainingSettings(epochs=1, batch=8, threads=1, network=SMALL)
-    path = train_and_plot(tiny_dataset(tmp_path), tmp_path, settings, lambda line: None)
+    path = train_and_plot([tiny_dataset(tmp_path)], tmp_path, settings, lambda line: None)
     assert path == tmp_path / "recognition.safetensors" and path.is_file()
     assert [row["epoch"] for row in rows(tmp_path)] == ["1"]

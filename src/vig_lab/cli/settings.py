@@ -24,18 +24,18 @@ class Demo:
 
 @dataclass(frozen=True)
 class Train:
-    """Train a recognition network on a dataset; continues where it was stopped."""
+    """Train a recognition network on datasets; continues where it was stopped."""
 
-    dataset: Path
-    """Folder of a dataset with a train split."""
+    dataset: tuple[Path, ...]
+    """Folders of datasets with a train split."""
     out: Path
     """Folder for weights and checkpoint."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
-    """A packaged class or the folder of a class pack: the dataset's."""
+    """A packaged class or the folder of a class pack: the datasets'."""
     start: Path | None = None
     """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
     studio: int = 24
-    """Images that are drawn afresh for each step, beside 40 of the dataset; 0: the dataset as it is."""
+    """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
     workers: int = 1
     """Processes that draw."""
     net: Network = "vig"

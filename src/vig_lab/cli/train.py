@@ -1,10 +1,11 @@
-"""`vig train`: a recognition network trained on a dataset."""
+"""`vig train`: a recognition network trained on datasets."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
+from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_lab.cli.common import check_writable
@@ -20,20 +21,24 @@ def train(settings: Train) -> int:
     """`vig train`."""
     lines: list[str] = []
     report = lines.append if settings.json else lambda line: print(line, flush=True)
-    dataset = read_dataset(settings.dataset, "train")
+    if not settings.dataset:
+        raise UserError("expected at least one dataset to train on; got none")
+    datasets = [read_dataset(path, "train") for path in settings.dataset]
     check_writable(settings.out)
     chosen: dict[str, Any] = {"seed": settings.seed}
     if settings.epochs is not None:
         chosen["epochs"] = settings.epochs
     if settings.net == "paper":
-        path = train_paper(dataset, settings.out, PaperTrainingSettings(**chosen), report)
+        if len(datasets) > 1:
+            raise UserError(f"--net paper learns from one dataset; got {len(datasets)}. Give one.")
+        path = train_paper(datasets[0], settings.out, PaperTrainingSettings(**chosen), report)
     else:
         folder = ObjectClass.load(settings.object_class).folder
         if settings.studio and folder is not None:
             chosen["drawing"] = Drawing(folder, settings.studio, workers=settings.workers)
         start = settings.start or PACKAGED / "teapot" / "recognition.safetensors"
         chosen |= {"start": start, "trunk_only": settings.start is None}
-        path = train_network(dataset, settings.out, TrainingSettings(**chosen), report)
+        path = train_network(datasets, settings.out, TrainingSettings(**chosen), report)
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:

@@ -155,7 +155,7 @@ def train(run: Run) -> None:
     else:
         own = TrainingSettings(**chosen)
         own = replace(own, batch=min(own.batch, batch))
-        train_network(dataset, run.folder.recognition, own, run.report)
+        train_network([dataset], run.folder.recognition, own, run.report)
 
 
 def take_weights(run: Run) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -75,12 +76,13 @@ class Examples:
         return Examples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def hold_out(dataset: Dataset, most: int) -> tuple[np.ndarray, np.ndarray]:
+def hold_out(datasets: Sequence[Dataset], most: int) -> tuple[np.ndarray, np.ndarray]:
     """Indices to train on, and at most `most` to validate on, whose rooms no training image shows.
 
-    Whole rooms are held out until they have `HELD_SHARE` of the images; of a single room, its last tenth.
+    Indices run through all datasets in their order. Whole rooms are held out until they have `HELD_SHARE` of
+    the images; of a single room, its last tenth.
     """
-    rooms = np.array([spec.room.layout for spec in dataset.specs()])
+    rooms = np.array([spec.room.layout for dataset in datasets for spec in dataset.specs()])
     known, counts = np.unique(rooms, return_counts=True)
     if len(known) == 1:
         held = np.arange(len(rooms)) >= len(rooms) - max(1, len(rooms) // 10)
@@ -88,4 +90,5 @@ def hold_out(dataset: Dataset, most: int) -> tuple[np.ndarray, np.ndarray]:
         order = np.random.default_rng(np.random.SeedSequence([len(rooms)])).permutation(len(known))
         enough = int(np.searchsorted(counts[order].cumsum(), HELD_SHARE * len(rooms))) + 1
         held = np.isin(rooms, known[order[: min(enough, len(known) - 1)]])
-    return np.flatnonzero(~held), np.flatnonzero(held)[:most]
+    shown = np.flatnonzero(held)
+    return np.flatnonzero(~held), shown[np.linspace(0, len(shown) - 1, min(most, len(shown))).astype(int)]

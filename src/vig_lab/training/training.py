@@ -6,7 +6,7 @@ import json
 import math
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -51,9 +51,9 @@ class TrainingSettings:
     """How to train.
 
     Attributes:
-        epochs: Passes over the dataset's training images, at most.
-        batch: Images of the dataset per step.
-        drawing: Of further images for each step, drawn afresh; None for the dataset alone.
+        epochs: Passes over the datasets' training images, at most.
+        batch: Images of the datasets per step.
+        drawing: Of further images for each step, drawn afresh; None for the datasets alone.
         start: Weights to begin with: a file of `vig train`, of which all that fits is taken.
         trunk_only: Take only the trunk from it.
         frozen: Of the trunk's stages, those that stay as they are in `start`, from the first on.
@@ -62,7 +62,7 @@ class TrainingSettings:
         validation: Most images of held-out rooms that are used.
         patience: Epochs without a better validation loss after which training ends.
         augmentation: Of the training images.
-        network: Sizes; the number of shape components is the dataset's.
+        network: Sizes; the number of shape components is the datasets'.
         seed: Of weights, order, drawing and augmentation.
         threads: Of the CPU, all by default.
     """
@@ -82,20 +82,23 @@ class TrainingSettings:
     seed: int = 0
     threads: int | None = None
 
-    def check(self, dataset: Dataset) -> None:
-        """Raise UserError when this trains nothing on a dataset."""
+    def check(self, datasets: Sequence[Dataset]) -> None:
+        """Raise UserError when this trains nothing on datasets."""
         for name, least in (("epochs", 1), ("seed", 0)):
             if getattr(self, name) < least:
                 raise UserError(f"{name} must be at least {least}; got {getattr(self, name)}")
-        if len(dataset) < 2 * self.batch:
-            raise UserError(
-                f"training needs at least {2 * self.batch} images; '{dataset.folder}' has {len(dataset)}"
-            )
+        count = sum(map(len, datasets))
+        if count < 2 * self.batch:
+            named = ", ".join(f"'{dataset.folder}'" for dataset in datasets)
+            raise UserError(f"training needs at least {2 * self.batch} images; {named} has {count}")
 
-    def fingerprint(self, dataset: Dataset) -> str:
+    def fingerprint(self, datasets: Sequence[Dataset]) -> str:
         """Settings and data that a checkpoint must match to be resumed."""
-        data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
-        described = asdict(self) | {"count": len(dataset), "data": data, "start": str(self.start)}
+        data = 0
+        for dataset in datasets:
+            data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes(), data)
+        count = sum(map(len, datasets))
+        described = asdict(self) | {"count": count, "data": data, "start": str(self.start)}
         described["drawing"] = None if self.drawing is None else self.drawing.described()
         return json.dumps({name: value for name, value in described.items() if name != "threads"})
 
@@ -118,19 +121,19 @@ class Epoch:
 
 
 def train(
-    dataset: Dataset,
+    datasets: Sequence[Dataset],
     out: Path,
     settings: TrainingSettings,
     say: Callable[[str], None] = print,
     record: Callable[[Epoch], None] = lambda epoch: None,
 ) -> Path:
-    """Train on a dataset but for the rooms that are held out.
+    """Train on datasets but for the rooms that are held out.
 
     On a GPU where there is one, in bfloat16 where the processor has it. An interrupted run resumes from the
     checkpoint that is written after each epoch.
 
     Args:
-        dataset: To learn from.
+        datasets: To learn from, their images in one order.
         out: Folder of the weights and the checkpoint.
         settings: How to train.
         say: Is called with a line after each epoch.
@@ -140,17 +143,17 @@ def train(
         The path of the weights: their exponential moving average after the epoch of least held-out loss.
 
     Raises:
-        UserError: The dataset is too small, the settings train nothing, or `out` holds a checkpoint that is
+        UserError: The datasets are too small, the settings train nothing, or `out` holds a checkpoint that is
             damaged or of another run.
     """
-    settings.check(dataset)
+    settings.check(datasets)
     if settings.threads is not None:
         torch.set_num_threads(settings.threads)
-    chosen, held = (torch.from_numpy(indices) for indices in hold_out(dataset, settings.validation))
-    examples = Examples.of(dataset)
+    chosen, held = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
+    examples = Examples.joined([Examples.of(dataset) for dataset in datasets])
     run = _Run.begin(settings, examples, chosen)
     checkpoint, path = Path(out) / "checkpoint.safetensors", Path(out) / "recognition.safetensors"
-    fingerprint = settings.fingerprint(dataset)
+    fingerprint = settings.fingerprint(datasets)
     first, best, best_at = 0, math.inf, 0
     if checkpoint.exists():
         state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)

@@ -37,11 +37,11 @@ TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
 def test_each_net_is_trained_with_its_own_defaults(
     given: list[str], expected: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    seen: list[tuple[str, object]] = []
+    seen: list[tuple[str | list[str], object]] = []
 
     def training(kind: str) -> Any:
-        def trained(dataset: str, out: Path, settings: object, say: Any) -> Path:
-            seen.append((dataset, settings))
+        def trained(datasets: str | list[str], out: Path, settings: object, say: Any) -> Path:
+            seen.append((datasets, settings))
             say(f"{kind}: epoch 1")
             return out / "recognition.safetensors"
 
@@ -52,7 +52,32 @@ def test_each_net_is_trained_with_its_own_defaults(
     monkeypatch.setattr(verb, "train_paper", training("paper"))
     with pytest.raises(SystemExit) as ended:
         main(["train", "--class", str(TEAPOT), "--dataset", "D", "--out", str(tmp_path / "w"), *given])
-    assert ended.value.code == 0 and seen == [("D train", expected)]
-    lines = capsys.readouterr().out.splitlines()
     kind = "paper" if "paper" in given else "vig"
+    assert ended.value.code == 0 and seen == [("D train" if kind == "paper" else ["D train"], expected)]
+    lines = capsys.readouterr().out.splitlines()
     assert lines == [f"{kind}: epoch 1", str(tmp_path / "w/recognition.safetensors"), str(tmp_path / "w")]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--dataset", "D", "E", "--net", "paper"], "--net paper learns from one dataset; got 2. Give one."),
+        (["--dataset"], "expected at least one dataset"),
+    ],
+)
+def test_a_number_of_datasets_that_cannot_be_is_told(
+    given: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
+    with pytest.raises(SystemExit) as ended:
+        main(["train", *given, "--out", str(tmp_path / "w")])
+    assert ended.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_several_datasets_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[list[str]] = []
+    monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
+    monkeypatch.setattr(verb, "train_network", lambda datasets, out, *rest: seen.append(datasets) or out)
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "--dataset", "D", "E", "--out", str(tmp_path / "w")])
+    assert ended.value.code == 0 and seen == [["D train", "E train"]]

@@ -146,7 +146,7 @@ def test_another_runs_checkpoint_is_not_continued(trained: tuple[Path, list[str]
     before = checkpoint.read_bytes()
     with pytest.raises(UserError, match="another training run"):
         train_paper(dataset, checkpoint.parent, replace(SETTINGS, epochs=7))
-    own = TrainingSettings().fingerprint(dataset)
+    own = TrainingSettings().fingerprint([dataset])
     with pytest.raises(UserError, match="another training run"):
         load_checkpoint(checkpoint, {}, torch.optim.SGD([torch.zeros(1)]), own)
     assert checkpoint.read_bytes() == before

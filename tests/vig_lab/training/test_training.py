@@ -66,7 +66,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 def trained(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
     """Weights of an uninterrupted run, and what it said."""
     said: list[str] = []
-    return train(dataset, tmp_path_factory.mktemp("whole"), SETTINGS, said.append), said
+    return train([dataset], tmp_path_factory.mktemp("whole"), SETTINGS, said.append), said
 
 
 def test_a_run_says_one_line_an_epoch_and_writes_weights_that_can_be_read(trained, dataset: Dataset) -> None:
@@ -85,7 +85,11 @@ def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_pat
     epochs: list[Epoch] = []
     said: list[str] = []
     train(
-        dataset, tmp_path, dataclasses.replace(SETTINGS, epochs=2, network=SMALL), said.append, epochs.append
+        [dataset],
+        tmp_path,
+        dataclasses.replace(SETTINGS, epochs=2, network=SMALL),
+        said.append,
+        epochs.append,
     )
     assert [epoch.number for epoch in epochs] == [1, 2]
     for epoch, line in zip(epochs, said, strict=True):
@@ -98,7 +102,7 @@ def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_pat
 def test_the_loss_falls(dataset: Dataset, tmp_path: Path) -> None:
     epochs: list[Epoch] = []
     settings = dataclasses.replace(SETTINGS, epochs=6, patience=6, network=SMALL)
-    train(dataset, tmp_path, settings, lambda line: None, epochs.append)
+    train([dataset], tmp_path, settings, lambda line: None, epochs.append)
     first, last = (sum(epoch.trained.values()) for epoch in (epochs[0], epochs[-1]))
     assert last < 0.96 * first
 
@@ -121,7 +125,7 @@ def test_the_weights_are_those_of_the_best_epoch_and_training_ends_after_it(
         said.append(line)
         held.append((tmp_path / "recognition.safetensors").read_bytes())
 
-    train(dataset, tmp_path, settings, say)
+    train([dataset], tmp_path, settings, say)
     assert [line.split()[1] for line in said[:4]] == ["1/5", "2/5", "3/5", "4/5"]
     assert said[4:] == ["no better for 2 epochs; the weights are those after epoch 2"]
     assert held[0] != held[1] and held[1] == held[2] == held[3] == held[4]
@@ -149,7 +153,7 @@ def seeded(
         given = dataclasses.replace(
             SETTINGS, epochs=epochs, network=SMALL, augmentation=Watched(), learning_rate=0.0, seed=seed
         )
-        path = train(dataset, tmp_path_factory.mktemp(name), given, lambda line: None)
+        path = train([dataset], tmp_path_factory.mktemp(name), given, lambda line: None)
         runs[name] = load_file(path)["network.azimuth.weight"], list(Watched.seen)
     return runs
 
@@ -175,9 +179,9 @@ def test_an_interrupted_run_ends_with_the_same_bytes(trained, dataset: Dataset, 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(dataset, tmp_path, SETTINGS, interrupt)
+        train([dataset], tmp_path, SETTINGS, interrupt)
     said: list[str] = []
-    resumed = train(dataset, tmp_path, SETTINGS, said.append)
+    resumed = train([dataset], tmp_path, SETTINGS, said.append)
     assert [line.split()[1] for line in said] == ["2/3", "3/3"]
     first, second = load_file(trained[0]), load_file(resumed)
     assert first.keys() == second.keys()
@@ -187,7 +191,7 @@ def test_an_interrupted_run_ends_with_the_same_bytes(trained, dataset: Dataset, 
 def test_a_finished_run_is_not_trained_again(trained, dataset: Dataset) -> None:
     path, _ = trained
     before, said = path.read_bytes(), []
-    assert train(dataset, path.parent, SETTINGS, said.append) == path
+    assert train([dataset], path.parent, SETTINGS, said.append) == path
     assert said == [] and path.read_bytes() == before
 
 
@@ -195,7 +199,7 @@ def test_another_runs_checkpoint_is_not_continued(trained, dataset: Dataset) -> 
     folder = trained[0].parent
     before = (folder / "checkpoint.safetensors").read_bytes()
     with pytest.raises(UserError, match="another training run"):
-        train(dataset, folder, dataclasses.replace(SETTINGS, epochs=5))
+        train([dataset], folder, dataclasses.replace(SETTINGS, epochs=5))
     assert (folder / "checkpoint.safetensors").read_bytes() == before
 
 
@@ -204,25 +208,25 @@ def test_a_damaged_checkpoint_is_told(keep: int, trained, dataset: Dataset, tmp_
     whole = (trained[0].parent / "checkpoint.safetensors").read_bytes()
     (tmp_path / "checkpoint.safetensors").write_bytes(whole[:keep])
     with pytest.raises(UserError, match="checkpoint"):
-        train(dataset, tmp_path, SETTINGS)
+        train([dataset], tmp_path, SETTINGS)
 
 
 def test_a_checkpoint_that_is_none_of_ours_is_told(dataset: Dataset, tmp_path: Path) -> None:
     save_file({"a": torch.zeros(1)}, tmp_path / "checkpoint.safetensors")
     with pytest.raises(UserError, match="checkpoint"):
-        train(dataset, tmp_path, SETTINGS)
+        train([dataset], tmp_path, SETTINGS)
 
 
 def test_too_small_a_dataset_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="at least 16 images; .* has 15"):
-        train(tiny_dataset(tmp_path, 15), tmp_path, SETTINGS)
+        train([tiny_dataset(tmp_path, 15)], tmp_path, SETTINGS)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("wrong", [{"epochs": 0}, {"epochs": -1}, {"seed": -1}])
 def test_impossible_settings_are_refused(wrong: dict[str, int], dataset: Dataset, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=f"{next(iter(wrong))} must be at least"):
-        train(dataset, tmp_path, dataclasses.replace(SETTINGS, **wrong))
+        train([dataset], tmp_path, dataclasses.replace(SETTINGS, **wrong))
     assert not list(tmp_path.iterdir())
 
 
@@ -309,7 +313,7 @@ def test_a_checkpoint_with_a_tensor_too_few_or_too_many_is_not_continued(
         tensors[name] = torch.zeros(3)
     save_file(tensors, tmp_path / path.name, metadata=metadata)
     with pytest.raises(UserError, match="tensors are missing or unknown") as caught:
-        train(dataset, tmp_path, SETTINGS)
+        train([dataset], tmp_path, SETTINGS)
     assert name in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -321,5 +325,5 @@ def test_a_checkpoint_with_a_tensor_of_another_shape_is_not_continued(
     tensors, metadata = load_file(path) | {name: torch.zeros(1)}, told(path)
     save_file(tensors, tmp_path / path.name, metadata=metadata)
     with pytest.raises(UserError, match="expected a checkpoint of a training run") as caught:
-        train(dataset, tmp_path, SETTINGS)
+        train([dataset], tmp_path, SETTINGS)
     assert "\n" not in str(caught.value)
