@@ -1,4 +1,4 @@
-"""Verdicts on photos of a rolled camera, which the model does not represent.
+"""Fits of photos by a rolled camera, turned upright as the network sees them, as `Explainer.explain` does.
 
     python -m benchmarks.rolled --dataset D [--split test] [--count 200] [--json FILE]
 
@@ -16,7 +16,9 @@ import torch
 
 from benchmarks.measuring import metric, report, write
 from vig.inference import Verdict, explain
+from vig.photo import Window
 from vig.recognition import Recognizer
+from vig.recognition.find import upright
 from vig.scene import ObjectClass, layout_of_width, linear_from_srgb
 from vig_lab.calibration import low, rolled
 from vig_lab.evaluation.metrics import angle_error_deg
@@ -45,8 +47,9 @@ def main() -> None:
     metrics = []
     for angle in ANGLES:
         images = rolled(dataset.images[chosen], np.full(len(chosen), angle))
-        photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
-        fits = list(explain(photos, teapot, recognizer))
+        cut = [turned(linear_from_srgb(image.astype(np.float32) / 255), recognizer) for image in images]
+        photos, known = (torch.from_numpy(np.stack(column)) for column in zip(*cut, strict=True))
+        fits = list(explain(photos, teapot, recognizer, valid=known))
         azimuth = torch.cat([fit.latents.azimuth for fit in fits])
         near = angle_error_deg(azimuth, truth.to(azimuth)) < NEAR_DEG
         trusted = np.array([fit.verdict is Verdict.TRUSTED for fit in fits])
@@ -55,6 +58,12 @@ def main() -> None:
         metrics.append(metric(f"wrongly_trusted_rolled_{angle}", [100 * (trusted & ~near).mean()], "%"))
     if arguments.json:
         write(report(metrics, threads=torch.get_num_threads()), arguments.json)
+
+
+def turned(photo: np.ndarray, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
+    """A photo (S, S, 3) linear RGB as the network sees it upright, and where that is known (S, S) bool."""
+    height, width = photo.shape[:2]
+    return upright(photo, Window.of(width, height), recognizer).cut(photo)
 
 
 if __name__ == "__main__":

@@ -61,7 +61,7 @@ class Studio:
         """Irradiance (B, H, W), coverage (B, H, W) and colour (B, H, W, 3) in front of nothing."""
         count = len(latents)
         blank = torch.zeros(1, self.camera.height, self.camera.width, 3, dtype=torch.float64)
-        framing = torch.zeros(count, 3, dtype=torch.float64) if framing is None else framing
+        framing = torch.zeros(count, 4, dtype=torch.float64) if framing is None else framing
         seen = self.likelihood(blank)(latents, framing, *self.whose(count), derivatives=False)
         colour = seen.irradiance[..., None] * latents.albedo[:, None, None, :]
         return seen.irradiance, seen.coverage, colour

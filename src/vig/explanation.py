@@ -77,7 +77,7 @@ class Explanation:
     @property
     def roll_deg(self) -> float:
         """By how far the photo is turned clockwise about the object, degrees."""
-        return math.degrees(self.window.roll)
+        return math.degrees(self.camera.roll)
 
     @cached_property
     def camera(self) -> Camera:

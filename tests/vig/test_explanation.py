@@ -47,7 +47,7 @@ def fit() -> Fit:
     mask[:, 75:] = False
     return Fit(
         latents=latents(),
-        framing=torch.tensor([0.01, 0.02, 0.1]),
+        framing=torch.tensor([0.01, 0.02, 0.1, 0.03]),
         deviation=torch.arange(1, 25) / 100,
         visible=mask.float(),
         mask=mask,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import struct
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy import ndimage
 from scipy.ndimage import binary_dilation
 
 import vig
@@ -141,6 +143,17 @@ def test_a_focal_length_tells_the_camera(explainer: vig.Explainer, photo: np.nda
     scale = float(explanation.fit.framing[2])
     assert explanation.camera.focal == pytest.approx(700 * np.exp(scale), rel=1e-6)
     assert explanation.camera.distance == pytest.approx(0.4 * 700 / (1.12 * 1.4 * BOX[2]), rel=1e-6)
+
+
+def test_the_camera_is_rolled_as_window_and_fit_are(explainer: vig.Explainer, photo: np.ndarray) -> None:
+    """A photo turned clockwise by 15 degrees, which the network's part and the fit's are together."""
+    level = explainer.explain(photo, BOX)
+    turned = ndimage.rotate(photo, -15, (0, 1), reshape=False, order=1, mode="nearest")
+    explanation = explainer.explain(turned, BOX)
+    fitted = explanation.window.roll + float(explanation.fit.framing[3])
+    assert explanation.roll_deg == pytest.approx(math.degrees(fitted), abs=1e-6)
+    assert explanation.roll_deg - level.roll_deg == pytest.approx(15, abs=4)
+    assert explanation.camera.roll == pytest.approx(fitted)
 
 
 def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:

@@ -149,7 +149,7 @@ class Objective:
         self.lower, self.upper = (torch.tensor(bound, **place) for bound in layout.bounds())
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
-        """Points (B, P') within the bounds from latents and framing (B, 3); all else is 0."""
+        """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
         vector = latents.to_vector().to(self.device, self.dtype)
         if not torch.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
@@ -166,7 +166,7 @@ class Objective:
         return Latents.from_vector(points[:, self._latents])
 
     def framing(self, points: torch.Tensor) -> torch.Tensor:
-        """The framing (B, 3) of points (B, P'), 0 where the layout has none."""
+        """The framing (B, 4) of points (B, P'), 0 where the layout has none."""
         if "framing" not in self.layout:
             return points.new_zeros(len(points), FRAMING.size)
         return points[:, self.layout["framing"]]

@@ -15,6 +15,7 @@ from vig.inference.settings import ExplainSettings
 from vig.recognition import Prediction, box_in_window
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, angle_difference
+from vig.scene.latents import FRAMING
 
 AMBIGUOUS_NATS = 30.0
 """A view whose score is less than this below the best is ambiguous with it."""
@@ -76,7 +77,7 @@ LEAST_PEAK = 0.02
 AZIMUTH_SPREAD = math.radians(8.0)
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
-FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06])
+FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06, 0.0])
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
 
@@ -174,12 +175,12 @@ def starts(
 
 
 def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> torch.Tensor:
-    """Framings (B, 3) in which the box of each start is that of the object in the predicted mask (N = 1).
+    """Framings (B, 4), level, in which each start has the box of the object in the predicted mask (N = 1).
 
     All but the first are perturbed at random. Where the mask shows nothing they begin at 0.
     """
     count, camera = len(starts.azimuth), objective.likelihood.camera
-    framing = torch.zeros(count, 3)
+    framing = torch.zeros(count, FRAMING.size)
     if (box := box_in_window(prediction)) is not None:
         vertices = objective.object_class.shape_model.vertices(starts.shape)
         rotation, translation = camera.pose(starts.azimuth, starts.elevation)
@@ -188,9 +189,9 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
         least, most = seen.amin(1), seen.amax(1)
         there = torch.tensor(box)
         framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
-        framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:].exp() * (least + most) / 2
+        framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:3].exp() * (least + most) / 2
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
-    noise = torch.from_numpy(rng.standard_normal((count, 3)).astype(np.float32))
+    noise = torch.from_numpy(rng.standard_normal((count, FRAMING.size)).astype(np.float32))
     noise[0] = 0.0
     return framing + FRAMING_SPREAD * noise
 

@@ -34,7 +34,7 @@ class Fit:
 
     Attributes:
         latents: One (B = 1).
-        framing: (3,) shift of the image in widths, right and down, and log magnification.
+        framing: (4,) shift in widths, right and down, log magnification, and clockwise roll in radians.
         deviation: (P,) standard deviations, from the curvature at the fit, widened by a calibration;
             without one too small, as the noise of neighbouring pixels is taken as independent.
         visible: (H, W) posterior probability that a pixel shows the object.
@@ -118,7 +118,7 @@ class ExplainSettings:
         view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
             same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
-        free_framing: Also fit shift and magnification, for photos cropped by hand; None leaves it to
+        free_framing: Also fit shift, magnification and roll, for photos cropped by hand; None leaves it to
             `filled`.
         farther: Distance of the eye and focal length, of the standard camera's; None leaves it to `filled`.
         optimizer: Runs the stages, within their budgets.

@@ -86,7 +86,12 @@ class Pass:
         self._with_one = points[:, : 1 + self.layout["shape"].stop]
         self.albedo, self.photo = made("albedo", k.vec3), made("photo", wp.int32)
         self.sigma = made("sigma", k.real)
-        made("rotation", k.mat33), made("intrinsics", k.vec3), made("light", k.rest_row)
+        (
+            made("rotation", k.mat33),
+            made("level", k.vec2),
+            made("intrinsics", k.vec3),
+            made("light", k.rest_row),
+        )
         self.world, self.screen = made("world", k.vec3, vertices), made("screen", k.vec3, vertices)
         self.normals = made("normals", k.vec3, vertices)
         made("inverse_lengths", k.real, vertices), made("facing", wp.uint8, faces)

@@ -130,7 +130,8 @@ class Window:
         scale = self.side / camera.width
         at = ((camera.cx - camera.width / 2) * scale, (camera.cy - camera.height / 2) * scale)
         cx, cy = self.to_photo(*at)
-        return replace(camera.scaled(scale), width=width, height=height, cx=cx, cy=cy, roll=self.roll)
+        camera = camera.scaled(scale)
+        return replace(camera, width=width, height=height, cx=cx, cy=cy, roll=camera.roll + self.roll)
 
     def back(self, image: np.ndarray, width: int, height: int) -> np.ndarray:
         """A map (S, S) of the window, in [0, 1], drawn into the photo's frame: (height, width) float32.

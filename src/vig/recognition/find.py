@@ -41,7 +41,7 @@ def find(photo: np.ndarray, recognizer: Recognizer) -> list[Candidate]:
     The list holds at least one; a low score means that the photo may not show the object.
     """
     windows = _grid(*photo.shape[1::-1])
-    prediction = predict_windows(photo, windows, recognizer)
+    prediction = predict_windows(photo, windows, recognizer, twice=False)
     scores = _scores(prediction)
     found: list[Candidate] = []
     best = sorted(range(len(windows)), key=lambda index: -scores[index])[:KEPT]
@@ -65,9 +65,12 @@ def upright(photo: np.ndarray, window: Window, recognizer: Recognizer) -> Window
     return window if abs(roll) < LEAST_ROLL else replace(window, roll=window.roll + roll)
 
 
-def predict_windows(photo: np.ndarray, windows: list[Window], recognizer: Recognizer) -> Prediction:
-    """What the network predicts for windows of a photo."""
-    return recognizer(torch.from_numpy(np.stack([window.cut(photo)[0] for window in windows])))
+def predict_windows(
+    photo: np.ndarray, windows: list[Window], recognizer: Recognizer, twice: bool = True
+) -> Prediction:
+    """What the network predicts for windows of a photo; for `twice` see `Recognizer.__call__`."""
+    cut = torch.from_numpy(np.stack([window.cut(photo)[0] for window in windows]))
+    return recognizer(cut, twice=twice)
 
 
 def _grid(width: int, height: int) -> list[Window]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -32,6 +33,20 @@ def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
     return Latents(
         parts["shape"], azimuth, parts["elevation"][:, 0], parts["albedo"], rotate_z(parts["light"], azimuth)
     )
+
+
+_MIRRORED_LIGHT = (3, 4, 7)
+"""Heading-frame coefficients odd in x: (1,1), (2,-2), (2,1)."""
+
+
+def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Azimuths (B,) and numbers (B, M) of photos flipped left to right, of a class that is its own mirror
+    image in y = 0.
+    """
+    flipped = numbers.clone()
+    light = layout_of_numbers(numbers.shape[1]).at("light")
+    flipped[:, [light + coefficient for coefficient in _MIRRORED_LIGHT]] *= -1
+    return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped
 
 
 def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tensor:
@@ -86,7 +101,11 @@ class NetworkSettings:
         check_sizes("blocks", self.blocks, 1, 64)
         check_sizes("expansion", (self.expansion,), 1, 16)
         check_sizes("modes", (self.modes,), 1, MOST_MODES)
-        check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
+        check_sizes("azimuth_bins", (self.azimuth_bins,), 6, 3600)
+        if self.azimuth_bins % 2:
+            raise ValueError(
+                f"azimuth_bins must be even, so that a mirrored bin is one; got {self.azimuth_bins}"
+            )
         check_sizes("decoder, squeezed, features", (self.decoder, self.squeezed, self.features), 1, 8192)
         check_number("dropout", self.dropout, 0.0, 0.99)
 
@@ -110,6 +129,27 @@ class Heads:
     roll: torch.Tensor
     presence: torch.Tensor
     mask: torch.Tensor
+
+    def of_mirrored(self, centre: torch.Tensor) -> Heads:
+        """What these, of flipped photos, say of the photos themselves.
+
+        centre: (M,) the numbers 0 in units of the heads, about which those of the light change sign.
+        """
+        bins = self.azimuth.shape[1]
+        _, offset = mirrored(self.roll, self.mean - centre)
+        return Heads(
+            self.azimuth.flip(1).roll(bins // 2, 1),
+            offset + centre,
+            self.log_variance,
+            -self.roll,
+            self.presence,
+            self.mask.flip(3),
+        )
+
+    def mean_with(self, other: Heads) -> Heads:
+        """The mean of two that speak of the same photos."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Heads(*((mine + others) / 2 for mine, others in pairs))
 
 
 @dataclass(frozen=True)

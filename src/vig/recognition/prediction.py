@@ -15,6 +15,7 @@ from vig.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.network import (
     FORMAT,
+    Heads,
     NetworkCalibration,
     NetworkSettings,
     RecognitionNetwork,
@@ -155,22 +156,30 @@ class Recognizer:
             )
         return recognizer
 
-    def __call__(self, photos: torch.Tensor, batch: int = 32) -> Prediction:
+    def __call__(self, photos: torch.Tensor, batch: int = 32, twice: bool = True) -> Prediction:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
 
-        Each batch is computed on one core, so that predictions do not depend on how many there are.
+        Each batch is computed on one core, so that predictions do not depend on how many there are. `twice`
+        takes the mean over each photo and its mirror image, which is better and takes twice as long.
         """
 
         def predict(part: torch.Tensor) -> Prediction:
-            return on_one_core(lambda: self._predict(part))
+            return on_one_core(lambda: self._predict(part, twice))
 
         return Prediction.joined(list(map_on_threads(predict, photos.float().split(batch))))
 
+    def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:
+        """The network's outputs, before any calibration, for sRGB images (N, 3, S, S); see `__call__`."""
+        with bfloat16(pixels.device):
+            heads: Heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+            if not twice:
+                return heads
+            flipped: Heads = self.network(pixels.flip(3).contiguous(memory_format=torch.channels_last))
+        return heads.mean_with(flipped.of_mirrored(-self.mean / self.deviation))
+
     @torch.inference_mode()
-    def _predict(self, photos: torch.Tensor) -> Prediction:
-        pixels = srgb_from_linear(photos).permute(0, 3, 1, 2)
-        with bfloat16(photos.device):
-            heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
+    def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:
+        heads = self.heads(srgb_from_linear(photos).permute(0, 3, 1, 2), twice)
         calibration = self.calibration
         return Prediction(
             (heads.azimuth / calibration.azimuth_temperature).softmax(1).clone(),

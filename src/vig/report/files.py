@@ -78,7 +78,7 @@ def describe(
         "reason": fit.reason,
         "confidence": None if math.isnan(fit.confidence) else _rounded(fit.confidence),
         **describe_latents(fit.latents),
-        "roll_deg": _rounded(math.degrees(window.roll)),
+        "roll_deg": _rounded(math.degrees(camera.roll)),
         "alternative": fit.alternative and describe_latents(fit.alternative),
         "deviation": {
             "azimuth_deg": _rounded(math.degrees(deviation["azimuth"])),
@@ -93,6 +93,7 @@ def describe(
         "framing": {
             "shift": _rounded(fit.framing[:2]),
             "magnification": _rounded(math.exp(float(fit.framing[2]))),
+            "roll_deg": _rounded(math.degrees(fit.framing[3])),
         },
         "camera": {
             "width": camera.width,

@@ -80,13 +80,16 @@ class Camera:
             cy=self.cy * factor,
         )
 
-    def framed(self, shift_x: float, shift_y: float, log_scale: float) -> Camera:
-        """This camera with its image shifted (in widths, right and down) and magnified about its centre."""
+    def framed(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> Camera:
+        """This camera with its image shifted (in widths, right and down), and magnified and turned about its
+        principal point (clockwise, radians).
+        """
         return replace(
             self,
             focal=self.focal * math.exp(log_scale),
             cx=self.cx + shift_x * self.width,
             cy=self.cy + shift_y * self.width,
+            roll=self.roll + roll,
         )
 
     @property

@@ -172,14 +172,15 @@ LIGHT_LABELS = tuple(f"light_{degree}_{order}" for degree in range(3) for order 
 
 FRAMING = Block(
     "framing",
-    3,
-    (-0.4, -0.4, -1.0),
-    (0.4, 0.4, 1.0),
-    ("shift_x", "shift_y", "log_scale"),
-    deviation=(0.1, 0.1, 0.3),
+    4,
+    (-0.4, -0.4, -1.0, -0.4),
+    (0.4, 0.4, 1.0, 0.4),
+    ("shift_x", "shift_y", "log_scale", "roll"),
+    deviation=(0.1, 0.1, 0.3, 0.05),
     weighted=False,
 )
-"""Shift of the image in its widths, right and down, and the log of its magnification."""
+"""Shift of the image in its widths, right and down, the log of its magnification, and its clockwise turn
+about the principal point, radians."""
 
 
 @cache

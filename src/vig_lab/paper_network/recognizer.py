@@ -23,7 +23,7 @@ class PaperRecognizer(Recognizer):
         self.network = networks_from(settings, tensors)
 
     @torch.inference_mode()
-    def _predict(self, photos: torch.Tensor) -> Prediction:
+    def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:
         with bfloat16(photos.device):
             found = self.network(srgb_from_linear(photos).permute(0, 3, 1, 2))
         count = len(photos)  # the paper knows neither a rolled camera nor photos without the object

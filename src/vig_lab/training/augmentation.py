@@ -11,8 +11,9 @@ import numpy as np
 import torch
 from torch.nn import functional
 
+from vig.recognition.network import mirrored
 from vig_lab.training.examples import Examples
-from vig_lab.training.targets import cell_shares, mirrored
+from vig_lab.training.targets import cell_shares
 
 GAMMA = 2.2
 """sRGB is nearly linear light to the power of one over this."""

@@ -14,7 +14,7 @@ from torch.nn import functional
 from vig.checks import read_tensors
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.recognition.network import Heads, NetworkCalibration, bfloat16
+from vig.recognition.network import NetworkCalibration
 from vig.recognition.prediction import Recognizer
 from vig_lab.training.examples import Examples
 from vig_world.dataset import Dataset
@@ -77,10 +77,7 @@ def _outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.Tensor, 
     """Azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
     found = []
     for part in torch.arange(len(examples)).split(64):
-        pixels = examples[part].pixels()
-        with bfloat16(pixels.device):
-            heads = recognizer.network(pixels)
-        assert isinstance(heads, Heads)
+        heads = recognizer.heads(examples[part].pixels())
         numbers = heads.mean * recognizer.deviation + recognizer.mean
         deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
         found.append((heads.azimuth, numbers, deviation, heads.mask))

@@ -7,11 +7,8 @@ import math
 import torch
 from torch.nn import functional
 
-from vig.recognition.network import MASK_STRIDE, layout_of_numbers
+from vig.recognition.network import MASK_STRIDE
 from vig.scene import Latents, angle_difference, regressed_layout, rotate_z
-
-_MIRRORED_LIGHT = (3, 4, 7)
-"""Heading-frame coefficients odd in x: (1,1), (2,-2), (2,1)."""
 
 
 def azimuth_labels(azimuth: torch.Tensor, bins: int, spread: float = math.radians(4.0)) -> torch.Tensor:
@@ -26,15 +23,6 @@ def numbers_of(latents: Latents) -> torch.Tensor:
     light = rotate_z(latents.light, -latents.azimuth)
     parts = {"shape": latents.shape, "elevation": latents.elevation[:, None], "albedo": latents.albedo}
     return regressed_layout(latents.shape.shape[1]).join(parts | {"light": light})
-
-
-def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Targets of the photo flipped left to right, for a class that is its own mirror image in y = 0."""
-    flipped = numbers.clone()
-    first_light = layout_of_numbers(numbers.shape[1]).at("light")
-    for coefficient in _MIRRORED_LIGHT:
-        flipped[:, first_light + coefficient] *= -1
-    return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped
 
 
 def cell_shares(visible: torch.Tensor, hidden: torch.Tensor) -> torch.Tensor:

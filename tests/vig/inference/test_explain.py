@@ -543,7 +543,9 @@ def test_free_framing_explains_shifted_teapots_better(studio, teapot: ObjectClas
     for seed in range(5):
         rng = np.random.default_rng(seed)
         truth = studio.latents(rng)
-        framing = torch.tensor([[0.06, -0.04, 0.0]], dtype=torch.float64)  # magnification mixes with size
+        framing = torch.tensor(
+            [[0.06, -0.04, 0.0, 0.03]], dtype=torch.float64
+        )  # magnification mixes with size
         photo = studio.photo(rng, truth, framing, occluded=False, noise=0.01)[0].float()
         prediction = predicted(truth, torch.full((150, 150, 3), 1 / 3), 4.0)
         found = explain_one(photo, prediction, teapot, replace(SETTINGS, free_framing=True))

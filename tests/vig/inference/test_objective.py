@@ -21,18 +21,18 @@ def objective(studio, teapot: ObjectClass) -> Objective:
 
 def test_a_point_is_the_latents_then_the_framing(studio, objective: Objective) -> None:
     latents = studio.latents(np.random.default_rng(1), 4)
-    framing = torch.full((4, 3), 0.01, dtype=torch.float64)
+    framing = torch.full((4, 4), 0.01, dtype=torch.float64)
     points = objective.point(latents, framing)
-    assert points.shape == (4, objective.layout.size) == (4, 27)
+    assert points.shape == (4, objective.layout.size) == (4, 28)
     torch.testing.assert_close(points, torch.cat([latents.to_vector(), framing], dim=1))
     torch.testing.assert_close(objective.latents(points).to_vector(), latents.to_vector())
-    assert not objective.point(latents)[:, -3:].any()
+    assert not objective.point(latents)[:, -4:].any()
 
 
 def test_points_lie_within_the_bounds(objective: Objective) -> None:
     rng = np.random.default_rng(2)
     wild = Latents.from_vector(torch.from_numpy(rng.normal(0, 50, (20, 24))))
-    points = objective.point(wild, torch.from_numpy(rng.normal(0, 5, (20, 3))))
+    points = objective.point(wild, torch.from_numpy(rng.normal(0, 5, (20, 4))))
     assert (points >= objective.lower).all() and (points <= objective.upper).all()
     shape, elevation, albedo = points[:, :10], points[:, 11], points[:, 12:15]
     assert shape.abs().max() == 3.0
@@ -45,15 +45,15 @@ def test_points_lie_within_the_bounds(objective: Objective) -> None:
 def test_a_free_framing_reaches_two_fifths_of_the_width_and_its_prior_is_narrower(
     objective: Objective,
 ) -> None:
-    """Shifts reach 0.4 widths, magnification e; one deviation, half a nat, is 0.1 and 0.3."""
-    far = torch.full((1, 3), 9.0, dtype=torch.float64)
+    """Shifts reach 0.4 widths, magnification e, roll 0.4; one deviation is half a nat."""
+    far = torch.full((1, 4), 9.0, dtype=torch.float64)
     nothing = Latents.from_vector(torch.zeros(1, 24, dtype=torch.float64))
     for sign in (-1, 1):
-        reached = objective.point(nothing, sign * far)[0, -3:]
-        assert reached.tolist() == pytest.approx([sign * 0.4, sign * 0.4, sign * 1.0])
+        reached = objective.point(nothing, sign * far)[0, -4:]
+        assert reached.tolist() == pytest.approx([sign * 0.4, sign * 0.4, sign * 1.0, sign * 0.4])
     still = objective.prior.value(objective.point(nothing))
-    for column, deviation in enumerate((0.1, 0.1, 0.3)):
-        framing = torch.zeros(1, 3, dtype=torch.float64)
+    for column, deviation in enumerate((0.1, 0.1, 0.3, 0.05)):
+        framing = torch.zeros(1, 4, dtype=torch.float64)
         framing[0, column] = deviation
         assert float(still - objective.prior.value(objective.point(nothing, framing))) == pytest.approx(0.5)
 
@@ -71,7 +71,7 @@ def test_the_priors_weight_multiplies_all_of_it_but_the_framings(
     points = objective.point(latents)
     gains = [float(prior.value(points).diff()) for prior in (once, sevenfold)]
     assert abs(gains[0]) > 0.1 and gains[1] == pytest.approx(7 * gains[0])
-    framed = objective.point(latents, torch.full((2, 3), 0.05, dtype=torch.float64))
+    framed = objective.point(latents, torch.full((2, 4), 0.05, dtype=torch.float64))
     costs = [prior.value(framed) - prior.value(points) for prior in (once, sevenfold)]
     torch.testing.assert_close(costs[0], costs[1])
 
@@ -79,10 +79,10 @@ def test_the_priors_weight_multiplies_all_of_it_but_the_framings(
 def test_a_held_framing_is_zero_whatever_is_asked(studio, teapot: ObjectClass) -> None:
     held = Objective(studio.likelihood(studio.blocks(np.random.default_rng(3))[None]), teapot)
     points = held.point(
-        studio.latents(np.random.default_rng(4)), torch.full((1, 3), 0.1, dtype=torch.float64)
+        studio.latents(np.random.default_rng(4)), torch.full((1, 4), 0.1, dtype=torch.float64)
     )
-    assert not points[:, -3:].any()
-    assert torch.equal(held.lower[-3:], held.upper[-3:])
+    assert not points[:, -4:].any()
+    assert torch.equal(held.lower[-4:], held.upper[-4:])
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -103,7 +103,7 @@ def test_the_prior_is_that_of_shape_light_and_framing(
     studio, objective: Objective, teapot: ObjectClass
 ) -> None:
     rng = np.random.default_rng(5)
-    points = objective.point(studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.03, (3, 3))))
+    points = objective.point(studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.03, (3, 4))))
     shape = torch.distributions.Normal(0.0, 1.0).log_prob(points[:, :10]).sum(1)
     light = torch.distributions.MultivariateNormal(
         torch.from_numpy(teapot.light_prior_mean), torch.from_numpy(teapot.light_prior_covariance)
@@ -165,9 +165,9 @@ def test_a_recognition_priors_derivatives_are_exact_and_its_matrix_is_that_of_it
 
 def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: Objective) -> None:
     rng = np.random.default_rng(6)
-    points = objective.point(studio.latents(rng, 2), torch.from_numpy(rng.normal(0, 0.03, (2, 3))))
+    points = objective.point(studio.latents(rng, 2), torch.from_numpy(rng.normal(0, 0.03, (2, 4))))
     valued = objective(points, *studio.whose(2))
-    below = objective.likelihood(objective.latents(points), points[:, -3:], *studio.whose(2))
+    below = objective.likelihood(objective.latents(points), points[:, -4:], *studio.whose(2))
     torch.testing.assert_close(valued.value, below.value + objective.prior.value(points))
     variable = points.clone().requires_grad_(True)
     (slope,) = torch.autograd.grad(objective.prior.value(variable).sum(), variable)

@@ -89,9 +89,9 @@ def test_a_block_of_ones_own_is_found_by_the_real_objective_and_optimiser(
 def test_a_layout_without_a_block_is_fitted_without_it(teapot: ObjectClass) -> None:
     layout = point_layout(2).without("framing").with_blocks(ROLL)
     objective, point = searched(layout, teapot, 0.3)
-    assert len(point) == point_layout(2).size - 3 + 1
+    assert len(point) == point_layout(2).size - 4 + 1
     assert float(point[layout["roll"]]) == pytest.approx(0.3, abs=1e-3)
-    assert objective.framing(point[None]).tolist() == [[0, 0, 0]]
+    assert objective.framing(point[None]).tolist() == [[0, 0, 0, 0]]
 
 
 def test_a_held_block_stays_where_it_is_held(teapot: ObjectClass) -> None:

@@ -83,7 +83,7 @@ def test_a_start_is_framed_so_that_its_outline_has_the_box_of_the_predicted_mask
     objective = objectives_of(torch.full((150, 150, 3), 0.5), given, teapot, settings, (1.0,))[1.0]
     begin = starts(given, 6, teapot)
     found = framings(begin, given, objective)
-    assert found.shape == (6, 3) and len(found.unique(dim=0)) == 6, "the others are perturbed"
+    assert found.shape == (6, 4) and len(found.unique(dim=0)) == 6, "the others are perturbed"
     camera = objective.likelihood.camera.framed(*found[0].tolist())
     cover = render_latents(given.best(), teapot, camera, samples=2).coverage[0] > 0.5
     rows, columns = cover.any(1).nonzero()[:, 0], cover.any(0).nonzero()[:, 0]

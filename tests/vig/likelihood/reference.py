@@ -87,7 +87,9 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     latents = Latents.from_vector(latent_layout(geometry.layout.count("shape")).join(blocks))
     with_one = torch.cat([point.new_ones(1), latents.shape[0]])
     world = (with_one @ geometry.positions).view(-1, 3)
-    rotation = camera_rotation(latents.azimuth, latents.elevation)[0]
+    cos, sin, zero, one = framing[3].cos(), framing[3].sin(), point.new_zeros(()), point.new_ones(())
+    turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one]).view(3, 3)
+    rotation = turn @ camera_rotation(latents.azimuth, latents.elevation)[0]
     seen = (world - world.new_tensor([0.0, 0.0, camera.target_height])) @ rotation.T
     seen = seen + seen.new_tensor([0.0, 0.0, camera.distance])
     focal = camera.focal * torch.exp(framing[2])

@@ -8,14 +8,14 @@ import torch
 
 from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
 from vig.likelihood.kernels.geometry import Geometry
-from vig.recognition.network import latents_of
+from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
-from vig_lab.training.targets import mirrored, numbers_of
+from vig_lab.training.targets import numbers_of
 from vig_world.renderers.rasterize import rasterize
 
 
 def still(count: int = 1) -> torch.Tensor:
-    return torch.zeros(count, 3, dtype=torch.float64)
+    return torch.zeros(count, 4, dtype=torch.float64)
 
 
 def random_prior(studio, rng: np.random.Generator) -> torch.Tensor:
@@ -161,7 +161,7 @@ def test_a_shift_by_whole_pixels_shifts_the_image(studio) -> None:
     latents = studio.latents(np.random.default_rng(5))
     irradiance, coverage, _ = studio.render(latents)
     shifted, covered, _ = studio.render(
-        latents, torch.tensor([[4 / 150, -3 / 150, 0.0]], dtype=torch.float64)
+        latents, torch.tensor([[4 / 150, -3 / 150, 0.0, 0.0]], dtype=torch.float64)
     )
     torch.testing.assert_close(shifted[0, :-3, 4:], irradiance[0, 3:, :-4], atol=1e-9, rtol=0)
     torch.testing.assert_close(covered[0, :-3, 4:], coverage[0, 3:, :-4], atol=1e-9, rtol=0)
@@ -169,7 +169,7 @@ def test_a_shift_by_whole_pixels_shifts_the_image(studio) -> None:
 
 def test_a_batch_is_its_members_and_scratch_is_not_seen(studio) -> None:
     rng = np.random.default_rng(6)
-    latents, framing = studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.02, (3, 3)))
+    latents, framing = studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.02, (3, 4)))
     photos = torch.cat([studio.photo(rng, latents[i : i + 1]) for i in range(2)])
     photo, sigma = torch.tensor([1, 0, 1]), torch.tensor([0.03, 0.1, 0.05], dtype=torch.float64)
     likelihood = studio.likelihood(photos)
@@ -217,7 +217,7 @@ def test_single_precision_agrees(studio) -> None:
 def test_an_object_out_of_the_frame_leaves_the_background(studio) -> None:
     rng = np.random.default_rng(9)
     photo = studio.blocks(rng)[None]
-    away = torch.tensor([[5.0, 0.0, 0.0]], dtype=torch.float64)
+    away = torch.tensor([[5.0, 0.0, 0.0, 0.0]], dtype=torch.float64)
     found = studio.likelihood(photo)(studio.latents(rng), away, *studio.whose(1))
     assert found.value.item() == 0
     assert not found.coverage.any() and not found.gradient.any() and not found.normal.any()

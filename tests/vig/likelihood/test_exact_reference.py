@@ -114,7 +114,7 @@ def random_scene(seed: int, teapots: list[Geometry], target_height: float) -> Ra
                 "elevation": rng.uniform(0.05, 1.3),
                 "albedo": rng.uniform(0.1, 0.9, 3),
                 "light": light,
-                "framing": rng.normal(0, (0.12, 0.12, 0.15)),
+                "framing": rng.normal(0, (0.12, 0.12, 0.15, 0.1)),
             }.items()
         }
     )

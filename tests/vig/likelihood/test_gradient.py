@@ -14,11 +14,11 @@ STENCIL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
 
 
 def central(studio, likelihood: Likelihood, point: torch.Tensor, column: int, step: float) -> float:
-    """d value / d point[column] of a point (1, 24 + 3)."""
+    """d value / d point[column] of a point (1, 24 + 4)."""
     points = point.repeat(len(STENCIL), 1)
     points[:, column] += torch.tensor([offset * step for offset, _ in STENCIL], dtype=torch.float64)
     found = likelihood(
-        Latents.from_vector(points[:, :-3]), points[:, -3:], *studio.whose(len(STENCIL)), derivatives=False
+        Latents.from_vector(points[:, :-4]), points[:, -4:], *studio.whose(len(STENCIL)), derivatives=False
     )
     return sum(w * v for (_, w), v in zip(STENCIL, found.value.tolist(), strict=True)) / step
 
@@ -31,20 +31,20 @@ def test_the_gradient_is_the_objectives_own(studio, seed: int) -> None:
     """
     rng = np.random.default_rng(seed)
     latents = studio.latents(rng)
-    shift = torch.zeros(1, 3, dtype=torch.float64)
+    shift = torch.zeros(1, 4, dtype=torch.float64)
     if seed % 2:
-        shift = torch.from_numpy(rng.uniform((0.2, -0.3, 0.0), (0.35, 0.3, 0.3))[None])
+        shift = torch.from_numpy(rng.uniform((0.2, -0.3, 0.0, -0.1), (0.35, 0.3, 0.3, 0.1))[None])
         shift[0, 0] *= rng.choice([-1.0, 1.0])
     likelihood = studio.likelihood(studio.photo(rng, latents, shift))
-    framing = shift + torch.from_numpy(rng.normal(0, 0.01, (1, 3)))
+    framing = shift + torch.from_numpy(rng.normal(0, 0.01, (1, 4)))
     point = torch.cat([studio.near(rng, latents).to_vector(), framing], 1)
-    found = likelihood(Latents.from_vector(point[:, :-3]), point[:, -3:], *studio.whose(1))
+    found = likelihood(Latents.from_vector(point[:, :-4]), point[:, -4:], *studio.whose(1))
     if seed % 2:
         covered = found.coverage[0] > 0.5
         assert covered[:, [0, -1]].any(), "the border must cut the object"
     analytic = found.gradient[0].numpy()
-    assert len(analytic) == 27
-    numeric = np.array([central(studio, likelihood, point, column, 1e-7) for column in range(27)])
+    assert len(analytic) == 28
+    numeric = np.array([central(studio, likelihood, point, column, 1e-7) for column in range(28)])
 
     def error() -> np.ndarray:
         return np.abs(analytic - numeric) / (np.abs(numeric) + 1e-3 * np.abs(analytic).max())
@@ -65,9 +65,9 @@ def test_the_normal_matrix_is_symmetric_and_positive_semidefinite(studio, seed: 
     rng = np.random.default_rng(100 + seed)
     latents = studio.latents(rng)
     likelihood = studio.likelihood(studio.photo(rng, latents))
-    framing = torch.zeros(1, 3, dtype=torch.float64)
+    framing = torch.zeros(1, 4, dtype=torch.float64)
     normal = likelihood(studio.near(rng, latents), framing, *studio.whose(1)).normal[0]
-    assert normal.shape == (27, 27)
+    assert normal.shape == (28, 28)
     scale = torch.diagonal(normal).sqrt()
     assert (scale > 0).all()
     torch.testing.assert_close(normal / scale / scale[:, None], (normal / scale / scale[:, None]).T)
@@ -79,22 +79,22 @@ def test_at_the_truth_the_interiors_normal_matrix_is_gauss_newtons(studio, seed:
     """J^T W J of the rendered colours, W the posterior over sigma squared, J by central differences."""
     rng = np.random.default_rng(200 + seed)
     latents = studio.latents(rng)
-    point = torch.cat([latents.to_vector(), torch.zeros(1, 3, dtype=torch.float64)], dim=1)
+    point = torch.cat([latents.to_vector(), torch.zeros(1, 4, dtype=torch.float64)], dim=1)
     photo = studio.photo(rng, latents, occluded=False)
     likelihood = studio.likelihood(photo, "paper", stride=1)
-    found = likelihood(latents, point[:, -3:], *studio.whose(1))
+    found = likelihood(latents, point[:, -4:], *studio.whose(1))
     inside = found.coverage[0] > 0.5
     columns = []
-    for column in range(27):
+    for column in range(28):
         ends = point.repeat(2, 1)
         ends[:, column] += torch.tensor([-1e-7, 1e-7], dtype=torch.float64)
         seen = likelihood(
-            Latents.from_vector(ends[:, :-3]), ends[:, -3:], *studio.whose(2), derivatives=False
+            Latents.from_vector(ends[:, :-4]), ends[:, -4:], *studio.whose(2), derivatives=False
         )
         assert ((seen.coverage > 0.5) == inside).all(), "a pixel flipped: choose another seed"
         colour = seen.irradiance[..., None] * ends[:, 12:15].view(2, 1, 1, 3)
         columns.append(((colour[1] - colour[0]) / 2e-7)[inside])
-    jacobian = torch.stack(columns, dim=-1)  # (pixels, 3, 27)
+    jacobian = torch.stack(columns, dim=-1)  # (pixels, 3, 28)
     weight = found.posterior[0, inside] / studio.pixels.sigma**2
     expected = torch.einsum("nci,n,ncj->ij", jacobian, weight, jacobian)
     scale = torch.diagonal(expected).sqrt()

@@ -32,7 +32,7 @@ def value_of(likelihood: Likelihood, points: torch.Tensor, photo: int = 0) -> to
 def points_of(studio, seed: int, count: int) -> torch.Tensor:
     rng = np.random.default_rng(seed)
     latents = torch.cat([studio.latents(rng).to_vector() for _ in range(count)])
-    return torch.cat([latents, torch.zeros(count, 3)], 1).double()
+    return torch.cat([latents, torch.zeros(count, 4)], 1).double()
 
 
 def test_a_pass_that_served_other_photos_values_these_as_a_new_one_does(studio) -> None:

@@ -36,7 +36,7 @@ def case(studio, seed: int) -> Case:
     photo = studio.photo(rng, latents)
     weights = rng.dirichlet((5, 2, 3), photo.shape[:3])
     point = torch.cat(
-        [studio.near(rng, latents).to_vector(), torch.from_numpy(rng.normal(0, 0.02, (1, 3)))], 1
+        [studio.near(rng, latents).to_vector(), torch.from_numpy(rng.normal(0, 0.02, (1, 4)))], 1
     )
     return Case(photo, torch.from_numpy(np.log(weights)), point)
 
@@ -124,9 +124,9 @@ def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_inte
     lit = surface_at(studio.geometry, shaded, seen[y, x], torch.stack([x + 0.5, y + 0.5], 1).double())[0]
     torch.testing.assert_close(run.images[2][0].view(seen.shape)[y, x], lit, rtol=1e-9, atol=1e-9)
     # The public rasteriser, in single precision and without framing, differs at a few edges only.
-    still = Case(given.photo, given.log_prior, torch.cat([given.point[:, :-3], torch.zeros(1, 3)], 1))
+    still = Case(given.photo, given.log_prior, torch.cat([given.point[:, :-4], torch.zeros(1, 4)], 1))
     seen = faces_seen(evaluated(studio.geometry, studio.camera, still), studio.camera)
-    latents = Latents.from_vector(given.point[:, :-3])
+    latents = Latents.from_vector(given.point[:, :-4])
     pose = (part[0].numpy() for part in studio.camera.pose(latents.azimuth, latents.elevation))
     vertices = studio.geometry.model.vertices(latents.shape)[0].numpy()
     fragments = rasterize(vertices, studio.geometry.model.faces, *pose, studio.camera, cull=True)
@@ -138,7 +138,7 @@ def test_several_threads_say_the_same(studio, teapot) -> None:
     latents = studio.latents(rng)
     photos = Photos(studio.photo(rng, latents), torch.zeros(1, 150, 150, 3, dtype=torch.float64))
     points = torch.cat([studio.near(rng, latents).to_vector() for _ in range(5)])
-    points = torch.cat([points, torch.zeros(5, 3)], 1).float()
+    points = torch.cat([points, torch.zeros(5, 4)], 1).float()
     likelihood = Likelihood(Geometry(teapot.shape_model), studio.camera, photos)
     which, sigma = studio.whose(5)
     one = likelihood.at(points, which, sigma, images=True)
@@ -241,7 +241,7 @@ def test_photos_and_noise_that_are_none_are_refused(studio, photo: list, sigma: 
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
     with pytest.raises(ValueError, match=message):
         likelihood.at(given.point, torch.tensor(photo), torch.tensor(sigma))
-    with pytest.raises(ValueError, match=r"points must be \(B, 27\)"):
+    with pytest.raises(ValueError, match=r"points must be \(B, 28\)"):
         likelihood.at(given.point[:, :1], *studio.whose(1))
     with pytest.raises(ValueError, match="log_prior must be finite"):
         Photos(given.photo, given.log_prior * float("nan"))
@@ -252,7 +252,7 @@ def test_no_points_have_no_values(studio) -> None:
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
     none = likelihood.at(given.point[:0], *studio.whose(0), images=True)
     assert (
-        none.value.shape == (0,) and none.gradient.shape == (0, 27) and none.coverage.shape == (0, 150, 150)
+        none.value.shape == (0,) and none.gradient.shape == (0, 28) and none.coverage.shape == (0, 150, 150)
     )
 
 
@@ -269,4 +269,4 @@ def test_edges_stiffen_what_moves_them(studio) -> None:
     added = torch.diagonal((exact - paper)[0]) / torch.diagonal(paper[0])
     modes = studio.geometry.rows.modes
     assert (added[: modes + 2] > 0.005).all()
-    assert added[modes + 2 : -3].abs().max() < 1e-12  # colour and light do not move an edge
+    assert added[modes + 2 : -4].abs().max() < 1e-12  # colour and light do not move an edge

@@ -288,7 +288,7 @@ class Zoo:
             return Likelihood(self.geometry, camera, Photos(photos, PAPERS.log_prior(50, 50)[None]))
 
         none, one = torch.zeros(1, dtype=torch.int32), torch.full((1,), PAPERS.sigma, dtype=torch.float64)
-        blank, framing = torch.zeros(1, 50, 50, 3, dtype=torch.float64), torch.zeros(1, 3)
+        blank, framing = torch.zeros(1, 50, 50, 3, dtype=torch.float64), torch.zeros(1, 4)
         shown = likelihood(blank)(truth, framing, none, one, derivatives=False)
         cells = torch.from_numpy(np.kron(rng.uniform(0.1, 0.9, (10, 10, 3)), np.ones((5, 5, 1))))
         colour = shown.irradiance[..., None] * truth.albedo

@@ -16,7 +16,7 @@ from vig.recognition.find import box_in_window
 class SeesDiscs:
     """Predicts that bright pixels are the object, upright; its roll follows a red dot at its rim."""
 
-    def __call__(self, photos: torch.Tensor) -> Prediction:
+    def __call__(self, photos: torch.Tensor, twice: bool = True) -> Prediction:
         bright = (photos.mean(-1) > 0.5).float()
         count = len(photos)
         mask = torch.stack([bright, torch.zeros_like(bright), 1 - bright], -1)

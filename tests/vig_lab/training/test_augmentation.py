@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
+from vig.recognition.network import mirrored
 from vig_lab.training.augmentation import Augmentation, blobs
 from vig_lab.training.examples import Examples
-from vig_lab.training.targets import mirrored
 
 NOTHING = Augmentation(
     flip=0, reframe=0, cut_out=0, relight=0, exposure=0, balance=0, grey=0, blur=0, noise=0

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import torch
 
-from vig.recognition.network import latents_of, mask_at_pixels
+from vig.recognition.network import latents_of, mask_at_pixels, mirrored
 from vig.scene import Latents
-from vig_lab.training.targets import azimuth_labels, cell_shares, mirrored, numbers_of
+from vig_lab.training.targets import azimuth_labels, cell_shares, numbers_of
 
 
 def some_latents(count: int = 5) -> Latents:

@@ -20,9 +20,11 @@ def camera_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Eye:
-        """One image's camera; rotation: camera_from_world."""
+        """One image's camera; rotation: camera_from_world; level: to the right of the camera before its
+        roll, as a direction in the image."""
 
         rotation: mat33
+        level: vec2
         distance: real
         focal: real
         cx: real
@@ -33,6 +35,7 @@ def camera_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     def eye_of(image: int, view: View):
         eye = Eye()
         eye.rotation = view.rotation[image]
+        eye.level = view.level[image]
         eye.distance = view.distance
         intrinsics = view.intrinsics[image]
         eye.focal = intrinsics[0]
@@ -59,13 +62,14 @@ def camera_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.func
     def turned(eye: Eye, cotangent: vec3, arm: vec3):
-        """Pull a cotangent on a vector that rotates with the camera back to azimuth and elevation."""
+        """Pull a cotangent on a vector that rotates with the camera back to azimuth, elevation and roll."""
         up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
-        return vec2(-wp.dot(cotangent, wp.cross(up, arm)), cotangent[2] * arm[1] - cotangent[1] * arm[2])
+        torque = wp.cross(arm, cotangent)
+        return vec3(-wp.dot(up, torque), eye.level[0] * torque[0] + eye.level[1] * torque[1], torque[2])
 
     @wp.func
     def framed(eye: Eye, on_screen: vec3, screen: vec3):
-        """Pull a cotangent on pixel coordinates back to the framing."""
+        """Pull a cotangent on pixel coordinates back to shift and magnification."""
         return vec3(
             on_screen[0] * eye.width,
             on_screen[1] * eye.width,

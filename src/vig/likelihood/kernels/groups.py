@@ -95,7 +95,7 @@ def kernel_types(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The structs by the names that arguments of kernels have: `mesh`, `view`, ..."""
     t = kernel_types(dtype, modes)
-    real, vec3, vec4, mat33 = t.real, t.vec3, t.vec4, t.mat33
+    real, vec2, vec3, vec4, mat33 = t.real, t.vec2, t.vec3, t.vec4, t.mat33
     shape_row, rest_row, lobe_vector = t.shape_row, t.rest_row, t.lobe_vector
 
     @wp.struct
@@ -110,10 +110,11 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class View:
-        """Camera of each point (B,): camera_from_world, (focal length, cx, cy) in pixels; metres from the eye
-        to the target; the image's size in pixels."""
+        """Camera of each point (B,): camera_from_world, cosine and sine of the roll, (focal length, cx, cy)
+        in pixels; metres from the eye to the target; the image's size in pixels."""
 
         rotation: wp.array(dtype=mat33)
+        level: wp.array(dtype=vec2)
         intrinsics: wp.array(dtype=vec3)
         distance: real
         width: wp.int32

@@ -2,7 +2,7 @@
 
 A row has a shape part and the rest, each a padded Warp vector. The rest is azimuth, elevation, 9 light
 coefficients, the irradiance itself (with it albedo's derivative is made, as the colour is albedo times
-irradiance), then the three framing numbers.
+irradiance), then the four framing numbers.
 """
 
 import functools
@@ -94,6 +94,7 @@ def row_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         row[framing] = row[framing] + shift[0]
         row[framing + 1] = row[framing + 1] + shift[1]
         row[framing + 2] = row[framing + 2] + shift[2]
+        row[framing + 3] = row[framing + 3] + pose[2]
         return row
 
     return SimpleNamespace(

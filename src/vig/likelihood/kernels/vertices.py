@@ -58,7 +58,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """
     t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
     c, r = camera_functions(dtype, modes), row_functions(dtype, modes)
-    real, vec3, mat33, rest_row = t.real, t.vec3, t.mat33, t.rest_row
+    real, vec2, vec3, mat33, rest_row = t.real, t.vec2, t.vec3, t.mat33, t.rest_row
     Mesh, View, Vertices, VertexRows = groups.mesh, groups.view, groups.vertices, groups.vertex_rows
     Lighting, Cotangents = groups.lighting, groups.cotangents
     eye_of, camera_cotangent, turned = c.eye_of, c.camera_cotangent, c.turned
@@ -68,6 +68,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     modes_ = modes
     near = real(NEAR)
     azimuth, elevation, light_at = REST.at("azimuth"), REST.at("elevation"), REST.at("light")
+    framing = REST.at("framing")
     irradiance_at = REST.at("irradiance")
     point = RowLayout(modes).point
     azimuth_from, elevation_from = 1 + point.at("azimuth"), 1 + point.at("elevation")
@@ -82,7 +83,12 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         ca = wp.cos(points[image, azimuth_from])
         se = wp.sin(points[image, elevation_from])
         ce = wp.cos(points[image, elevation_from])
-        view.rotation[image] = mat33(ca, sa, real(0.0), se * sa, -se * ca, -ce, -ce * sa, ce * ca, -se)
+        sr = wp.sin(points[image, framing_from + 3])
+        cr = wp.cos(points[image, framing_from + 3])
+        turn = mat33(cr, -sr, real(0.0), sr, cr, real(0.0), real(0.0), real(0.0), real(1.0))
+        upright = mat33(ca, sa, real(0.0), se * sa, -se * ca, -ce, -ce * sa, ce * ca, -se)
+        view.rotation[image] = turn * upright
+        view.level[image] = vec2(cr, sr)
         width = real(view.width)
         view.intrinsics[image] = vec3(
             camera[0] * wp.exp(points[image, framing_from + 2]),
@@ -208,6 +214,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                     pose = turned(eye, turning, eye.rotation * normal)
                     total[azimuth] = total[azimuth] + pose[0]
                     total[elevation] = total[elevation] + pose[1]
+                    total[framing + 3] = total[framing + 3] + pose[2]
                     by_normal = by_normal + back * turning
                 tangent = by_normal - normal * wp.dot(by_normal, normal)
                 tangent = tangent * vertices.inverse_lengths[image, vertex]

@@ -1,0 +1,38 @@
+"""Both of a photo and its mirror image are asked."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from vig.recognition import Recognizer
+from vig.recognition.network import mirrored
+from vig.scene.object_class import PACKAGED
+
+
+def test_a_photo_and_its_mirror_image_get_the_same_answer_mirrored() -> None:
+    recognizer = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
+    photo = torch.rand(2, 150, 150, 3, generator=torch.Generator().manual_seed(1))
+    here, there = recognizer(photo), recognizer(photo.flip(2))
+    angles, numbers = mirrored(torch.zeros(2), here.numbers)
+    assert torch.allclose(there.numbers, numbers, atol=2e-2)
+    assert torch.allclose(there.deviation, here.deviation, rtol=2e-2)
+    assert torch.allclose(there.roll, -here.roll, atol=1e-3)
+    assert torch.allclose(there.presence, here.presence, atol=1e-2)
+    assert torch.allclose(there.mask, here.mask.flip(2), atol=2e-2)
+    bins = here.azimuth.shape[1]
+    centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
+    for bin_, angle in enumerate(mirrored(centres, numbers[:1])[0]):
+        same = int(angle / (2 * math.pi) * bins)
+        assert torch.allclose(there.azimuth[:, same], here.azimuth[:, bin_], atol=5e-3)
+
+
+def test_once_is_the_network_as_it_is() -> None:
+    """And not what both together say."""
+    recognizer = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
+    photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
+    once, turned = recognizer(photo, twice=False), recognizer(photo.flip(2), twice=False)
+    both = recognizer(photo)
+    assert torch.allclose(both.roll, (once.roll - turned.roll) / 2, atol=1e-3)
+    assert not torch.allclose(once.numbers, both.numbers, atol=1e-3)
