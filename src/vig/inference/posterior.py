@@ -81,6 +81,9 @@ def prior_of(
     deviation = prediction.deviation[0].clone()
     deviation[prediction.layout["shape"]] = shape_deviation(prediction, object_class)
     precision[places] = settings.recognition_weight / deviation**2
+    appearance = settings.filled().appearance_weight
+    assert appearance is not None
+    precision[layout.indices("albedo", "light")] *= appearance
     _, azimuths = prediction.modes(PEAKS)
     return RecognitionPrior(mean, precision, azimuths[0], settings.azimuth_weight / AZIMUTH_SPREAD**2)
 

@@ -101,6 +101,8 @@ class Ends:
 
 def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: ExplainSettings) -> Ends:
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
+    settings = settings.filled()
+    assert settings.view_weight is not None
     objective, count = objectives[1.0], settings.stages[0].starts
     begin = starts(prediction, count, objective.object_class)
     framing = framings(begin, prediction, objective) if settings.free_framing else None

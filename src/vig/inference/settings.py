@@ -92,10 +92,25 @@ class Stage:
         return Budget(self.iterations, self.tolerance)
 
 
-PICTURE: dict[str, Any] = {"free_framing": False, "farther": 1.0, "decoration": 0.3, "prior_weight": 10.0}
-PHOTO: dict[str, Any] = {"free_framing": True, "farther": 1.4, "decoration": 0.6, "prior_weight": 30.0}
+PICTURE: dict[str, Any] = {
+    "free_framing": False,
+    "farther": 1.0,
+    "decoration": 0.3,
+    "appearance_weight": 1.0,
+    "prior_weight": 10.0,
+    "view_weight": 1000.0,
+}
+PHOTO: dict[str, Any] = {
+    "free_framing": True,
+    "farther": 1.4,
+    "decoration": 0.6,
+    "appearance_weight": 0.05,
+    "prior_weight": 20.0,
+    "view_weight": 3000.0,
+}
 """What `ExplainSettings` that say nothing of these take: for pictures by the standard camera; and for
-photographs, where surfaces are painted and glazed, and shading says less of shape."""
+photographs, where surfaces are painted and glazed, shading says less of shape, and what the network says of
+albedo and light of things like none that it has seen would bend the shape."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +127,12 @@ class ExplainSettings:
             the rendered one: painted decoration, a highlight; None leaves it to `filled`.
         recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
             these and azimuth's out.
+        appearance_weight: Power of those of albedo and light beside that; None leaves it to `filled`.
         prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
             independent, which they are not; None leaves it to `filled`.
         azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
         view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
-            same reason.
+            same reason; None leaves it to `filled`.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
         free_framing: Also fit shift, magnification and roll, for photos cropped by hand; None leaves it to
             `filled`.
@@ -138,9 +154,10 @@ class ExplainSettings:
     surroundings: float = 1.0
     decoration: float | None = None
     recognition_weight: float = 1.0
+    appearance_weight: float | None = None
     prior_weight: float | None = None
     azimuth_weight: float = 100.0
-    view_weight: float = 1000.0
+    view_weight: float | None = None
     self_shadow: bool = True
     free_framing: bool | None = None
     farther: float | None = None
@@ -161,7 +178,8 @@ class ExplainSettings:
         if not callable(self.optimizer):
             raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.optimizers.")
         shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99}
-        for name in (*shares, "recognition_weight", "prior_weight", "azimuth_weight", "view_weight"):
+        weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
+        for name in (*shares, *weights):
             most = shares.get(name, math.inf)
             given = getattr(self, name)
             if given is not None and (not 0 <= given <= most or given == math.inf):

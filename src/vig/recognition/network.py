@@ -55,8 +55,8 @@ def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tenso
     return full[:, :, :height, :width].softmax(1).permute(0, 2, 3, 1)
 
 
-FORMAT = "3"
-"""Of weights files; 2 had another trunk."""
+FORMAT = "4"
+"""Of weights files; 2 had another trunk, 3 a narrower decoder."""
 
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
@@ -79,6 +79,8 @@ class NetworkSettings:
         blocks: Inverted residual blocks of each stage.
         expansion: Channels within a block over those between blocks; the first stage has no expansion.
         decoder: Channels of the mask's decoder.
+        recalled: Channels that the dense layer adds to the decoder's coarsest map, so that what is hidden
+            can be drawn from what the whole looks like.
         squeezed: Channels from which the dense layer reads.
         features: Of the dense layer.
         dropout: Share of these features.
@@ -89,7 +91,8 @@ class NetworkSettings:
     channels: tuple[int, ...] = (32, 16, 24, 40, 80, 112)
     blocks: tuple[int, ...] = (1, 2, 2, 3, 3)
     expansion: int = 6
-    decoder: int = 32
+    decoder: int = 64
+    recalled: int = 16
     squeezed: int = 48
     features: int = 384
     dropout: float = 0.1
@@ -106,7 +109,8 @@ class NetworkSettings:
             raise ValueError(
                 f"azimuth_bins must be even, so that a mirrored bin is one; got {self.azimuth_bins}"
             )
-        check_sizes("decoder, squeezed, features", (self.decoder, self.squeezed, self.features), 1, 8192)
+        widths = (self.decoder, self.recalled, self.squeezed, self.features)
+        check_sizes("decoder, recalled, squeezed, features", widths, 1, 8192)
         check_number("dropout", self.dropout, 0.0, 0.99)
 
 
@@ -252,12 +256,15 @@ class RecognitionNetwork(nn.Module):
         self.others = nn.Linear(settings.features, 2)
         half, quarter, eighth, _, coarse = outputs
         wide, narrow = settings.decoder, settings.decoder // 2
+        self.recalled = nn.Linear(settings.features, settings.recalled * self.COARSE_CELLS**2)
+        self.deep = nn.Sequential(
+            _convolution(coarse + settings.recalled, wide, 1), _convolution(wide, wide, 3)
+        )
         self.side = nn.ModuleList(
-            _convolution(*sizes, 1)
-            for sizes in ((coarse, wide), (eighth, wide), (quarter, wide), (half, narrow))
+            _convolution(*sizes, 1) for sizes in ((eighth, wide), (quarter, wide), (half, narrow))
         )
         self.merge = nn.ModuleList(
-            [_convolution(wide, wide, 3), _convolution(wide, narrow, 3), _convolution(narrow, narrow, 3)]
+            _convolution(*sizes, 3) for sizes in ((wide, wide), (wide, narrow), (narrow, narrow))
         )
         self.mask = nn.Conv2d(narrow, len(MASK_CLASSES), 1)
 
@@ -268,8 +275,9 @@ class RecognitionNetwork(nn.Module):
             maps.append(x)
         features = self.dense(x)
         half, quarter, eighth, _, coarse = maps
-        merged = self.side[0](coarse)
-        for finer, side, merge in zip((eighth, quarter, half), self.side[1:], self.merge, strict=True):
+        recalled = self.recalled(features).unflatten(1, (-1, self.COARSE_CELLS, self.COARSE_CELLS))
+        merged = self.deep(torch.cat([coarse, recalled], 1))
+        for finer, side, merge in zip((eighth, quarter, half), self.side, self.merge, strict=True):
             height, width = finer.shape[-2:]
             upsampled = functional.interpolate(merged, scale_factor=2.0)[..., :height, :width]
             merged = merge(upsampled + side(finer))

@@ -475,11 +475,11 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
     assert stages == [(8, 5, 4, 0.5, 40), (4, 6, 4, 0.5, 20), (2, 8, 2, 1, 10), (2, 15, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
-    assert weights == (1, 1, 1) and (settings.view_weight, settings.azimuth_weight) == (1000, 100)
-    for photo, chosen in ((False, (False, 1.0, 0.3, 10)), (True, (True, 1.4, 0.6, 30))):
+    assert weights == (1, 1, 1) and settings.azimuth_weight == 100
+    for photo, chosen in ((False, (False, 1.0, 0.3, 1, 10, 1000)), (True, (True, 1.4, 0.6, 0.05, 20, 3000))):
         filled = settings.filled(photo)
-        found = (filled.free_framing, filled.farther, filled.decoration, filled.prior_weight)
-        assert found == chosen
+        found = (filled.free_framing, filled.farther, filled.decoration)
+        assert (*found, filled.appearance_weight, filled.prior_weight, filled.view_weight) == chosen
     assert replace(settings, decoration=0.0, farther=2.0).filled(photo=True).farther == 2.0
     assert replace(settings, decoration=0.0).filled(photo=True).decoration == 0.0
     assert settings.likelihood is SPATIAL and settings.silhouette == "exact"
