@@ -144,7 +144,7 @@ class Ours:
         height, width = case.photo.shape[:2]
         photos = Photos(torch.from_numpy(case.photo)[None], ROBUST.log_prior(height, width)[None])
         self.case, self.likelihood = case, Likelihood(Geometry(case.model), case.camera, photos)
-        self._rest = (torch.zeros(1, 3), torch.zeros(1, dtype=torch.int32), torch.tensor([ROBUST.sigma]))
+        self._rest = (torch.zeros(1, 4), torch.zeros(1, dtype=torch.int32), torch.tensor([ROBUST.sigma]))
 
     def forward(self, index: int) -> Evaluation:
         """The objective at a guess."""

@@ -102,7 +102,7 @@ def test_options_of_a_fit_are_heeded(capsys, tmp_path):
     plain, mask = fitted(capsys, tmp_path / "plain")
     assert plain["framing"]["magnification"] != 1 and (mask == 128).any()
     fixed, _ = fitted(capsys, tmp_path / "fixed", "--framing", "fixed")
-    assert fixed["framing"] == {"shift": [0, 0], "magnification": 1}
+    assert fixed["framing"] == {"shift": [0, 0], "magnification": 1, "roll_deg": 0}
     assert fixed["start_evidence_nats"] == plain["start_evidence_nats"]
     unshaded, _ = fitted(capsys, tmp_path / "unshaded", "--no-self-shadow")
     assert unshaded["start_evidence_nats"] != plain["start_evidence_nats"]

@@ -89,7 +89,7 @@ def test_the_object_alone_looks_as_the_model_shades_it(teapot: ObjectClass, self
 
     geometry = Geometry(known.shape_model, torch.float64, transfer=known.transfer)
     camera = Camera.standard(target_height=known.target_height)
-    point = torch.tensor([*shape, azimuth, elevation, *albedo, *LIGHT, 0, 0, 0], dtype=torch.float64)
+    point = torch.tensor([*shape, azimuth, elevation, *albedo, *LIGHT, 0, 0, 0, 0], dtype=torch.float64)
     vertices = known.shape_model.vertices(torch.from_numpy(shape)[None].float())[0].numpy()
     faces, view = known.shape_model.faces, View.of(known, azimuth, elevation, 300)
     seen = rasterize(vertices, faces, view.rotation, view.translation, view.camera, cull=True)
