@@ -25,6 +25,8 @@ Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
+SURELY_FOUND = 0.75
+"""And below which no fit is trusted: of many windows the best looks like the object by chance, too."""
 
 
 class Explainer:
@@ -100,6 +102,11 @@ class Explainer:
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
             fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternative=None)
+        elif found < SURELY_FOUND and fit.verdict is Verdict.TRUSTED:
+            reason = (
+                f"what was found in the photo may be no {self.object_class.name}; give a box if it is one"
+            )
+            fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
         return Explanation(linear, window, fit, self.object_class, settings.farther or 1.0)
 
     def explain_many(

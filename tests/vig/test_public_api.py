@@ -8,8 +8,10 @@ import math
 import struct
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from scipy.ndimage import binary_dilation
 
 import vig
 from vig.cli.main import main
+from vig.photo import Window
+from vig.recognition.find import Candidate
 from vig.scene import srgb8_from_linear
 
 PUBLIC = {
@@ -154,6 +158,22 @@ def test_the_camera_is_rolled_as_window_and_fit_are(explainer: vig.Explainer, ph
     assert explanation.roll_deg == pytest.approx(math.degrees(fitted), abs=1e-6)
     assert explanation.roll_deg - level.roll_deg == pytest.approx(15, abs=4)
     assert explanation.camera.roll == pytest.approx(fitted)
+
+
+@pytest.mark.parametrize(("score", "verdict"), [(0.8, "trusted"), (0.7, "ambiguous"), (0.01, "failed")])
+def test_what_is_not_surely_found_is_not_trusted(
+    explainer: vig.Explainer, photo: np.ndarray, score: float, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    explained = vig.explainer.explain
+
+    def trusting(*given: Any) -> Any:
+        return (replace(fit, verdict=vig.Verdict.TRUSTED) for fit in explained(*given))
+
+    window = Window.of(photo.shape[1], photo.shape[0], BOX)
+    monkeypatch.setattr(vig.explainer, "explain", trusting)
+    monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer: [Candidate(window, score)])
+    assert str(explainer.explain(photo).verdict) == verdict
+    assert str(explainer.explain(photo, BOX).verdict) == "trusted"
 
 
 def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:
