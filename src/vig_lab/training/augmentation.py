@@ -54,6 +54,7 @@ class Augmentation:
         shift: Standard deviation of the shift, in widths.
         magnify: Standard deviation of the log magnification.
         turn: Standard deviation of the turn, radians.
+        turned: Share of those whose turn is uniform up to `most_turn`, radians, instead.
         cut_out: Share of images that have a piece of another pasted over.
         relight: Standard deviation of the log of a smooth field of light.
         exposure: Standard deviation in stops.
@@ -69,6 +70,8 @@ class Augmentation:
     shift: float = 0.05
     magnify: float = 0.1
     turn: float = 0.08
+    turned: float = 0.35
+    most_turn: float = 0.6
     cut_out: float = 0.25
     relight: float = 0.12
     exposure: float = 0.15
@@ -100,7 +103,8 @@ class Augmentation:
         """Mirror, shift, magnify and turn each image with its masks; also by how much it was turned (B,)."""
         count = len(images)
         on = rng.random(count) < self.reframe
-        turn = on * rng.normal(0, self.turn, count)
+        far = rng.random(count) < self.turned
+        turn = on * np.where(far, rng.uniform(-1, 1, count) * self.most_turn, rng.normal(0, self.turn, count))
         size = np.exp(on * rng.normal(0, self.magnify, count))
         matrix = np.zeros((count, 2, 3), np.float32)
         # From output to input: a picture turned clockwise is read counter-clockwise.
@@ -109,7 +113,9 @@ class Augmentation:
         matrix[:, :, 2] = on[:, None] * rng.normal(0, 2 * self.shift, (count, 2))
         matrix[:, 0] *= np.where(flipped.numpy(), -1, 1)[:, None]
         grid = functional.affine_grid(torch.from_numpy(matrix), list(images.shape), align_corners=False)
-        moved = functional.grid_sample(images, grid, padding_mode="border", align_corners=False)
+        # What comes in from outside must not tell that the picture was turned.
+        outside = "border" if rng.random() < 0.5 else "reflection"
+        moved = functional.grid_sample(images, grid, padding_mode=outside, align_corners=False)
         shares = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
         return moved, shares, torch.from_numpy(turn.astype(np.float32))
 

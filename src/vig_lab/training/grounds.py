@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from vig.scene import IMAGE_SIZE
@@ -10,9 +12,27 @@ from vig_lab.training.things import draw_thing
 from vig_world.assets.coats import any_colour
 from vig_world.names import Split
 
+MARKED_ROLL = math.radians(2.0)
+"""Grounds are rolled from here on."""
+UPRIGHT = 0.25
+"""Share of grounds that do not roll with the camera."""
 
-def draw_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
-    """What is behind the object: (H, W, 3) linear RGB."""
+
+def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np.ndarray:
+    """What is behind the object, in most pictures rolled clockwise with the camera: (H, W, 3) linear RGB."""
+    ground = _level_ground(rng, split)
+    if abs(roll) < MARKED_ROLL or rng.random() < UPRIGHT:
+        return ground
+    cos, sin = math.cos(roll), math.sin(roll)
+    x, y = pixels()
+    size = abs(cos) + abs(sin)  # so that its corners reach the picture's
+    columns, rows = (cos * x + sin * y) / size, (cos * y - sin * x) / size
+    at = [((each + 0.5) * IMAGE_SIZE).astype(int).clip(0, IMAGE_SIZE - 1) for each in (rows, columns)]
+    return np.asarray(ground[at[0], at[1]])
+
+
+def _level_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
+    """Seamless, a table before a wall, or clutter: (H, W, 3) linear RGB."""
     x, y = pixels()
     kind = rng.random()
     if kind < 0.33:  # seamless

@@ -56,7 +56,8 @@ class StudioSettings:
         level: Share of views from within 15 degrees of the horizon.
         boxed: Share framed by a box about the object; others by the class's standard camera.
         small: Share in which the object is small and away from the middle.
-        roll: Standard deviation of the camera's roll, radians; one image in five has up to eight times that.
+        roll: Standard deviation of the camera's roll, radians.
+        rolled: Share in which the roll is uniform up to `most_roll`, radians, instead.
         continued: Share in which the window reaches beyond its photo, whose border is continued.
         warp: Standard deviation by which shapes leave the model, as a share of the object's size.
     """
@@ -71,6 +72,8 @@ class StudioSettings:
     boxed: float = 0.6
     small: float = 0.1
     roll: float = 0.07
+    rolled: float = 0.35
+    most_roll: float = 0.65
     continued: float = 0.2
     warp: float = 0.02
 
@@ -121,7 +124,7 @@ class Studio:
         camera = self._camera(rng, vertices, latents)
         parts = len(self.object_class.shape_model.part_names)
         coat = draw_coat(rng, parts, settings.decorated, settings.metal)
-        ground = draw_ground(rng, self.split)
+        ground = draw_ground(rng, self.split, camera.roll)
         environment = Environment.draw(rng)
         absent = rng.random() < settings.absent
         shown = int(rng.integers(WHOLE)) if absent else WHOLE
@@ -210,8 +213,8 @@ class Studio:
         settings = self.settings
         camera = Camera.standard(IMAGE_SIZE, self.object_class.target_height)
         farther = math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
-        wide = rng.random() < 0.2
-        roll = float(rng.uniform(-8, 8) if wide else rng.normal()) * settings.roll
+        wide = rng.random() < settings.rolled
+        roll = float(rng.uniform(-1, 1) * settings.most_roll if wide else rng.normal(0, settings.roll))
         camera = replace(camera, distance=camera.distance * farther, focal=camera.focal * farther, roll=roll)
         if rng.random() < settings.boxed:
             matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))

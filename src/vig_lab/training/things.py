@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -17,6 +18,8 @@ from vig_world.names import Split
 SOLID, TURNED, FIGURES = 0.5, 0.2, 0.1
 """Shares of things that are cut-outs of solid ones, that are bodies of revolution, and that are put together
 from round parts; others are flat shapes, shaded as if they were round."""
+MOTTLED, PATCHES = 0.4, 512
+"""Share of cut-outs with an uneven surface, and the side of the noise that it is taken from."""
 
 
 def draw_thing(
@@ -91,7 +94,29 @@ def _placed(rng: np.random.Generator, cutout: Image.Image, middle: np.ndarray, s
         cutout = cutout.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
     picture = placed_cutout(cutout, (float(middle[0]), float(middle[1])), size, float(angle), IMAGE_SIZE)
     gain = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.05, 3))
-    return Layer(picture[..., :3] * gain.astype(np.float32), picture[..., 3])
+    colour = picture[..., :3] * gain.astype(np.float32)
+    if rng.random() < MOTTLED:
+        colour = colour * _mottle(rng)
+    return Layer(colour, picture[..., 3])
+
+
+def _mottle(rng: np.random.Generator) -> np.ndarray:
+    """Uneven wear, cloth, fur, reflections: a gain (H, W, 3), patchy at any of several scales."""
+    strength, tint = rng.uniform(0.1, 0.7), rng.normal(0, 0.35, 3)
+    offset = rng.integers(PATCHES - IMAGE_SIZE, size=2)
+    patches = _patches(int(rng.integers(4)))[offset[0] :, offset[1] :][:IMAGE_SIZE, :IMAGE_SIZE, None]
+    return np.exp(strength * patches * (1 + tint)).astype(np.float32)
+
+
+@functools.cache
+def _patches(scale: int) -> np.ndarray:
+    """Smooth noise (PATCHES, PATCHES) of unit variance, of waves from a few pixels on to twenty."""
+    rng = np.random.default_rng(scale)
+    noise = sum(
+        blur * ndimage.gaussian_filter(rng.normal(size=(PATCHES, PATCHES)), blur, mode="wrap")
+        for blur in np.array([0.7, 2.0, 5.0]) * 1.5**scale
+    )
+    return (noise / noise.std()).astype(np.float32)
 
 
 def _turned(
