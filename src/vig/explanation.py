@@ -66,7 +66,10 @@ class Explanation:
 
     @property
     def azimuth_deg(self) -> float:
-        """The eye's azimuth about the object's vertical axis, degrees in [0, 360)."""
+        """The eye's azimuth about the object's vertical axis, degrees in [0, 360).
+
+        Of views that look the same the first: in [0, 180) where half a turn shows the same, 0 where any does.
+        """
         return math.degrees(float(self.latents.azimuth)) % 360
 
     @property
@@ -87,12 +90,12 @@ class Explanation:
         it, as an object's size and distance are only known as their ratio.
         """
         height, width = self.photo.shape[:2]
-        window = Camera.standard(target_height=self.object_class.target_height, farther=self.farther)
+        window = self.object_class.camera(farther=self.farther)
         return self.window.camera(window.framed(*self.fit.framing.tolist()), width, height)
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
-        """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X its front)."""
+        """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
         return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
 
     @cached_property

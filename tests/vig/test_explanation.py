@@ -99,7 +99,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
             "shape",
         ),
         *("alternative", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
-        *("evaluations", "window", "framing", "camera", "roll_deg", "family", "box"),
+        *("evaluations", "window", "framing", "camera", "roll_deg", "family", "box", "front"),
     }
     assert (said["class"], said["verdict"]) == ("teapot", "trusted")
     assert said["azimuth_deg"] == pytest.approx(360 - math.degrees(1), abs=1e-4)  # in [0, 360)

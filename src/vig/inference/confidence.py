@@ -13,7 +13,7 @@ from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import ExplainSettings, Fit, Verdict
 from vig.likelihood import PixelModel, SpatialModel, spatial_posterior
 from vig.recognition import Prediction
-from vig.scene import Latents, angle_difference
+from vig.scene import Latents
 
 MASK_SIGMA = 0.1
 """Noise under which a pixel of the fit is taken as visible, as in the paper."""
@@ -41,7 +41,8 @@ def assess(
     zero, sigma = torch.zeros(1, dtype=torch.int32), torch.tensor([settings.likelihood.sigma])
     at_fit = objective(selection.point, zero, sigma)
     assert at_fit.normal is not None
-    latents = objective.latents(selection.point)
+    symmetry = objective.object_class.symmetry
+    latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)
     features = _features(latents, shown, prediction, selection)
     confidence, verdict, reason = _verdict(selection, features, calibration, bool(shown.mask.any()))
@@ -64,7 +65,7 @@ def assess(
         evidence=float(at_fit.value),
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
-        alternative=selection.alternative if ambiguous else None,
+        alternative=symmetry.canonical(selection.alternative) if ambiguous else None,
     )
 
 
@@ -106,7 +107,7 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
     """The confidence features (C,) float64 of a fit."""
     pixels = int(shown.mask.sum())
     residual = (shown.rendered - shown.observed)[shown.mask]
-    network_off = angle_difference(prediction.best().azimuth, latents.azimuth)[0]
+    network_off = prediction.symmetry.difference(prediction.best().azimuth, latents.azimuth)[0]
     probability = prediction.azimuth[0].double()
     entropy = float(-(probability * probability.clamp_min(1e-12).log()).sum())
     stated = prediction.layout.split(prediction.deviation[0])

@@ -12,7 +12,6 @@ from vig.scene import (
     LatentLayout,
     Latents,
     ObjectClass,
-    angle_difference,
     latent_layout,
     rotations_z,
     turn_rate_z,
@@ -58,7 +57,7 @@ class Prior:
             factor = weight if weighted else 1.0
             numbers = layout.indices(name)
             precision[numbers, numbers] = factor * torch.tensor(deviation, dtype=torch.float64) ** -2
-        self.azimuth, self.light = layout.at("azimuth"), layout["light"]
+        self.azimuth, self.light, self.symmetry = layout.at("azimuth"), layout["light"], object_class.symmetry
         mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
         covariance = torch.from_numpy(object_class.light_prior_covariance)
         precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
@@ -101,7 +100,7 @@ class Prior:
             curved = (jacobian * self.heading_precision[:, None]).mT @ jacobian
             normal[:, self._places[:, None], self._places] += curved
         if self.azimuth_precision:
-            all_off = angle_difference(self.azimuths, points[:, self.azimuth, None])
+            all_off = self.symmetry.difference(self.azimuths, points[:, self.azimuth, None])
             turn = all_off.gather(1, all_off.abs().argmin(1, keepdim=True))[:, 0]
             value = value - 0.5 * self.azimuth_precision * turn**2
             gradient, normal = gradient.clone(), normal.clone()
@@ -124,7 +123,8 @@ class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
     The likelihood's `layout` defines a point's numbers and their bounds. The framing is held at 0 unless
-    `free_framing`. For `recognition` and `prior_weight` see `Prior`, for `decorated` `pixel_prior`.
+    `free_framing`, azimuth where any turn looks the same. For `recognition` and `prior_weight` see `Prior`,
+    for `decorated` `pixel_prior`.
     """
 
     def __init__(
@@ -140,6 +140,8 @@ class Objective:
         layout = likelihood.layout
         if not free_framing and "framing" in layout:
             layout = layout.with_blocks(layout.block("framing").held())
+        if not object_class.symmetry.fold:
+            layout = layout.with_blocks(layout.block("azimuth").held())
         self.layout = layout
         self._latents = layout.indices(*(block.name for block in latent_layout(layout.count("shape")).blocks))
         geometry = likelihood.geometry

@@ -15,14 +15,17 @@ from vig.inference.settings import ExplainSettings
 from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
-from vig.scene import Camera, ObjectClass, latent_layout
+from vig.scene import ObjectClass, latent_layout
 
 
 @functools.lru_cache(maxsize=8)
 def geometry_of(object_class: ObjectClass, self_shadow: bool = False, device: str = "cpu") -> Geometry:
-    """The renderer's matrices of a class, made once; with self-shadow where the class has a table of it."""
+    """The renderer's matrices of a class, made once; with self-shadow where the class has a table of it.
+
+    At unit scale, as fits see the class: what kernels take for small is for things of a teapot's size.
+    """
     transfer = object_class.transfer if self_shadow else None
-    return Geometry(object_class.shape_model, torch.float32, device, transfer)
+    return Geometry(object_class.at_unit_scale.shape_model, torch.float32, device, transfer)
 
 
 def objective_of(
@@ -47,7 +50,8 @@ def objectives_of(
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
     settings = settings.filled()
     assert settings.farther is not None and settings.prior_weight is not None
-    camera = Camera.standard(photo.shape[1], object_class.target_height, settings.farther)
+    object_class = object_class.at_unit_scale
+    camera = object_class.camera(photo.shape[1], settings.farther)
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid)
     if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)

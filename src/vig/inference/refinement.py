@@ -14,7 +14,7 @@ from vig.inference.objective import Objective
 from vig.inference.settings import ExplainSettings
 from vig.recognition import Prediction, box_in_window
 from vig.recognition.network import latents_of
-from vig.scene import Latents, ObjectClass, angle_difference
+from vig.scene import Latents, ObjectClass, Symmetry
 from vig.scene.latents import FRAMING
 
 AMBIGUOUS_NATS = 30.0
@@ -33,7 +33,7 @@ class Selection:
         gap: Nats by which the best end of another view lies behind; infinite when there is none.
         close: Whether that is less than `AMBIGUOUS_NATS`.
         alternative: That end when it is close, else the recognition model's guess.
-        turned_deg: By how far the alternative is turned about the vertical.
+        turned_deg: By how far the alternative is turned about the vertical, 0 to where it looks the same.
     """
 
     point: torch.Tensor
@@ -59,13 +59,13 @@ def select(objective: Objective, ends: Ends, guess: Latents, sigma: float) -> Se
     start_evidence = float(objective(start, zero, noise, derivatives=False).value)
     reverted = float(ends.evidence[best]) <= start_evidence
     point = start if reverted else ends.points[best : best + 1]
-    azimuth = objective.latents(ends.points).azimuth
-    other_view = angle_difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
+    azimuth, symmetry = objective.latents(ends.points).azimuth, objective.object_class.symmetry
+    other_view = symmetry.difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
     gaps = torch.where(other_view, ends.scores[best] - ends.scores, math.inf)
     gap, rival = float(gaps.min()), int(gaps.argmin())
     close = gap < AMBIGUOUS_NATS
     alternative = objective.latents(ends.points[rival : rival + 1] if close else start)
-    turned = abs(float(angle_difference(alternative.azimuth, objective.latents(point).azimuth)))
+    turned = abs(float(symmetry.difference(alternative.azimuth, objective.latents(point).azimuth)))
     return Selection(
         point, reverted, start_evidence, ends.evaluations, gap, close, alternative, math.degrees(turned)
     )
@@ -104,13 +104,14 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
     settings = settings.filled()
     assert settings.view_weight is not None
     objective, count = objectives[1.0], settings.stages[0].starts
+    symmetry = objective.object_class.symmetry
     begin = starts(prediction, count, objective.object_class)
     framing = framings(begin, prediction, objective) if settings.free_framing else None
     points = objective.point(begin, framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations = 0
     for stage in settings.stages:
-        points = points[survivors(objective.latents(points).azimuth, scores, stage.starts)]
+        points = points[survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)]
         descent = settings.optimizer(
             objectives[stage.scale],
             points,
@@ -125,7 +126,9 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
     return Ends(points, evidence, scores, evaluations)
 
 
-def survivors(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.Tensor:
+def survivors(
+    azimuth: torch.Tensor, scores: torch.Tensor, count: int, symmetry: Symmetry = Symmetry.NONE
+) -> torch.Tensor:
     """Indices of the `count` points that enter a stage: half by score alone, half the best of other views.
 
     A view is `DISTINCT_AZIMUTH` away from the others; where there are no more views, score alone decides. So
@@ -135,13 +138,14 @@ def survivors(azimuth: torch.Tensor, scores: torch.Tensor, count: int) -> torch.
         azimuth: (B,) radians.
         scores: (B,), higher is better.
         count: At most B.
+        symmetry: Views that look the same are one.
     """
     order = scores.argsort(descending=True, stable=True).tolist()
     chosen = order[: (count + 1) // 2]
     for index in order:
         if (
             len(chosen) < count
-            and (angle_difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
+            and (symmetry.difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
         ):
             chosen.append(index)
     chosen += [index for index in order if index not in chosen][: count - len(chosen)]
@@ -173,7 +177,8 @@ def starts(
             numbers[1:, layout["shape"]] = shapes[families[::-1][:-1]]
     moved = layout.indices("elevation", "shape")
     numbers[:, moved] += RELATIVE_SPREAD * prediction.deviation[:, moved] * noise[:, 1:]
-    return latents_of(numbers, angles[0, peaks] + AZIMUTH_SPREAD * noise[:, 0])
+    perturbed = latents_of(numbers, angles[0, peaks] + AZIMUTH_SPREAD * noise[:, 0])
+    return prediction.symmetry.canonical(perturbed)
 
 
 def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> torch.Tensor:

@@ -36,7 +36,8 @@ class Fit:
         latents: One (B = 1).
         framing: (4,) shift in widths, right and down, log magnification, and clockwise roll in radians.
         deviation: (P,) standard deviations, from the curvature at the fit, widened by a calibration;
-            without one too small, as the noise of neighbouring pixels is taken as independent.
+            without one too small, as the noise of neighbouring pixels is taken as independent. Of azimuth
+            it says nothing where any turn looks the same.
         visible: (H, W) posterior probability that a pixel shows the object.
         mask: (H, W) bool, the object's visible pixels.
         mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.

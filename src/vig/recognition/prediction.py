@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,7 +25,7 @@ from vig.recognition.network import (
     load_network,
     mask_at_pixels,
 )
-from vig.scene import LatentLayout, Latents, ObjectClass, regressed_layout, srgb_from_linear
+from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,14 @@ class Prediction:
     """What the network predicts for N photos, before any fit.
 
     Attributes:
-        azimuth: (N, bins) probabilities of equal bins, the first centred at half a bin.
+        azimuth: (N, bins) probabilities of equal bins, the first centred at half a bin, of the circle, or of
+            the part of it in which views of the class differ: half of it, or a single bin.
         numbers: (N, M) mean of the regressed numbers, see `layout`; light in the heading frame.
         deviation: (N, M) standard deviations of these.
         mask: (N, H, W, 3) probabilities of each pixel's `MASK_CLASSES`.
         roll: (N,) clockwise turn of the photo, radians.
         presence: (N,) probability that the photo shows the object.
+        symmetry: Of the class.
     """
 
     azimuth: torch.Tensor
@@ -47,9 +49,22 @@ class Prediction:
     mask: torch.Tensor
     roll: torch.Tensor
     presence: torch.Tensor
+    symmetry: Symmetry = field(default=Symmetry.NONE, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.azimuth)
+
+    @property
+    def tensors(self) -> tuple[torch.Tensor, ...]:
+        """All but the symmetry."""
+        return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
+
+    def folded(self, symmetry: Symmetry) -> Prediction:
+        """The same for a class with a symmetry: bins of the whole circle that look the same are added."""
+        if symmetry is Symmetry.NONE:
+            return self
+        bins = self.azimuth.shape[1] // symmetry.fold if symmetry.fold else 1
+        return replace(self, azimuth=self.azimuth.unflatten(1, (-1, bins)).sum(1), symmetry=symmetry)
 
     @property
     def layout(self) -> LatentLayout:
@@ -64,9 +79,13 @@ class Prediction:
     def modes(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
         """The `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
 
+        Of views that look the same there is one; where all do, a single one at 0: (N, 1).
+
         A peak is the circular mean over its bin and the two beside it on either hand; its neighbourhood is
         then taken out before the next is sought.
         """
+        if not self.symmetry.fold:
+            return torch.zeros(len(self), 1, dtype=torch.float64), torch.zeros(len(self), 1)
         bins = self.azimuth.shape[1]
         centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
         left = self.azimuth.clone().double()
@@ -82,30 +101,32 @@ class Prediction:
             weights.append(torch.log(total.clamp_min(1e-9)))
             angles.append(torch.where(total > 0, angle, at[:, 2]))
             left.scatter_(1, near, 0.0)
-        return torch.stack(weights, 1), torch.remainder(torch.stack(angles, 1), 2 * math.pi).float()
+        azimuths = torch.remainder(torch.stack(angles, 1), 2 * math.pi).float() / self.symmetry.fold
+        return torch.stack(weights, 1), azimuths
 
     def log_mass(self, azimuth: torch.Tensor) -> torch.Tensor:
         """Log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,), float64.
 
         Linear between bins, and at least log 0.001, so that no view is ruled out.
         """
-        bins = self.azimuth.shape[1]
+        bins, fold = self.azimuth.shape[1], self.symmetry.fold
+        if not fold:
+            return torch.zeros_like(azimuth, dtype=torch.float64)
         smooth = sum(self.azimuth[0].double().roll(offset) for offset in range(-2, 3))
-        at = torch.remainder(azimuth.double() * bins / (2 * math.pi) - 0.5, bins)
+        at = torch.remainder(azimuth.double() * fold * bins / (2 * math.pi) - 0.5, bins)
         low = at.floor().long() % bins
         share = at - at.floor()
         mass = torch.as_tensor(smooth)[low] * (1 - share) + torch.as_tensor(smooth)[(low + 1) % bins] * share
         return mass.clamp_min(1e-3).log()
 
     def __getitem__(self, index: slice) -> Prediction:
-        return Prediction(*(getattr(self, field.name)[index] for field in fields(self)))
+        return Prediction(*(tensor[index] for tensor in self.tensors), symmetry=self.symmetry)
 
     @staticmethod
     def joined(parts: Sequence[Prediction]) -> Prediction:
         """Concatenate."""
-        return Prediction(
-            *(torch.cat([getattr(p, field.name) for p in parts]) for field in fields(Prediction))
-        )
+        columns = zip(*(part.tensors for part in parts), strict=True)
+        return Prediction(*map(torch.cat, columns), symmetry=parts[0].symmetry)
 
 
 class Recognizer:
@@ -114,6 +135,8 @@ class Recognizer:
     kind = "vig"
     """Which networks this reads, as a weights file's metadata names them."""
     network: Any
+    symmetry, mirror = Symmetry.NONE, True
+    """Of the class; without mirror symmetry photos are not flipped."""
 
     def __init__(self, path: Path):
         remedy = "Train them with `vig train` or take a class that has them."
@@ -154,17 +177,19 @@ class Recognizer:
                 f"expected weights for the {modes} shape components of class '{object_class.name}';"
                 f" '{path}' has {found}. Train them on a dataset of that class."
             )
+        recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
         return recognizer
 
     def __call__(self, photos: torch.Tensor, batch: int = 32, twice: bool = True) -> Prediction:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
 
         Each batch is computed on one core, so that predictions do not depend on how many there are. `twice`
-        takes the mean over each photo and its mirror image, which is better and takes twice as long.
+        takes the mean over each photo and its mirror image, which is better and takes twice as long; it does
+        nothing for a class that is not its own mirror image.
         """
 
         def predict(part: torch.Tensor) -> Prediction:
-            return on_one_core(lambda: self._predict(part, twice))
+            return on_one_core(lambda: self._predict(part, twice)).folded(self.symmetry)
 
         return Prediction.joined(list(map_on_threads(predict, photos.float().split(batch))))
 
@@ -172,7 +197,7 @@ class Recognizer:
         """The network's outputs, before any calibration, for sRGB images (N, 3, S, S); see `__call__`."""
         with bfloat16(pixels.device):
             heads: Heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
-            if not twice:
+            if not (twice and self.mirror):
                 return heads
             flipped: Heads = self.network(pixels.flip(3).contiguous(memory_format=torch.channels_last))
         return heads.mean_with(flipped.of_mirrored(-self.mean / self.deviation))

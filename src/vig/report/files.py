@@ -67,13 +67,15 @@ def describe(
     """Return a window's fit in plain numbers, degrees and linear RGB, as `explanation.json` holds it.
 
     `camera` is that of the whole photo; `hidden` the share of the object's pixels within the photo that are
-    hidden, None when there are none.
+    hidden, None when there are none. Where any turn looks the same azimuth is 0 and has no deviation.
     """
+    turns = object_class.symmetry.fold
     deviation = latent_layout(object_class.shape_model.modes).split(fit.deviation)
     pose = camera.camera_from_world(float(fit.latents.azimuth), float(fit.latents.elevation))
     return {
         "vig": __version__,
         "class": object_class.name,
+        "front": object_class.front,
         "verdict": fit.verdict.name.lower(),
         "reason": fit.reason,
         "confidence": None if math.isnan(fit.confidence) else _rounded(fit.confidence),
@@ -81,7 +83,7 @@ def describe(
         "roll_deg": _rounded(math.degrees(camera.roll)),
         "alternative": fit.alternative and describe_latents(fit.alternative),
         "deviation": {
-            "azimuth_deg": _rounded(math.degrees(deviation["azimuth"])),
+            "azimuth_deg": _rounded(math.degrees(deviation["azimuth"])) if turns else None,
             "elevation_deg": _rounded(math.degrees(deviation["elevation"])),
             **{name: _rounded(deviation[name]) for name in ("albedo", "light", "shape")},
         },

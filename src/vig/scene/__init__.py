@@ -24,6 +24,7 @@ from vig.scene.light import (
 )
 from vig.scene.object_class import Family, ObjectClass
 from vig.scene.shape_model import ShapeModel
+from vig.scene.symmetry import Symmetry
 
 __all__ = [
     "EXPOSURE_L00",
@@ -36,6 +37,7 @@ __all__ = [
     "Latents",
     "ObjectClass",
     "ShapeModel",
+    "Symmetry",
     "angle_difference",
     "camera_rotation",
     "irradiance",

@@ -20,6 +20,7 @@ def angle_difference(a: Angle, b: Angle) -> Angle:
 
 FOCAL_OVER_WIDTH = 1.12
 DISTANCE = 0.4
+"""Metres of the paper's camera, which suits things of a teapot's size."""
 IMAGE_SIZE = 150
 MOST_PIXELS = 16_384
 """A side of an image."""
@@ -62,12 +63,14 @@ class Camera:
             )
 
     @staticmethod
-    def standard(size: int = IMAGE_SIZE, target_height: float = 0.0, farther: float = 1.0) -> Camera:
-        """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m; or both
-        `farther` times as much, which shows the same with less perspective.
+    def standard(
+        size: int = IMAGE_SIZE, target_height: float = 0.0, farther: float = 1.0, distance: float = DISTANCE
+    ) -> Camera:
+        """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m or another
+        distance; or both `farther` times as much, which shows the same with less perspective.
         """
-        focal, distance, middle = farther * FOCAL_OVER_WIDTH * size, farther * DISTANCE, size / 2
-        return Camera(size, size, focal, middle, middle, distance, target_height)
+        focal, middle = farther * FOCAL_OVER_WIDTH * size, size / 2
+        return Camera(size, size, focal, middle, middle, farther * distance, target_height)
 
     def scaled(self, factor: float) -> Camera:
         """The same camera for an image `factor` times as wide and high."""

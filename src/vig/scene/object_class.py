@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from safetensors.numpy import save_file
@@ -15,7 +17,9 @@ from safetensors.numpy import save_file
 from vig.checks import check_arrays, check_number, decode, read_json, read_tensors, reading
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
 from vig.scene.shape_model import ShapeModel
+from vig.scene.symmetry import Symmetry
 
 TRANSFER_FILE = "transfer.safetensors"
 PACKAGED = Path(__file__).parents[1] / "classes"
@@ -32,7 +36,7 @@ _SHAPE = {
 
 @dataclass(frozen=True)
 class Family:
-    """Shapes of one kind within a class, such as teapots with their handle over the lid.
+    """Shapes of one kind within a class, such as chairs with arms.
 
     Attributes:
         name: Of the kind.
@@ -65,6 +69,12 @@ class _Description:
     part_names: tuple[str, ...]
     light_prior: _LightPrior
     families: tuple[Family, ...] = ()
+    symmetry: Literal["none", "half-turn", "any-turn"] = "none"
+    mirror: bool = True
+    front: str = ""
+    points: dict[str, int] = field(default_factory=dict)
+    viewing_distance_m: float = DISTANCE
+    places: dict[str, float] = field(default_factory=dict)
     held_out_designs: tuple[Any, ...] = ()
 
 
@@ -72,12 +82,23 @@ class _Description:
 class ObjectClass:
     """What is known of a class before any photo.
 
-    target_height: metres above the base at which the camera looks. light_prior_mean (9,) and
-    light_prior_covariance (9, 9): a Gaussian over SH lights in the world frame at the paper's exposure.
-    folder: where it was read from, None when built in memory. transfer (K + 1, V, 9), or None: how
-    self-shadow and light thrown from part to part change the nine lobes of each vertex, for the mean shape
-    and per component (`vig_world.packs.transfer`). families: kinds of shapes with nothing between them; none
-    where all shapes are of one kind.
+    Attributes:
+        name: In messages, and of a packaged class its folder's.
+        shape_model: Metres, standing on z = 0, the front towards +X.
+        target_height: Metres above the base at which the camera looks.
+        light_prior_mean: (9,), with light_prior_covariance (9, 9) a Gaussian over SH lights in the world
+            frame at the paper's exposure.
+        folder: Where it was read from, None when built in memory.
+        transfer: (K + 1, V, 9), or None: how self-shadow and light thrown from part to part change the nine
+            lobes of each vertex, for the mean shape and per component (`vig_world.packs.transfer`).
+        families: Kinds of shapes with nothing between them; none where all shapes are of one kind.
+        symmetry: Turn about Z under which all shapes look the same.
+        mirror: Whether shapes are mirror images of themselves in y = 0.
+        front: What +X shows, such as "the spout".
+        points: Vertices by names that a user may click, such as "spout".
+        viewing_distance: Metres of the eye in the standard camera; about 1.4 times the greatest extent.
+        places: Zones of the generator's rooms to relative frequencies, where such things stand; none leaves
+            them to the generator.
     """
 
     name: str
@@ -88,11 +109,28 @@ class ObjectClass:
     folder: Path | None = None
     transfer: np.ndarray | None = None
     families: tuple[Family, ...] = ()
+    symmetry: Symmetry = Symmetry.NONE
+    mirror: bool = True
+    front: str = ""
+    points: Mapping[str, int] = field(default_factory=dict)
+    viewing_distance: float = DISTANCE
+    places: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.name or len(self.name) > 100 or not self.name.isprintable():
-            raise ValueError(f"name must be 1 to 100 printable characters; it is {self.name[:100]!r}")
+        _check_text("name", self.name)
+        if self.front:
+            _check_text("front", self.front)
         check_number("target_height", self.target_height, -10.0, 10.0)
+        check_number("viewing_distance", self.viewing_distance, 0.01, 100.0)
+        vertices = len(self.shape_model.mean)
+        for name, index in self.points.items():
+            _check_text("name of a point", name)
+            if not isinstance(index, int | np.integer) or not 0 <= index < vertices:
+                raise ValueError(f"point '{name}' must be a vertex from 0 to {vertices - 1}; it is {index}")
+        for name, weight in self.places.items():
+            check_number(f"places '{name[:40]}'", weight, 0.0, 1e6)
+        if self.places and not any(self.places.values()):
+            raise ValueError("places must have a frequency above 0")
         for family in self.families:
             check_number(f"share of family '{family.name[:40]}'", family.share, 1e-6, 1.0)
             mean, spread = np.array(family.mean), np.array(family.deviation)
@@ -116,12 +154,33 @@ class ObjectClass:
 
     @property
     def fingerprint(self) -> str:
-        """A short hash of the shapes, so that a dataset is not continued with another class."""
+        """A short hash of shapes and views, so that a dataset is not continued with another class."""
         model, digest = self.shape_model, hashlib.sha256()
         for array in (model.mean, model.basis, model.faces):
             digest.update(np.ascontiguousarray(array).tobytes())
         digest.update(str(self.target_height).encode())
+        views = (str(self.symmetry), self.mirror, self.viewing_distance, dict(self.places))
+        if views != ("none", True, DISTANCE, {}):
+            digest.update(repr(views).encode())
         return digest.hexdigest()[:16]
+
+    def camera(self, size: int = IMAGE_SIZE, farther: float = 1.0) -> Camera:
+        """The class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
+        return Camera.standard(size, self.target_height, farther, self.viewing_distance)
+
+    @property
+    def scale(self) -> float:
+        """How large such things are, over things that suit the paper's camera."""
+        return self.viewing_distance / DISTANCE
+
+    @cached_property
+    def at_unit_scale(self) -> ObjectClass:
+        """The same class as small or large as suits the paper's camera: its `scale` is 1."""
+        if self.scale == 1:
+            return self
+        model, scale = self.shape_model, np.float32(self.scale)
+        model, height = replace(model, mean=model.mean / scale, basis=model.basis / scale), self.target_height
+        return replace(self, shape_model=model, target_height=height / self.scale, viewing_distance=DISTANCE)
 
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
@@ -137,6 +196,12 @@ class ObjectClass:
                 "mean": np.round(self.light_prior_mean, 6).tolist(),
                 "covariance": np.round(self.light_prior_covariance, 6).tolist(),
             },
+            "symmetry": str(self.symmetry),
+            "mirror": self.mirror,
+            "front": self.front,
+            "points": {name: int(index) for name, index in self.points.items()},
+            "viewing_distance_m": self.viewing_distance,
+            "places": dict(self.places),
         }
         if self.families:
             description["families"] = [asdict(family) for family in self.families]
@@ -179,6 +244,15 @@ class ObjectClass:
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
             height = float(described.target_height_m)
+            taken = ("families", "mirror", "front", "points", "places")
             return ObjectClass(
-                described.name, model, height, mean, covariance, folder, transfer, described.families
-            )
+                described.name, model, height, mean, covariance, folder, transfer,
+                symmetry=Symmetry(described.symmetry),
+                viewing_distance=float(described.viewing_distance_m),
+                **{name: getattr(described, name) for name in taken},
+            )  # fmt: skip
+
+
+def _check_text(what: str, text: str) -> None:
+    if not text or len(text) > 100 or not text.isprintable():
+        raise ValueError(f"{what} must be 1 to 100 printable characters; it is {text[:100]!r}")

@@ -171,7 +171,7 @@ def _fitted_in_processes(
 
 
 def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
-    return photo.numpy(), *(tensor.numpy() for tensor in vars(prediction).values())
+    return photo.numpy(), *(tensor.numpy() for tensor in prediction.tensors)
 
 
 def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
@@ -180,7 +180,7 @@ def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
 
     def one(arrays: Arrays) -> Fits:
         photo, *parts = map(torch.from_numpy, arrays)
-        return fitted((photo, Prediction(*parts)))
+        return fitted((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
 
     return one
 

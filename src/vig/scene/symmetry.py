@@ -1,0 +1,56 @@
+"""Symmetry of a class about its vertical axis: which of its views look the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from enum import StrEnum
+
+import torch
+
+from vig.scene.camera import Angle, angle_difference
+from vig.scene.latents import Latents
+from vig.scene.light import rotate_z
+
+
+class Symmetry(StrEnum):
+    """The turn about Z under which every shape of a class looks the same."""
+
+    NONE = "none"
+    HALF_TURN = "half-turn"
+    ANY_TURN = "any-turn"
+
+    @property
+    def fold(self) -> int:
+        """How many views of the circle look the same; 0 where all do, so that azimuth means nothing."""
+        return {"none": 1, "half-turn": 2, "any-turn": 0}[self]
+
+    def difference(self, a: Angle, b: Angle) -> Angle:
+        """Return a - b, radians, of the two nearest azimuths that look like these.
+
+        In [-pi, pi), of half turns in [-pi / 2, pi / 2), of any turn 0; arrays or tensors that broadcast.
+        """
+        difference: Angle = angle_difference(self.fold * a, self.fold * b) / max(self.fold, 1)
+        return difference
+
+    def canonical(self, latents: Latents) -> Latents:
+        """Return the latents (B,) with azimuths in [0, pi) of half turns, 0 of any turn, that look the same.
+
+        The light turns along with the camera. Without symmetry they stay as they are.
+        """
+        if self is Symmetry.NONE:
+            return latents
+        within = 2 * math.pi / max(self.fold, 1)
+        return _seen_from(latents, torch.remainder(latents.azimuth, within) * float(self.fold > 0))
+
+    def nearest(self, latents: Latents, azimuth: torch.Tensor) -> Latents:
+        """Return the latents (B,) seen from where they look the same, nearest to azimuths (B,) radians."""
+        if self is Symmetry.NONE:
+            return latents
+        return _seen_from(latents, azimuth + self.difference(latents.azimuth, azimuth))
+
+
+def _seen_from(latents: Latents, azimuth: torch.Tensor) -> Latents:
+    """The latents with other azimuths (B,) radians, their light as it was about the camera."""
+    light = rotate_z(latents.light, azimuth - latents.azimuth)
+    return replace(latents, azimuth=azimuth, light=light)
