@@ -73,7 +73,7 @@ def make_case(size: int, subdivisions: int = 0, seed: int = 0) -> Case:
     )
     for _ in range(subdivisions):
         model = subdivided(model)
-    camera = Camera.standard(size, teapot.target_height)
+    camera = teapot.camera(size)
     camera = replace(camera, focal=camera.focal * MAGNIFICATION)
     rng = np.random.default_rng(seed)
     light = np.concatenate([[EXPOSURE_L00, 0.0, 1.0, 0.0], np.zeros(5)]) + rng.normal(0, 0.2, 9)

@@ -15,7 +15,7 @@ from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
 from vig.optimizers.optimizer import Budget
 from vig.recognition import Recognizer
-from vig.scene import Camera, ObjectClass
+from vig.scene import ObjectClass
 
 THREADS = (1, 2)
 BATCHES = (1, 4, 16, 64, 256)
@@ -52,7 +52,7 @@ class Fits:
         Its prior is the class's alone: the recognition model's prediction is of one photo.
         """
         photos = Photos(self.photos[which], self.log_prior[which])
-        camera = Camera.standard(self.photos.shape[1], self.object_class.target_height)
+        camera = self.object_class.camera(self.photos.shape[1])
         geometry = geometry_of(self.object_class, self.settings.self_shadow)
         likelihood = Likelihood(geometry, camera, photos, self.settings.silhouette)
         objective = Objective(

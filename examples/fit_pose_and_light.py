@@ -21,7 +21,7 @@ from PIL import Image
 
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.renderer.primitives import pyramid
-from vig.scene import Camera, ObjectClass, irradiance, srgb8_from_linear
+from vig.scene import ObjectClass, irradiance, srgb8_from_linear
 
 STEPS = 150
 SIZE = 100
@@ -56,9 +56,7 @@ def main() -> None:
     vertices = torch.tensor(teapot.shape_model.mean, dtype=torch.float32)
     topology = Topology.of(teapot.shape_model.faces, teapot.shape_model.mean)
     texture, coordinates = pyramid(checks(rng)), vertices[:, [0, 2]] * 6
-    camera = Pinhole.on_sphere(
-        Camera.standard(SIZE, teapot.target_height), torch.tensor(0.4), torch.tensor(0.5)
-    )
+    camera = Pinhole.on_sphere(teapot.camera(SIZE), torch.tensor(0.4), torch.tensor(0.5))
     background = torch.full((3,), 0.1)
 
     def draw(turn: torch.Tensor, shift: torch.Tensor, light: torch.Tensor, samples: int = 1) -> torch.Tensor:

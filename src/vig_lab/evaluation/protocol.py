@@ -15,7 +15,7 @@ from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.names import LikelihoodName
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
-from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, layout_of_width, linear_from_srgb
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 from vig_lab.evaluation.framing import fit_settings, framed
 from vig_lab.evaluation.metrics import (
@@ -116,7 +116,7 @@ def evaluate(
 
 def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
     """Whole silhouettes (N, H, W) bool of N explanations: pixels whose centre the object covers."""
-    camera = Camera.standard(target_height=object_class.target_height)
+    camera = object_class.camera()
     model = object_class.shape_model
     rotations, translations = camera.pose(latents.azimuth.double(), latents.elevation.double())
     shapes = zip(model.vertices(latents.shape).numpy(), rotations.numpy(), translations.numpy(), strict=True)

@@ -11,7 +11,7 @@ import torch
 
 from vig.files import atomic_write
 from vig.renderer.explained import render_latents
-from vig.scene import Camera, Latents, ObjectClass
+from vig.scene import Latents, ObjectClass
 from vig_lab.evaluation.protocol import MASK_HEAD
 from vig_lab.evaluation.results import MethodResult
 from vig_world.extras import optional_import
@@ -84,7 +84,7 @@ def draw(
     Returns:
         The object's own colour (N, H, W, 3), linear RGB, 0 where it is not, and coverage (N, H, W) in [0, 1].
     """
-    camera = Camera.standard(target_height=object_class.target_height)
+    camera = object_class.camera()
     with torch.no_grad():
         drawn = render_latents(latents, object_class, camera, self_shadow)
     colours = drawn.rgb / drawn.coverage.clamp_min(1e-3)[..., None]  # they were blended with black

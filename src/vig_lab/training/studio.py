@@ -211,7 +211,7 @@ class Studio:
     def _camera(self, rng: np.random.Generator, vertices: np.ndarray, latents: Latents) -> Camera:
         """A camera whose image frames the object as boxes do, or as the paper's camera does, about."""
         settings = self.settings
-        camera = Camera.standard(IMAGE_SIZE, self.object_class.target_height)
+        camera = self.object_class.camera()
         farther = math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
         wide = rng.random() < settings.rolled
         roll = float(rng.uniform(-1, 1) * settings.most_roll if wide else rng.normal(0, settings.roll))

@@ -10,7 +10,7 @@ import numpy as np
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.furniture import Support
 from vig_world.composition.occluders import draw_prop, placed
-from vig_world.composition.stage import MARGIN, NEAREST, Stage
+from vig_world.composition.stage import MARGIN, Stage
 from vig_world.dataset.spec import Placed
 from vig_world.rotations import about_z, turned_about_z
 
@@ -26,8 +26,9 @@ def scatter(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> N
     """Place clutter on the object's own support round the object, and on others in view."""
     wanted = int(rng.integers(2, 9))
     near, far = visible_ground(stage)
+    large = max(1.0, stage.actor.scale)
     ahead = rng.uniform(near, far, 2 * wanted)
-    aside = rng.uniform(-1, 1, 2 * wanted) * (0.45 * (ahead - near) + 0.25)
+    aside = rng.uniform(-1, 1, 2 * wanted) * (0.45 * (ahead - near) + 0.25 * large)
     spots = np.outer(ahead, stage.actor.ahead) + np.outer(aside, stage.actor.aside)
     own = [stage.on_support(stage.support, spots)]
     supports = 2 * wanted * [stage.support]
@@ -51,14 +52,17 @@ def scatter(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> N
 
 
 def visible_ground(stage: Stage) -> tuple[float, float]:
-    """Nearest and farthest ground in the frame: metres ahead of the object's axis, at most 1.3."""
+    """Nearest and farthest ground in the frame, metres ahead of the object's axis.
+
+    At most 1.3, or so much more as the object is larger than teapots.
+    """
     view = stage.actor.view
     height, back = view.eye[2], float(view.eye @ stage.actor.ahead)
     half = np.arctan(view.camera.height / 2 / view.camera.focal)
     steep, shallow = stage.actor.elevation + half, stage.actor.elevation - half
     near = back + height / np.tan(steep)
     far = back + height / np.tan(shallow) if shallow > 0.05 else np.inf
-    return near, float(min(far + 0.05, 1.3))
+    return near, float(min(far + 0.05, 1.3 * max(1.0, stage.actor.scale)))
 
 
 def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
@@ -113,7 +117,7 @@ class _Proposals:
         clouds += positions[:, None]
 
         footprints = Footprint.of(clouds, view.forward)
-        before = footprints.depths[:, 0] >= view.forward @ view.eye + NEAREST
+        before = footprints.depths[:, 0] >= view.forward @ view.eye + stage.actor.nearest
         top, bottom, left, right = view.windows(clouds)
         cover = (bottom - top) * (right - left) / stage.actor.depth.size
         sums = stage.actor.sums

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.composition.stage import MARGIN, NEAREST, Stage
+from vig_world.composition.stage import MARGIN, Stage
 from vig_world.dataset.spec import Placed, Role
 from vig_world.library import ALL_ZONES
 from vig_world.rotations import about_x, about_z, along, turned_about_z, vector_of
@@ -41,7 +41,8 @@ PROPS, TURNS = 3, 5
 GRASPS = 6
 """Number of draws for a held prop to have room before the object with the hand in the frame."""
 MORE_THAN_HIDES = 0.008
-"""Square metres by which a held prop may exceed the area it is to hide: it stays near the object."""
+"""Square metres by which a held prop may exceed the area it is to hide: it stays near the object. For a
+teapot; like other lengths here it scales with the object."""
 HAND_INSIDE = 6
 """Least distance of holding fingertips from the edge of the layout's frame, pixels."""
 
@@ -122,16 +123,18 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
     count = PROPS * TURNS
     angles = rng.uniform(0, 2 * np.pi, count)
-    gaps = MARGIN + 0.002 + rng.uniform(0, 0.1, count) * np.cos(stage.actor.elevation)
+    gaps = MARGIN + 0.002 + rng.uniform(0, 0.1 * stage.actor.scale, count) * np.cos(stage.actor.elevation)
     motions = rng.choice([-1.0, 1.0], count)[:, None] * stage.actor.aside
     clouds = np.tile(np.stack([stage.library.extremes(*name) for name in names]), (TURNS, 1, 1))
     clouds = turned_about_z(clouds, angles)
     distances = (stage.actor.body.outline @ -ahead[:2]).max() + (clouds @ ahead).max(1) + gaps
     clouds -= distances[:, None, None] * ahead
     least, most = stage.carried(stage.support, clouds, motions)
-    least, most = np.maximum(least, 0.0), np.minimum(most, 0.5)
+    least, most = np.maximum(least, 0.0), np.minimum(most, 0.5 * stage.actor.scale)
     view = stage.actor.view
-    hopeful = (least < most) & ((clouds @ view.forward).min(1) >= view.forward @ view.eye + NEAREST)
+    hopeful = (least < most) & (
+        (clouds @ view.forward).min(1) >= view.forward @ view.eye + stage.actor.nearest
+    )
     numbers = np.flatnonzero(hopeful)
     at_least = clouds[numbers] + (least[numbers, None] * motions[numbers])[:, None]
     numbers = numbers[stage.hidden_at_most(at_least) >= level]
@@ -145,7 +148,7 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
 def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
     """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the camera."""
     least_area = area_to_hide(stage, level, 0.75)
-    name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES), False)
+    name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES * stage.actor.scale**2), False)
     hull = stage.library.extremes(*name)
     for _ in range(GRASPS):
         if rng.uniform() < 0.3 + 0.7 * level:
@@ -162,7 +165,7 @@ def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate |
             continue
         fingertips = aim + 0.75 * (points @ outward).max() * outward
         lowest = min(aim[2] + points[:, 2].min(), fingertips[2] + hand[:, 2].min())
-        most = min(0.4, _until_hand_is_out(stage, fingertips, outward))
+        most = min(0.4 * stage.actor.scale, _until_hand_is_out(stage, fingertips, outward))
         parts = [placed(name, aim - middle, turn), placed(arm[0], fingertips, arm[1], "holder")]
         if candidate := _held(parts, lowest, outward, 0.0, most):
             return candidate
@@ -211,7 +214,8 @@ def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
     aim = _aim(stage, rng, hand)
     if aim is None:
         return None
-    return _held([placed(arm[0], aim, arm[1])], float(aim[2] + hand[:, 2].min()), outward, -0.2, 0.3)
+    lowest, scale = float(aim[2] + hand[:, 2].min()), stage.actor.scale
+    return _held([placed(arm[0], aim, arm[1])], lowest, outward, -0.2 * scale, 0.3 * scale)
 
 
 def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
@@ -223,7 +227,8 @@ def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | 
     aim = _aim(stage, rng, points)
     if aim is None:
         return None
-    return _held([placed(twig, aim, rotation)], float(aim[2] + points[:, 2].min()), outward, -0.3, 0.2)
+    lowest, scale = float(aim[2] + points[:, 2].min()), stage.actor.scale
+    return _held([placed(twig, aim, rotation)], lowest, outward, -0.3 * scale, 0.2 * scale)
 
 
 def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
@@ -240,7 +245,8 @@ def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | N
     aim = _aim(stage, rng, points)
     if aim is None:
         return None
-    return _held([placed(end, aim, rotation)], float(aim[2] + points[:, 2].min()), outward, -0.3, 0.3)
+    lowest, scale = float(aim[2] + points[:, 2].min()), stage.actor.scale
+    return _held([placed(end, aim, rotation)], lowest, outward, -0.3 * scale, 0.3 * scale)
 
 
 def _member(stage: Stage, rng: np.random.Generator) -> int:
@@ -270,7 +276,7 @@ def _aim(stage: Stage, rng: np.random.Generator, points: np.ndarray) -> np.ndarr
     """
     view, (row, column) = stage.actor.view, stage.actor.middle
     extent = points @ view.forward
-    nearest = NEAREST - float(extent.min())
+    nearest = stage.actor.nearest - float(extent.min())
     farthest = stage.actor.body.depths[0] - float(view.forward @ view.eye) - float(extent.max()) - 2 * MARGIN
     if nearest > farthest:
         return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from vig_world.assets.footprint import Footprint
 from vig_world.composition.occluders import Candidate, Kind, draw_kind
-from vig_world.composition.stage import MARGIN, NEAREST, Stage
+from vig_world.composition.stage import MARGIN, Stage
 from vig_world.dataset.spec import Placed
 
 FIT_TOLERANCE = 0.008
@@ -64,7 +64,7 @@ def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
         return "no room"
     clouds = [stage.points(part) for part in candidate.parts]
     points, forward = np.concatenate(clouds), stage.actor.view.forward
-    if (points @ forward).min() < forward @ stage.actor.view.eye + NEAREST:
+    if (points @ forward).min() < forward @ stage.actor.view.eye + stage.actor.nearest:
         return "eye"  # at any offset: motions are across the line of sight
     if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
         return "too small"

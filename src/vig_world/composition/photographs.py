@@ -22,6 +22,8 @@ LEVEL, LOW = math.radians(15.0), math.radians(42.0)
 LEVEL_SHARE, LOW_SHARE = 0.55, 0.33
 LONGEST = 6.0
 """Of lenses, over the standard one."""
+FARTHEST, HIGHEST = 2.5, 2.5
+"""Metres from the eye to the object, and above what it stands on, that rooms have space for."""
 ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
 """Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
 SCALE, SHIFT = 0.1, 0.04
@@ -51,7 +53,12 @@ def draw_manner(
         low = kind < LEVEL_SHARE + LOW_SHARE
         elevation = rng.uniform(LEVEL, LOW) if low else rng.uniform(LOW, 0.49 * math.pi)
     coat = draw_coat(rng, len(model.part_names), DECORATED, METAL)
-    farther = math.exp(rng.uniform(math.log(0.9), math.log(LONGEST))) if rng.random() < 0.7 else 1.0
+    away = object_class.viewing_distance
+    longest = max(1.0, min(LONGEST, FARTHEST / away))
+    farther = math.exp(rng.uniform(math.log(0.9), math.log(longest))) if rng.random() < 0.7 else 1.0
+    if elevation > 0:
+        highest = (HIGHEST - object_class.target_height) / (away * math.sin(elevation))
+        farther = min(farther, max(0.9, highest))
     roll = rng.uniform(-MOST_ROLL, MOST_ROLL) if rng.random() < ROLLED else rng.normal(0, ROLL)
     lens = _framed(Lens(farther, float(roll)), object_class, vertices, azimuth, float(elevation))
     scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)

@@ -9,8 +9,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from vig.errors import UserError
+from vig.scene import ObjectClass
 from vig_world.assets.furniture import Support
-from vig_world.composition.stage import NEAREST, Actor, Stage
+from vig_world.assets.props import ZONE_NAMES
+from vig_world.composition.stage import Actor, Stage
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
 from vig_world.rooms import Layout
@@ -19,7 +22,7 @@ ZONE_WEIGHTS = {
     "dining": 3.0, "drinks": 3.0, "cooking": 3.0, "display": 2.0, "desk": 1.5, "storage": 1.5, "reading": 1.0,
     "bedside": 1.0, "washing": 0.7, "floor": 0.3,
 }  # fmt: skip
-"""Relative frequency of each zone of a room as the object's place."""
+"""Relative frequency of each zone of a room as the object's place, for classes that name none."""
 PROPOSALS = {False: 48, True: 200}
 """Places drawn at a time; more where the room is to hide the object."""
 MOST_LOOKED_AT = 16
@@ -36,6 +39,21 @@ the object."""
 SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
+
+
+@lru_cache(maxsize=8)
+def zone_weights(object_class: ObjectClass) -> tuple[tuple[str, float], ...]:
+    """Zones of rooms where things of a class stand, with their relative frequencies, sorted.
+
+    Raises:
+        UserError: The class names others.
+    """
+    if unknown := sorted(object_class.places.keys() - set(ZONE_NAMES)):
+        raise UserError(
+            f"expected places of class '{object_class.name}' among {', '.join(ZONE_NAMES)};"
+            f" got '{unknown[0][:40]}'. Correct its class.json."
+        )
+    return tuple(sorted((object_class.places or ZONE_WEIGHTS).items()))
 
 
 def find_place(
@@ -68,7 +86,7 @@ def find_place(
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
         elif np.isinf(stage.behind).any():
             rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
-        elif (stage.behind < NEAREST).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
+        elif (stage.behind < actor.nearest).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
             rejected["place near"] += 1
         else:
             return stage
@@ -115,10 +133,12 @@ class _Places:
 
     @staticmethod
     def draw(layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> _Places:
-        """Zones by `ZONE_WEIGHTS`, any support in a zone; seen from where people stand."""
+        """Zones as the class wants them, any support in a zone; seen from where people stand."""
         supports, count = layout.supports, PROPOSALS[hiding]
-        table = _support_table(supports)
+        table = _support_table(supports, zone_weights(actor.object_class))
         weights = table["weight"]
+        somewhere = layout.kind == "seamless" or weights.any()  # a seamless ground is for all things
+        weights = weights if weights.any() else np.ones(len(supports))
         if hiding:
             weights = weights * np.where(table["clearance"] < LOW_COVER, COVERED, 1.0)
         chosen = rng.choice(len(supports), count, p=weights / weights.sum())
@@ -140,7 +160,7 @@ class _Places:
         )
         share = rng.uniform(size=(count, 2)) * np.stack([np.ones(count), near], axis=1)
         own = least + reach * share  # near the people on deep supports, anywhere along them
-        fits = (reach >= 0).all(1) & (actor.body.heights[1] <= clearance - EDGE)
+        fits = somewhere & (reach >= 0).all(1) & (actor.body.heights[1] <= clearance - EDGE)
         turn = facing - own_turn
         spot = centre + _turned(np.column_stack([own, np.zeros(count)]), own_turn)
         to_edge = np.column_stack([np.zeros(count), least[:, 1] - own[:, 1], np.zeros(count)])
@@ -156,7 +176,7 @@ class _Places:
         if hiding:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
             met = _in_sight(layout, self.eye[order], middle)
-            clearance = _support_table(layout.supports)["clearance"][self.support[order]]
+            clearance = np.array([support.clearance for support in layout.supports])[self.support[order]]
             met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # the camera looks down past a board
             order = order[met]
         yield from order[:MOST_LOOKED_AT].tolist()
@@ -169,12 +189,12 @@ class _Places:
 
 
 @lru_cache(maxsize=256)
-def _support_table(supports: tuple[Support, ...]) -> np.ndarray:
-    """Supports as records (N,), with the weight of each, see `ZONE_WEIGHTS`."""
-    zones = [support.zone for support in supports]
+def _support_table(supports: tuple[Support, ...], places: tuple[tuple[str, float], ...]) -> np.ndarray:
+    """Supports as records (N,), with the weight of each, see `zone_weights`."""
+    zones, wanted = [support.zone for support in supports], dict(places)
     return np.array(
         [
-            (ZONE_WEIGHTS[each.zone] / zones.count(each.zone), each.turn, each.clearance, each.behind,
+            (wanted.get(each.zone, 0.0) / zones.count(each.zone), each.turn, each.clearance, each.behind,
              each.half, each.centre)
             for each in supports
         ],

@@ -20,7 +20,7 @@ LAYOUT_SIZE = 75
 MARGIN = 0.004
 """Metres between any two things."""
 NEAREST = 0.09
-"""Least depth of anything in a scene, metres."""
+"""Least depth of anything in a scene, metres; less where things smaller than teapots are seen from nearer."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Actor:
     """The object as seen from its camera.
 
     Attributes:
+        object_class: What it is one of.
         item: Its geometry.
         depth: (75, 75) metres, the object alone; inf where it is not.
         pixels: Flat indices of the pixels that show it.
@@ -39,6 +40,7 @@ class Actor:
         aside: Unit vector (3,) in the ground plane, to the camera's right.
     """
 
+    object_class: ObjectClass
     item: Item
     elevation: float
     view: View
@@ -62,6 +64,7 @@ class Actor:
         alone = depth([item], view)[0]
         rows, columns = np.nonzero(np.isfinite(alone))
         return Actor(
+            object_class=object_class,
             item=item,
             elevation=elevation,
             view=view,
@@ -74,6 +77,16 @@ class Actor:
             ahead=np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]),
             aside=np.array([np.cos(azimuth), np.sin(azimuth), 0.0]),
         )
+
+    @property
+    def scale(self) -> float:
+        """Over a teapot; see `ObjectClass.scale`."""
+        return self.object_class.scale
+
+    @property
+    def nearest(self) -> float:
+        """Least depth of anything in the scene, metres."""
+        return NEAREST * min(1.0, self.scale)
 
 
 @dataclass
@@ -135,7 +148,7 @@ class Stage:
 
     def check(self, footprint: Footprint) -> str:
         """Why a solid cannot be there: `collision`, `eye` (too near the camera) or an empty string."""
-        if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + NEAREST:
+        if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + self.actor.nearest:
             return "eye"
         return "" if (footprint.gap(self.obstacles()) >= MARGIN).all() else "collision"
 

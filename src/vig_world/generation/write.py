@@ -22,6 +22,7 @@ from vig.checks import read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene import ObjectClass
+from vig_world.composition.place import zone_weights
 from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, inside, read_info
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
 from vig_world.extras import optional_import
@@ -98,6 +99,7 @@ def make_dataset(
         raise UserError(f"workers must be at least 1; got {workers}")
     if object_class is None:
         object_class = ObjectClass.load("teapot")
+    zone_weights(object_class)  # refuses zones that no room has
 
     job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo, world)
     settings = {

@@ -36,7 +36,7 @@ class View:
         lens: Lens, object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE
     ) -> View:
         """The camera of a class with a lens of its own."""
-        standard = Camera.standard(size, object_class.target_height, lens.farther)
+        standard = object_class.camera(size, lens.farther)
         camera = replace(
             standard,
             focal=standard.focal * lens.scale,
@@ -44,7 +44,7 @@ class View:
             cy=standard.cy + lens.shift[1] * size,
             roll=lens.roll,
         )
-        return View(camera, *_pose(object_class.target_height, azimuth, elevation, lens.farther, lens.roll))
+        return View(camera, *_pose(camera, azimuth, elevation))
 
     def widened(self, factor: int) -> View:
         """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
@@ -91,11 +91,8 @@ class View:
 
 
 @lru_cache(maxsize=64)
-def _pose(
-    target_height: float, azimuth: float, elevation: float, farther: float, roll: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _pose(camera: Camera, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) and translation (3,) of a camera, read-only."""
-    camera = replace(Camera.standard(target_height=target_height, farther=farther), roll=roll)
     rotation, translation = camera.pose(
         torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
     )

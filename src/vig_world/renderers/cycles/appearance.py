@@ -193,7 +193,6 @@ def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def painted_faces(model: ShapeModel) -> np.ndarray:
-    """Faces (F,) bool that a decoration covers: those of the part `body`, or all where there is none."""
-    if "body" not in model.part_names:
-        return np.ones(len(model.faces), bool)
-    return (model.parts == model.part_names.index("body"))[model.faces].all(axis=1)
+    """Faces (F,) bool that a decoration covers: of the part `body`, or of the first where there is none."""
+    part = model.part_names.index("body") if "body" in model.part_names else 0
+    return (model.parts == part)[model.faces].all(axis=1)

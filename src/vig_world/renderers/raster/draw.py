@@ -53,7 +53,7 @@ def draw(
     height, width = camera.height, camera.width
     pixels = height * width
     table, finishes = item_table(items, target)
-    shadow = cast_shadows(table, coefficients)
+    shadow = cast_shadows(table, coefficients, float(np.abs(target.vertices).max()))
     _rasterise(table, [target.packed, *(item.packed for item in items)], view, SAMPLES, keep=True)
     samples = pixels * SAMPLES**2
     record = workspace.record("task", TASK)

@@ -24,6 +24,8 @@ SHADOW_SIZE = (80, 80, 21)
 """Cells along x and y, centred at the object, and planes from z = 0 up."""
 RISE = (0.010, 0.0006)
 """Plane s is RISE[0] s + RISE[1] s^2 above the ground: 1 cm apart at first, 3 cm at the top, 0.44 m up."""
+LARGEST = 0.4
+"""Metres of an object from its origin that the grid is for."""
 OPACITY = 1.0
 BOUNCE = 0.25
 """Share of the blocked light that returns by reflection, from the blocker or its surroundings."""
@@ -38,12 +40,13 @@ _RINGS = ((90.0, 1), (60.0, 5), (32.0, 6))
 """Elevations in degrees, and how many directions are spread evenly over each."""
 
 
-def cast_shadows(table: np.ndarray, light: np.ndarray) -> np.ndarray:
+def cast_shadows(table: np.ndarray, light: np.ndarray, reach: float = 0.0) -> np.ndarray:
     """Compute the shadows that the object and props cast, on supports and on each other.
 
     Args:
         table: ITEM records (N,).
         light: SH coefficients (9,).
+        reach: Metres of the object from its origin along any axis; beyond `LARGEST` the grid grows with it.
 
     Returns:
         A GRID record (1,) of the lost irradiance; its values lie in the thread's scratch memory.
@@ -55,8 +58,10 @@ def cast_shadows(table: np.ndarray, light: np.ndarray) -> np.ndarray:
     record["items"], record["item_count"] = address(table), len(table)
     record["opacity"], record["reach"] = OPACITY, 0
     grid = record["grid"]
-    grid["origin"] = -SHADOW_CELL * (x - 1) / 2, -SHADOW_CELL * (y - 1) / 2, 0
-    grid["cell"], grid["rise"], grid["size"], grid["values"] = SHADOW_CELL, RISE, SHADOW_SIZE, address(values)
+    scale = max(1.0, reach / LARGEST)
+    cell, rise = SHADOW_CELL * scale, tuple(step * scale for step in RISE)
+    grid["origin"] = -cell * (x - 1) / 2, -cell * (y - 1) / 2, 0
+    grid["cell"], grid["rise"], grid["size"], grid["values"] = cell, rise, SHADOW_SIZE, address(values)
     workspace.launch("scatter", "sweep")
     _run_sweep(record, sky_weights(light), directions(), SHADOW_SIZE)
     result = np.zeros(1, GRID)
