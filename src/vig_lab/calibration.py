@@ -19,7 +19,7 @@ from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
 from vig.inference.calibration import faded, residual
 from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
-from vig.scene import ObjectClass, angle_difference, layout_of_width, linear_from_srgb
+from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 from vig_lab.evaluation.framing import fit_settings, framed
 from vig_lab.training.calibration import WITHIN_90
@@ -30,7 +30,7 @@ from vig_world.dataset import Dataset
 from vig_world.dataset.spec import Split
 
 RIGHT = math.radians(15.0)
-"""A view is right within this."""
+"""A view is right within this of azimuth."""
 PRECISION = 0.95
 """Of trusted fits, at least this share is to be right."""
 AGAINST = (
@@ -182,7 +182,7 @@ def calibrate_fits(
         rolled_features = fits.confidence_features[:0]
         if len(origin):
             rolled_features = fitted(photos, name + "_outside", how).confidence_features
-        parts.append(samples_of(fits, dataset, origin, rolled_features))
+        parts.append(samples_of(fits, dataset, origin, rolled_features, object_class.symmetry))
     samples = CalibrationSamples(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
@@ -222,7 +222,11 @@ def fits_of(dataset: Dataset | StudioPhotos) -> int:
 
 
 def samples_of(
-    fits: Fits, dataset: Dataset | StudioPhotos, origin: np.ndarray, rolled_features: np.ndarray
+    fits: Fits,
+    dataset: Dataset | StudioPhotos,
+    origin: np.ndarray,
+    rolled_features: np.ndarray,
+    symmetry: Symmetry = Symmetry.NONE,
 ) -> CalibrationSamples:
     """The samples of fits of a whole dataset, made without calibration.
 
@@ -231,11 +235,15 @@ def samples_of(
         dataset: Holds the truth.
         origin: (M,) indices of the photos that were rolled, or of those without the object.
         rolled_features: (M, C) confidence features of the fits of these.
+        symmetry: Of the class. Where any turn looks the same, a view is right by its elevation.
     """
-    error = fits.latents.astype(np.float64) - dataset.latents
-    azimuth = layout_of_width(error.shape[1]).at("azimuth")
+    layout = layout_of_width(dataset.latents.shape[1])
+    azimuth = layout.at("azimuth")
+    true = Latents.from_vector(torch.from_numpy(dataset.latents))
+    true = symmetry.nearest(true, torch.from_numpy(fits.latents[:, azimuth]))
+    error = fits.latents.astype(np.float64) - true.to_vector().numpy()
     error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
-    right = np.abs(error[:, azimuth]) < RIGHT
+    right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < RIGHT
     weight = np.full(len(right), 1 / len(right))
     deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
     features = fits.confidence_features

@@ -11,6 +11,7 @@ import torch
 
 from vig.files import atomic_write
 from vig.recognition.network import layout_of_numbers
+from vig.scene import ObjectClass
 from vig_lab.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
 from vig_lab.training.examples import Examples
 from vig_lab.training.training import Epoch, TrainingSettings, train
@@ -30,9 +31,10 @@ def calibrate_and_plot(
     datasets: Sequence[Dataset],
     say: Callable[[str], None] = print,
     further: Sequence[Examples] = (),
+    object_class: ObjectClass | None = None,
 ) -> CalibrationResult:
     """As `vig_lab.training.calibrate_network`; also says how much it changed and draws reliability.png."""
-    result = calibrate_network(path, datasets, further)
+    result = calibrate_network(path, datasets, further, object_class)
     plot_reliability(path.parent / "reliability.png", result)
     say(describe_calibration(result))
     return result

@@ -33,7 +33,7 @@ def calibrate(settings: Calibrate) -> int:
         photos, examples = StudioPhotos.draw(object_class, settings.split, settings.studio, settings.seed)
         everything.append(photos)
         further.append(examples)
-    calibrate_network(settings.weights, datasets, lines.append, further)
+    calibrate_network(settings.weights, datasets, lines.append, further, object_class)
     recognizer = recognizer_of(object_class, settings.weights)
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with progress_bar(settings.json) as progress:

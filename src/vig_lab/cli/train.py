@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from vig.errors import UserError
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 from vig_lab.cli.common import check_writable
 from vig_lab.cli.settings import Train
@@ -28,14 +28,19 @@ def train(settings: Train) -> int:
     chosen: dict[str, Any] = {"seed": settings.seed}
     if settings.epochs is not None:
         chosen["epochs"] = settings.epochs
+    object_class = ObjectClass.load(settings.object_class)
     if settings.net == "paper":
+        if object_class.symmetry is not Symmetry.NONE:
+            raise UserError(
+                f"--net paper knows no symmetry; class '{object_class.name}' has one. Leave --net out."
+            )
         if len(datasets) > 1:
             raise UserError(f"--net paper learns from one dataset; got {len(datasets)}. Give one.")
         path = train_paper(datasets[0], settings.out, PaperTrainingSettings(**chosen), report)
     else:
-        folder = ObjectClass.load(settings.object_class).folder
-        if settings.studio and folder is not None:
-            chosen["drawing"] = Drawing(folder, settings.studio, workers=settings.workers)
+        chosen |= {"symmetry": object_class.symmetry, "mirror": object_class.mirror}
+        if settings.studio and object_class.folder is not None:
+            chosen["drawing"] = Drawing(object_class.folder, settings.studio, workers=settings.workers)
         start = settings.start or PACKAGED / "teapot" / "recognition.safetensors"
         chosen |= {"start": start, "trunk_only": settings.start is None}
         path = train_network(datasets, settings.out, TrainingSettings(**chosen), report)

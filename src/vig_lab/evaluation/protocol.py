@@ -169,7 +169,8 @@ def _baseline(truth: Truth, object_class: ObjectClass) -> MethodResult:
         torch.full((count, 3), _MEAN_ALBEDO),
         light.expand(count, -1),
     )
-    return MethodResult(_errors(latents, truth, object_class), [""] * count, latents)
+    errors = _errors(latents, truth, object_class)
+    return MethodResult(errors, [""] * count, latents, symmetry=object_class.symmetry)
 
 
 def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass) -> dict[str, MethodResult]:
@@ -179,7 +180,9 @@ def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass
     errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
     predicted = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
     return {
-        "rm": MethodResult(errors, none, latents, predicted_deviation(prediction), masks),
+        "rm": MethodResult(
+            errors, none, latents, predicted_deviation(prediction), masks, object_class.symmetry
+        ),
         MASK_HEAD: MethodResult(_segmentation(predicted, truth), none, masks=predicted),
     }
 
@@ -188,11 +191,13 @@ def _fit(method: str, fits: Fits, truth: Truth, object_class: ObjectClass) -> Me
     masks = fits.masks_by_pixel if method == "robust" else fits.masks
     latents = Latents.from_vector(torch.from_numpy(fits.latents))
     errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
-    return MethodResult(errors, list(fits.verdicts), latents, fits.deviation, masks)
+    verdicts, symmetry = list(fits.verdicts), object_class.symmetry
+    return MethodResult(errors, verdicts, latents, fits.deviation, masks, symmetry)
 
 
 def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[str, np.ndarray]:
-    true, vertices = truth.latents, object_class.shape_model.vertices(latents.shape)
+    true = object_class.symmetry.nearest(truth.latents, latents.azimuth)
+    vertices = object_class.shape_model.vertices(latents.shape)
     return {
         "azimuth_deg": angle_error_deg(latents.azimuth, true.azimuth),
         "elevation_deg": angle_error_deg(latents.elevation, true.elevation),

@@ -11,7 +11,7 @@ import torch
 
 from vig.files import atomic_write
 from vig.recognition import Prediction
-from vig.scene import Latents, angle_difference, latent_layout, rotations_z
+from vig.scene import Latents, Symmetry, latent_layout, rotations_z
 from vig_world.dataset import Dataset
 
 
@@ -29,6 +29,8 @@ class MethodResult:
     """(N, P): predicted standard deviation of each latent, in their order."""
     masks: np.ndarray | None = None
     """(N, H, W) bool: the object's visible pixels as estimated."""
+    symmetry: Symmetry = Symmetry.NONE
+    """Of the class."""
 
 
 def predicted_deviation(prediction: Prediction) -> np.ndarray:
@@ -38,9 +40,9 @@ def predicted_deviation(prediction: Prediction) -> np.ndarray:
     hypothesis widens it. The light's is rotated from the heading frame by the best guess.
     """
     best = prediction.best().azimuth.double()
-    bins = prediction.azimuth.shape[1]
-    centres = (torch.arange(bins, dtype=torch.float64) + 0.5) * (2 * torch.pi / bins)
-    turns = angle_difference(centres, best[:, None])
+    bins, symmetry = prediction.azimuth.shape[1], prediction.symmetry
+    centres = (torch.arange(bins, dtype=torch.float64) + 0.5) * (2 * torch.pi / bins) / max(symmetry.fold, 1)
+    turns = symmetry.difference(centres, best[:, None])
     azimuth = (prediction.azimuth.double() * turns**2).sum(1).sqrt()
     parts = prediction.layout.split(prediction.deviation.double())
     parts["light"] = (rotations_z(best) ** 2 @ parts["light"][:, :, None] ** 2)[:, :, 0].sqrt()
@@ -51,7 +53,8 @@ def predicted_deviation(prediction: Prediction) -> np.ndarray:
 def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:
     """One row per image and method: occlusion and cause, verdict, pose in degrees, every metric.
 
-    Pose: the truth's azimuth and elevation and the estimate's, empty where a method gives none.
+    Pose: the truth's azimuth and elevation and the estimate's, empty where a method gives none. The metric
+    `azimuth_deg` is between views that look the same, their difference need not be.
     """
     metrics = sorted({metric for result in results.values() for metric in result.errors})
     truth = _pose_deg(Latents.from_vector(torch.from_numpy(dataset.latents)))

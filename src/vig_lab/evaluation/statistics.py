@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import torch
 
-from vig.scene import angle_difference, layout_of_width
+from vig.scene import Latents, angle_difference, layout_of_width
 from vig_lab.evaluation.results import MethodResult
 
 LEVELS = tuple(number / 10 for number in range(1, 10))
@@ -129,11 +130,13 @@ def latent_groups(count: int) -> dict[str, list[int]]:
 def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
     """Errors (N, P) in units of the standard deviations that a method predicts; truth (N, P) latents.
 
-    Azimuth differences are taken on the circle. Where the deviation is 0, the result is 0 or infinite.
+    Azimuth differences are taken on the circle, between views that look the same. Where the deviation is 0,
+    the result is 0 or infinite.
     """
     if result.latents is None or result.deviation is None:
         raise ValueError("expected a method with latents and their deviations; got one without")
-    off = result.latents.to_vector().double().numpy() - truth
+    true = result.symmetry.nearest(Latents.from_vector(torch.from_numpy(truth)), result.latents.azimuth)
+    off = result.latents.to_vector().double().numpy() - true.to_vector().numpy()
     azimuth = layout_of_width(truth.shape[1]).at("azimuth")
     off[:, azimuth] = angle_difference(off[:, azimuth], np.zeros(1))
     certain = np.where(off == 0, 0.0, np.inf)

@@ -16,6 +16,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.recognition.network import NetworkCalibration
 from vig.recognition.prediction import Recognizer
+from vig.scene import ObjectClass
 from vig_lab.training.examples import Examples
 from vig_world.dataset import Dataset
 
@@ -34,8 +35,8 @@ class CalibrationResult:
 
     Attributes:
         calibration: What was written into the weights.
-        azimuth: (N,) true azimuths, radians.
-        azimuth_logits: (N, bins) of the network.
+        azimuth: (N,) true azimuths, radians; those of half turns twice over, so that they fill the circle.
+        azimuth_logits: (N, bins) of the network, of which bins that look the same are joined.
         standard_errors: (N, M) errors of the regressed numbers over their stated deviations.
     """
 
@@ -46,9 +47,14 @@ class CalibrationResult:
 
 
 def calibrate_network(
-    path: Path, datasets: Sequence[Dataset], further: Sequence[Examples] = ()
+    path: Path,
+    datasets: Sequence[Dataset],
+    further: Sequence[Examples] = (),
+    object_class: ObjectClass | None = None,
 ) -> CalibrationResult:
     """Write a calibration on datasets, and on further examples, into the weights at `path`.
+
+    `object_class` tells the symmetries of what they show; without it there are those of a teapot.
 
     Raises:
         UserError: Fewer than `LEAST_IMAGES`, or weights that cannot be read or are of the paper's networks.
@@ -56,20 +62,26 @@ def calibrate_network(
     count = sum(map(len, datasets)) + sum(map(len, further))
     if count < LEAST_IMAGES:
         raise UserError(f"calibration needs at least {LEAST_IMAGES} images; got {count}")
-    recognizer, examples = Recognizer(path), Examples.joined([*map(Examples.of, datasets), *further])
+    recognizer = Recognizer(path) if object_class is None else Recognizer.of_class(object_class, path)
+    examples = Examples.joined([*map(Examples.of, datasets), *further])
     azimuth, mean, deviation, mask = _outputs(recognizer, examples)
-    labels = functional.one_hot(azimuth_bins(examples.azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
+    fold = recognizer.symmetry.fold
+    azimuth = azimuth.unflatten(1, (max(fold, 1), -1)).logsumexp(1)
+    true = examples.azimuth if fold == 1 else torch.remainder(fold * examples.azimuth, 2 * math.pi)
+    labels = functional.one_hot(azimuth_bins(true, azimuth.shape[1]), azimuth.shape[1]).float()
     error = mean - examples.numbers
     cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
     shares = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
     made = NetworkCalibration(
-        temperature(azimuth, labels), temperature(cells, shares), widening(error, deviation)
+        temperature(azimuth, labels) if fold else torch.ones(()),
+        temperature(cells, shares),
+        widening(error, deviation),
     )
     held, metadata = read_tensors(path, "pt")
     tensors = {name: value for name, value in held.items() if not name.startswith(made.PREFIX)}
     with atomic_write(path) as temporary:
         save_file(tensors | made.tensors(), temporary, metadata=metadata)
-    return CalibrationResult(made, examples.azimuth, azimuth, error / deviation)
+    return CalibrationResult(made, true, azimuth, error / deviation)
 
 
 @torch.inference_mode()

@@ -10,7 +10,7 @@ from PIL import Image
 
 from vig.scene import Camera, linear_from_srgb, srgb_from_linear
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
-from vig_world.assets.props import FAMILIES, Material, Prop
+from vig_world.assets.props import FAMILIES, Material, Prop, is_of_class
 from vig_world.assets.props.material import material, plain, prop
 from vig_world.assets.props.shapes import blob, box, moved, revolve, tube
 from vig_world.mesh import Mesh, vertex_normals
@@ -28,9 +28,19 @@ LOOKALIKES = (
 """Families of props that share something with vessels that pour, and are none; some more often."""
 
 
-def draw_cutout(rng: np.random.Generator, split: Split, lookalike: bool = False) -> Image.Image:
-    """One of a split's things, or of its vessels that look alike: RGBA, sRGB, as large as its outline."""
-    return _stock(int(rng.integers(CUTOUTS)) + CUTOUTS * SPLITS.index(split), lookalike)
+def draw_cutout(rng: np.random.Generator, split: Split) -> Image.Image:
+    """One of a split's things: RGBA, sRGB, as large as its outline."""
+    return _stock(int(rng.integers(CUTOUTS)) + CUTOUTS * SPLITS.index(split), False)
+
+
+def draw_vessel(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
+    """One of a split's vessels that are not of the class of this name; see `draw_cutout`."""
+    number = int(rng.integers(CUTOUTS))
+    for _ in LOOKALIKES:
+        if not is_of_class(LOOKALIKES[(number + CUTOUTS * SPLITS.index(split)) % len(LOOKALIKES)], name):
+            break
+        number = (number + 1) % CUTOUTS
+    return _stock(number + CUTOUTS * SPLITS.index(split), True)
 
 
 @functools.lru_cache(maxsize=2 * CUTOUTS)

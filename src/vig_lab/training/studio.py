@@ -127,7 +127,7 @@ class Studio:
         ground = draw_ground(rng, self.split, camera.roll)
         environment = Environment.draw(rng)
         absent = rng.random() < settings.absent
-        shown = int(rng.integers(WHOLE)) if absent else WHOLE
+        shown = int(rng.integers(WHOLE if parts > 1 else PART)) if absent else WHOLE
         tint = 1 + rng.normal(0, 0.04, 3)
         albedo = np.mean(coat.colours, axis=0)
         if shown >= PART:
@@ -135,7 +135,7 @@ class Studio:
             layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
         elif shown == OTHER_VESSEL:
-            layer = draw_lookalike(rng, self.split)
+            layer = draw_lookalike(rng, self.split, self.object_class.name)
         else:
             layer = Layer(ground, np.zeros(ground.shape[:2], np.float32))
         place = place_of(layer.cover)

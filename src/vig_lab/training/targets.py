@@ -8,13 +8,21 @@ import torch
 from torch.nn import functional
 
 from vig.recognition.network import MASK_STRIDE
-from vig.scene import Latents, angle_difference, regressed_layout, rotate_z
+from vig.scene import Latents, Symmetry, regressed_layout, rotate_z
 
 
-def azimuth_labels(azimuth: torch.Tensor, bins: int, spread: float = math.radians(4.0)) -> torch.Tensor:
-    """Soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians."""
+def azimuth_labels(
+    azimuth: torch.Tensor,
+    bins: int,
+    spread: float = math.radians(4.0),
+    symmetry: Symmetry = Symmetry.NONE,
+) -> torch.Tensor:
+    """Soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians.
+
+    Of half turns two, half a circle apart; of any turn all bins are alike.
+    """
     centres = (torch.arange(bins, device=azimuth.device) + 0.5) * (2 * math.pi / bins)
-    off = angle_difference(azimuth[:, None], centres)
+    off = symmetry.difference(azimuth[:, None], centres)
     return torch.softmax(-0.5 * (off / spread) ** 2, dim=1)
 
 

@@ -10,7 +10,7 @@ from PIL import Image
 from scipy import ndimage
 
 from vig.scene import IMAGE_SIZE
-from vig_lab.training.cutouts import draw_cutout, placed_cutout
+from vig_lab.training.cutouts import draw_cutout, draw_vessel, placed_cutout
 from vig_lab.training.layers import Layer, draw_sheet, pixels
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 from vig_world.names import Split
@@ -73,10 +73,10 @@ def draw_thing(
     return Layer(shaded.astype(np.float32), cover.astype(np.float32))
 
 
-def draw_lookalike(rng: np.random.Generator, split: Split) -> Layer:
-    """A vessel that is not of the class, in the middle of the picture."""
+def draw_lookalike(rng: np.random.Generator, split: Split, name: str) -> Layer:
+    """A vessel that is not of the class of this name, in the middle of the picture."""
     middle = rng.normal(0, 0.04, 2)
-    return _placed(rng, draw_cutout(rng, split, lookalike=True), middle, rng.uniform(0.5, 0.85))
+    return _placed(rng, draw_vessel(rng, split, name), middle, rng.uniform(0.5, 0.85))
 
 
 def _solid(rng: np.random.Generator, split: Split, place: tuple[float, float, float], before: bool) -> Layer:

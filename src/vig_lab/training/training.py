@@ -24,7 +24,7 @@ from vig.recognition.network import (
     bfloat16,
     layout_of_numbers,
 )
-from vig.scene import angle_difference
+from vig.scene import Symmetry, angle_difference
 from vig_lab.training.augmentation import Augmentation, Batch
 from vig_lab.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
 from vig_lab.training.drawing import Drawing, drawn
@@ -62,6 +62,8 @@ class TrainingSettings:
         validation: Most images of held-out rooms that are used.
         patience: Epochs without a better validation loss after which training ends.
         augmentation: Of the training images.
+        symmetry: Of the class, under which azimuths are the same.
+        mirror: Whether shapes of the class are their own mirror images; if not, no image is flipped.
         network: Sizes; the number of shape components is the datasets'.
         seed: Of weights, order, drawing and augmentation.
         threads: Of the CPU, all by default.
@@ -78,6 +80,8 @@ class TrainingSettings:
     validation: int = 2000
     patience: int = 6
     augmentation: Augmentation = Augmentation()
+    symmetry: Symmetry = Symmetry.NONE
+    mirror: bool = True
     network: NetworkSettings = NetworkSettings()
     seed: int = 0
     threads: int | None = None
@@ -100,7 +104,8 @@ class TrainingSettings:
         count = sum(map(len, datasets))
         described = asdict(self) | {"count": count, "data": data, "start": str(self.start)}
         described["drawing"] = None if self.drawing is None else self.drawing.described()
-        return json.dumps({name: value for name, value in described.items() if name != "threads"})
+        left_out = {"threads": self.threads, "symmetry": Symmetry.NONE, "mirror": True}
+        return json.dumps({k: value for k, value in described.items() if (k, value) not in left_out.items()})
 
 
 @dataclass(frozen=True)
@@ -166,7 +171,7 @@ def train(
         started = time.monotonic()
         trained = run.epoch(batches, epoch, len(chosen) // settings.batch)
         speed = len(chosen) / (time.monotonic() - started)
-        validated, errors = validate(run.networks["average"], examples, held, run.scale)
+        validated, errors = validate(run.networks["average"], examples, held, run.scale, settings.symmetry)
         record(Epoch(epoch + 1, trained, validated, errors))
         loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
         if loss < best:
@@ -227,8 +232,9 @@ class _Run:
 
         given = ((part, step) for part, step in some())
         made = drawn(given, settings.drawing, settings.seed) if settings.drawing else given
+        augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
         for part, step in made:
-            yield settings.augmentation(part, np.random.default_rng([settings.seed, step, 1]))
+            yield augment(part, np.random.default_rng([settings.seed, step, 1]))
 
     def epoch(self, batches: Iterator[Batch], epoch: int, steps: int) -> dict[str, float]:
         """One pass over as many batches; returns the mean of each part of the loss."""
@@ -246,7 +252,7 @@ class _Run:
             numbers = (batch.numbers - scale["mean"]) / scale["deviation"]
             with bfloat16(self.device):
                 heads = network(batch.images)
-            parts = losses(heads, replace(batch, numbers=numbers))
+            parts = losses(heads, replace(batch, numbers=numbers), settings.symmetry)
             self.optimizer.zero_grad()
             total(parts).backward()
             nn.utils.clip_grad_norm_(network.parameters(), 5.0)
@@ -283,18 +289,20 @@ def _frozen_parts(network: RecognitionNetwork, stages: int) -> list[nn.Module]:
     return [network.stem, *network.stages[:stages]] if stages else []
 
 
-def losses(heads: Heads, batch: Batch) -> dict[str, torch.Tensor]:
+def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> dict[str, torch.Tensor]:
     """Each part of the loss: a distribution over azimuth, Gaussian likelihoods of numbers, a mask, others.
 
     Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
     are hard to predict continue to be learned. Cells on and about the object count more than others, for
-    handles and spouts are thin. Where the object is absent only presence and mask count.
+    its parts may be thin. Where the object is absent only presence and mask count.
 
     Args:
         heads: The network's outputs.
         batch: What they should be; its numbers are in the heads' units.
+        symmetry: Of the class; where any turn looks the same azimuth does not count.
     """
-    labels = azimuth_labels(batch.azimuth, heads.azimuth.shape[1])
+    labels = azimuth_labels(batch.azimuth, heads.azimuth.shape[1], symmetry=symmetry)
+    azimuth = functional.cross_entropy(heads.azimuth, labels, reduction="none") * float(symmetry.fold > 0)
     variance = heads.log_variance.exp()
     likelihood = (heads.mean - batch.numbers) ** 2 / variance + heads.log_variance
     there = batch.present / batch.present.sum().clamp_min(1.0)
@@ -303,7 +311,7 @@ def losses(heads: Heads, batch: Batch) -> dict[str, torch.Tensor]:
     pixels = functional.cross_entropy(heads.mask, batch.mask, reduction="none")
     off = angle_difference(heads.roll, batch.roll) / ROLL_UNIT
     return {
-        "azimuth": (functional.cross_entropy(heads.azimuth, labels, reduction="none") * there).sum(),
+        "azimuth": (azimuth * there).sum(),
         "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * there).sum(),
         "mask": (pixels * weight).sum() / weight.sum(),
         "roll": (functional.smooth_l1_loss(off, torch.zeros_like(off), reduction="none") * there).sum(),
@@ -333,7 +341,11 @@ class Schedule:
 
 @torch.inference_mode()
 def validate(
-    network: RecognitionNetwork, examples: Examples, chosen: torch.Tensor, scale: Scale
+    network: RecognitionNetwork,
+    examples: Examples,
+    chosen: torch.Tensor,
+    scale: Scale,
+    symmetry: Symmetry = Symmetry.NONE,
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Mean losses, and errors in their own units, on chosen examples as they are."""
     network.eval()
@@ -347,11 +359,11 @@ def validate(
         batch = Batch(some.pixels(), some.azimuth, numbers, some.roll, some.present(), mask).to(device)
         with bfloat16(device):
             heads = network(batch.images)
-        for name, loss in losses(heads, batch).items():
+        for name, loss in losses(heads, batch, symmetry).items():
             sums[name] += float(loss) * len(part) / len(chosen)
         bins = heads.azimuth.shape[1]
         guess = (heads.azimuth.argmax(1).cpu() + 0.5) * (2 * math.pi / bins)
-        off = angle_difference(guess, some.azimuth)
+        off = symmetry.difference(guess, some.azimuth)
         azimuths.append(off.abs().rad2deg())
         error = (heads.mean.cpu() - numbers).abs() * scale["deviation"]
         parts = layout_of_numbers(error.shape[1]).split(error)

@@ -73,7 +73,7 @@ def draw_kind(
 
 def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, int]:
     """A random prop that belongs in a zone: its family and number."""
-    families = stage.library.families(zone)
+    families = stage.families(zone)
     family = families[int(rng.integers(len(families)))]
     return family, int(rng.integers(stage.library.members(family)))
 
@@ -92,7 +92,7 @@ def draw_large(
     library = stage.library
     for draw, (zone_at, family_at, member_at) in enumerate(rng.random((DRAWS, 3)).tolist()):
         zone = stage.room.zone if draw < DRAWS // 2 else ALL_ZONES[int(zone_at * len(ALL_ZONES))]
-        families = library.families(zone)
+        families = stage.families(zone)
         family = families[int(family_at * len(families))]
         name = family, int(member_at * library.members(family))
         x, y, z = library.sizes(*name)

@@ -9,6 +9,7 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.furniture import Support
+from vig_world.assets.props import is_of_class
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
 from vig_world.renderers.raster import Item, Target, depth
@@ -117,6 +118,11 @@ class Stage:
         behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
         support = library.layout(room.layout).supports[room.support]
         return Stage(library, actor, room, support, behind, behind)
+
+    def families(self, zone: str) -> tuple[str, ...]:
+        """The families of props that belong in a zone, but for those like the object."""
+        families, name = self.library.families(zone), self.actor.object_class.name
+        return tuple(family for family in families if not is_of_class(family, name)) or families
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
         """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""

@@ -112,7 +112,7 @@ def test_the_weights_are_those_of_the_best_epoch_and_training_ends_after_it(
 ) -> None:
     losses = iter([3.0, 1.0, 2.0, 2.5, 0.5])
 
-    def validated(network, examples, chosen, scale):  # type: ignore[no-untyped-def]
+    def validated(network, examples, chosen, scale, symmetry):  # type: ignore[no-untyped-def]
         others = dict.fromkeys(("numbers", "mask", "roll", "presence"), 0.0)
         return {"azimuth": next(losses), **others}, {"azimuth_deg": 0.0}
 

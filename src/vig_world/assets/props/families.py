@@ -22,6 +22,11 @@ ZONE_NAMES = (
 """The functional zones of rooms."""
 
 
+def is_of_class(family: str, name: str) -> bool:
+    """Whether a family of props, such as `mug`, is named like a class, so that it may look like it."""
+    return bool(set(family.lower().split("_")) & set(name.lower().split()))
+
+
 def family(*zones: str) -> Callable[[Maker], Maker]:
     """Register the decorated function as the maker of a family, named like the function.
 
