@@ -18,7 +18,7 @@ from vig.errors import UserError
 from vig.inference import ExplainSettings, FitCalibration, explain_one
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
-from vig.scene import ObjectClass, linear_from_srgb
+from vig.scene import ObjectClass, Symmetry, linear_from_srgb
 from vig_lab.calibration import (
     PRECISION,
     CalibrationSamples,
@@ -214,6 +214,29 @@ def test_a_view_is_right_within_15_degrees_and_errors_go_round_the_circle() -> N
     assert learned.weight.sum() == pytest.approx(1), "a dataset counts alike whatever its size"
     assert learned.fold.tolist() == [0, 1, 2, 3, 4, 0, 1]
     assert learned.out_of_distribution_fold.tolist() == [2, 1], "that of the photo that was rolled"
+
+
+def test_a_view_that_looks_the_same_is_right_and_its_light_too() -> None:
+    off = np.array([0.0, 179.0, 165.5, 80.0])
+    fits, dataset = hand_made(off)
+    light = slice(15, 24)
+    dataset.latents[:, light] = np.arange(9)
+    fits.latents[:, light] = np.arange(9)
+    fits.latents[1:3, light] *= [1, -1, 1, -1, 1, -1, 1, -1, 1]  # half a turn of it, by the odd orders
+    none = np.array([], int)
+    half = samples_of(fits, dataset, none, fits.confidence_features[:0], Symmetry.HALF_TURN)
+    assert half.right.tolist() == [True, True, True, False]
+    np.testing.assert_allclose(np.degrees(half.error[:, 10]), [0, -1, -14.5, 80], atol=1e-3)
+    np.testing.assert_allclose(half.error[1, light], 0, atol=1e-5)
+    any_turn = samples_of(fits, dataset, none, fits.confidence_features[:0], Symmetry.ANY_TURN)
+    assert any_turn.right.all() and not any_turn.error[:, 10].any()
+
+
+def test_where_azimuth_means_nothing_elevation_makes_a_view_right() -> None:
+    fits, dataset = hand_made(np.zeros(2))
+    fits.latents[1, 11] = np.radians(16)
+    found = samples_of(fits, dataset, np.array([], int), fits.confidence_features[:0], Symmetry.ANY_TURN)
+    assert found.right.tolist() == [True, False]
 
 
 def test_nothing_is_learned_from_a_fit_for_the_confidence_in_itself(samples: CalibrationSamples) -> None:

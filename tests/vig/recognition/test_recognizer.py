@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import torch
 
 from vig.recognition import Recognizer
 from vig.recognition.network import mirrored
+from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 
 
@@ -36,3 +38,21 @@ def test_once_is_the_network_as_it_is() -> None:
     both = recognizer(photo)
     assert torch.allclose(both.roll, (once.roll - turned.roll) / 2, atol=1e-3)
     assert not torch.allclose(once.numbers, both.numbers, atol=1e-3)
+
+
+def test_a_class_that_is_not_its_mirror_image_is_asked_once() -> None:
+    recognizer = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
+    photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
+    once = recognizer(photo, twice=False)
+    recognizer.mirror = False
+    assert torch.equal(recognizer(photo).numbers, once.numbers)
+
+
+def test_a_class_gives_its_recognizer_its_symmetries() -> None:
+    teapot = ObjectClass.load("teapot")
+    one = replace(teapot, symmetry=Symmetry.HALF_TURN, mirror=False)
+    photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
+    whole = Recognizer.of_class(teapot)(photo, twice=False).azimuth
+    folded = Recognizer.of_class(one)(photo)
+    torch.testing.assert_close(folded.azimuth, whole[:, :36] + whole[:, 36:])
+    assert folded.symmetry is Symmetry.HALF_TURN

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.toys import toy
 from vig.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass
+from vig.scene import EXPOSURE_L00, Camera, ObjectClass, Symmetry
 from vig_world.mesh import face_normals
 
 FINGERPRINT = "de30279b73603cfd"
@@ -73,6 +74,84 @@ def test_the_packaged_light_prior_is_a_gaussian_at_the_papers_exposure(teapot: O
     assert teapot.light_prior_mean[0] == pytest.approx(EXPOSURE_L00, abs=1e-5)
     np.testing.assert_allclose(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_what_a_class_says_of_its_views_is_saved_and_read(tmp_path: Path) -> None:
+    given = toy(
+        "fins",
+        0.9,
+        symmetry=Symmetry.HALF_TURN,
+        mirror=False,
+        front="a fin",
+        points={"corner": 3},
+        places={"floor": 1.0},
+    )
+    given.save(tmp_path)
+    again = ObjectClass.load(tmp_path)
+    for name in ("symmetry", "mirror", "front", "points", "viewing_distance", "places", "fingerprint"):
+        assert getattr(again, name) == getattr(given, name), name
+    assert isinstance(again.symmetry, Symmetry)
+
+
+def test_a_pack_that_says_nothing_of_its_views_is_seen_as_a_teapot_is(teapot: ObjectClass) -> None:
+    assert teapot.symmetry is Symmetry.NONE and teapot.mirror and teapot.viewing_distance == 0.4
+    assert not teapot.points and not teapot.places and teapot.front == ""
+    assert teapot.at_unit_scale is teapot and teapot.scale == 1
+    assert teapot.camera(90, 2.0) == Camera.standard(90, teapot.target_height, 2.0)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"symmetry": Symmetry.HALF_TURN},
+        {"mirror": False},
+        {"viewing_distance": 0.5},
+        {"places": {"floor": 1.0}},
+    ],
+)
+def test_the_fingerprint_is_of_the_views_too(changed: dict) -> None:
+    plain = toy("fin", 0.25)
+    assert replace(plain, **changed).fingerprint != plain.fingerprint
+    assert replace(plain, front="the fin", points={"tip": 1}).fingerprint == plain.fingerprint
+
+
+def test_a_large_thing_looks_as_a_small_one_from_so_much_nearer() -> None:
+    """Twice the size and the distance: every vertex is at the same pixel."""
+    large, small = toy("fin", 0.9), toy("fin", 0.45)
+    pixels = []
+    for each in (large, small, large.at_unit_scale):
+        matrix = each.camera().camera_from_world(0.7, 0.3)
+        seen = (each.shape_model.mean @ matrix[:3, :3].T + matrix[:3, 3]) @ each.camera().K.T
+        pixels.append(seen[:, :2] / seen[:, 2:])
+    np.testing.assert_allclose(pixels[0], pixels[1], atol=1e-3)
+    np.testing.assert_allclose(pixels[0], pixels[2], atol=1e-3)
+    assert large.at_unit_scale.camera().distance == 0.4
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"symmetry": "third-turn"}, "symmetry must be one of none, half-turn, any-turn; it is"),
+        ({"mirror": 1}, "mirror must be bool; it is 1"),
+        ({"front": "a\nb"}, "front must be 1 to 100 printable characters"),
+        ({"points": {"tip": 10**6}}, "point 'tip' must be a vertex from 0 to"),
+        ({"points": {"tip": 1.5}}, "tip must be int; it is 1.5"),
+        ({"points": {"": 1}}, "name of a point must be 1 to 100 printable characters"),
+        ({"viewing_distance_m": 0}, "viewing_distance must be a number from 0.01 to 100; it is 0"),
+        ({"viewing_distance_m": "far"}, "viewing_distance_m must be float"),
+        ({"places": {"floor": -1}}, "places 'floor' must be a number from 0 to"),
+        ({"places": {"floor": 0}}, "places must have a frequency above 0"),
+        ({"places": ["floor"]}, "places must be an object"),
+        ({"back": "no"}, "fields missing or unknown: back"),
+    ],
+)
+def test_a_wrong_field_is_told_in_one_line(changed: dict, said: str, tmp_path: Path) -> None:
+    toy("fin").save(tmp_path)
+    path = tmp_path / "class.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changed))
+    with pytest.raises(UserError) as caught:
+        ObjectClass.load(tmp_path)
+    assert "\n" not in str(caught.value) and said in str(caught.value)
 
 
 def drop_mean(folder: Path) -> None:

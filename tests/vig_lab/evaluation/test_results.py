@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from vig.recognition import Prediction
+from vig.scene import Symmetry
 from vig_lab.evaluation.results import predicted_deviation
 
 
@@ -40,3 +41,10 @@ def test_a_second_hypothesis_widens_the_azimuth() -> None:
     # A quarter of the mass lies 180 degrees off: root of 0.25 x 180 squared.
     found = predicted_deviation(prediction({10: 0.75, 46: 0.25}, torch.ones(14)))
     assert math.degrees(found[0, 1]) == pytest.approx(90.0, abs=1e-3)
+
+
+def test_a_view_that_looks_the_same_is_no_second_hypothesis() -> None:
+    given = prediction({0: 0.5, 36: 0.5}, torch.ones(14))
+    assert predicted_deviation(given)[0, 1] > 1
+    for symmetry in (Symmetry.HALF_TURN, Symmetry.ANY_TURN):
+        assert predicted_deviation(given.folded(symmetry))[0, 1] == pytest.approx(0, abs=1e-6)

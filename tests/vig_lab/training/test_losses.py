@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from vig.recognition.network import Heads
+from vig.scene import Symmetry
 from vig_lab.training.augmentation import Batch
 from vig_lab.training.training import Schedule, losses, total
 
@@ -77,3 +78,14 @@ def test_the_learning_rate_rises_for_a_twentieth_and_falls_to_a_hundredth() -> N
     assert [rate(step) for step in range(5)] == pytest.approx([0.4, 0.8, 1.2, 1.6, 2.0])
     assert rate(5) == pytest.approx(2.0) and rate(100) == pytest.approx(0.02)
     assert (rate(24) + rate(81)) / 2 == pytest.approx(1.01), "half a cosine is odd about its middle"
+
+
+def test_azimuth_does_not_count_where_any_turn_looks_the_same() -> None:
+    shares = torch.full((2, 3, 4, 4), 1 / 3)
+    said = replace(heads(torch.zeros(2, 3, 4, 4)), azimuth=torch.randn(2, 72))
+    given = batch(shares)
+    assert losses(said, given)["azimuth"] > 0
+    assert losses(said, given, Symmetry.ANY_TURN)["azimuth"] == 0
+    opposite = replace(said, azimuth=said.azimuth.roll(36, 1))
+    half = [losses(each, given, Symmetry.HALF_TURN)["azimuth"] for each in (said, opposite)]
+    torch.testing.assert_close(*half)

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from vig.recognition.network import latents_of, mask_at_pixels, mirrored
-from vig.scene import Latents
+from vig.scene import Latents, Symmetry
 from vig_lab.training.targets import azimuth_labels, cell_shares, numbers_of
 
 
@@ -79,3 +79,12 @@ def test_cells_and_pixels_use_the_same_grid():
     pixels = mask_at_pixels(torch.log(shares + 1e-4), 150, 150)[0]
     truth = torch.stack([visible, amodal & ~visible, ~amodal], -1)[0]
     assert (pixels.argmax(-1) == truth.int().argmax(-1)).float().mean() > 0.99
+
+
+def test_labels_of_half_turns_have_two_equal_peaks():
+    azimuth = torch.tensor([0.3, 6.1])
+    one = azimuth_labels(azimuth, 72)
+    two = azimuth_labels(azimuth, 72, symmetry=Symmetry.HALF_TURN)
+    torch.testing.assert_close(two, (one + one.roll(36, 1)) / 2)
+    any_turn = azimuth_labels(azimuth, 72, symmetry=Symmetry.ANY_TURN)
+    torch.testing.assert_close(any_turn, torch.full((2, 72), 1 / 72))

@@ -18,9 +18,11 @@ from tests.support import SMALL
 from tests.vig_lab.training.test_augmentation import NOTHING
 from vig.errors import UserError
 from vig.recognition import RecognitionNetwork, Recognizer
+from vig.scene import Symmetry
 from vig_lab.training.augmentation import Augmentation
 from vig_lab.training.checkpoint import save_weights
-from vig_lab.training.training import LOSS_WEIGHTS, Epoch, TrainingSettings, train
+from vig_lab.training.examples import Examples
+from vig_lab.training.training import LOSS_WEIGHTS, Epoch, TrainingSettings, train, validate
 from vig_world.dataset import Dataset
 
 SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)
@@ -327,3 +329,39 @@ def test_a_checkpoint_with_a_tensor_of_another_shape_is_not_continued(
     with pytest.raises(UserError, match="expected a checkpoint of a training run") as caught:
         train([dataset], tmp_path, SETTINGS)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mirror", [True, False])
+def test_images_are_flipped_only_where_a_class_is_its_mirror_image(
+    mirror: bool, dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shares = set()
+    plain = Augmentation.__call__
+
+    def seen(self, examples, rng):  # type: ignore[no-untyped-def]
+        shares.add(self.flip)
+        return plain(self, examples, rng)
+
+    monkeypatch.setattr(Augmentation, "__call__", seen)
+    settings = dataclasses.replace(SETTINGS, epochs=1, network=SMALL, mirror=mirror)
+    train([dataset], tmp_path, settings, lambda line: None)
+    assert shares == {0.5 if mirror else 0.0}
+
+
+def test_a_checkpoint_is_of_one_symmetry_and_those_of_before_remain_valid(dataset: Dataset) -> None:
+    plain = SETTINGS.fingerprint([dataset])
+    assert "symmetry" not in plain and "mirror" not in plain
+    for changed in ({"symmetry": Symmetry.HALF_TURN}, {"mirror": False}):
+        assert dataclasses.replace(SETTINGS, **changed).fingerprint([dataset]) != plain
+
+
+def test_views_that_look_the_same_are_no_error(dataset: Dataset) -> None:
+    """Untrained, half of all errors exceed 90 degrees, or 45 where half a turn looks the same."""
+    torch.manual_seed(0)
+    network = RecognitionNetwork(dataclasses.replace(SMALL, modes=10))
+    examples = Examples.of(dataset)
+    scale = {"mean": examples.numbers.mean(0), "deviation": examples.numbers.std(0)}
+    chosen = torch.arange(len(examples))
+    found = {each: validate(network, examples, chosen, scale, each)[1] for each in Symmetry}
+    assert found[Symmetry.NONE]["azimuth_deg"] > found[Symmetry.HALF_TURN]["azimuth_deg"] > 0
+    assert found[Symmetry.ANY_TURN]["azimuth_deg"] == found[Symmetry.ANY_TURN]["wrong_view"] == 0

@@ -1,0 +1,70 @@
+"""Views that look the same are one view."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from tests.toys import toy
+from vig.renderer import render_latents
+from vig.scene import Latents, Symmetry, angle_difference
+
+LIGHT = torch.tensor([[2.4, 0.5, 0.9, -0.7, 0.2, 0.1, 0.3, -0.2, 0.4]])
+
+
+def latents(*azimuths_deg: float) -> Latents:
+    count = len(azimuths_deg)
+    azimuth = torch.deg2rad(torch.tensor(azimuths_deg, dtype=torch.float32))
+    shape, albedo = torch.zeros(count, 3), torch.full((count, 3), 0.6)
+    return Latents(shape, azimuth, torch.full((count,), 0.4), albedo, LIGHT.expand(count, -1))
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "a", "b", "difference"),
+    [
+        ("none", 350, 10, -20),
+        ("none", 190, 0, -170),
+        ("half-turn", 190, 0, 10),
+        ("half-turn", 5, 178, 7),
+        ("half-turn", 80, 0, 80),
+        ("any-turn", 190, 0, 0),
+    ],
+)
+def test_the_difference_is_to_the_nearest_view_that_looks_the_same(symmetry, a, b, difference) -> None:
+    found = Symmetry(symmetry).difference(math.radians(a), math.radians(b))
+    assert math.degrees(found) == pytest.approx(difference, abs=1e-9)
+
+
+def test_without_symmetry_nothing_changes_at_all() -> None:
+    rng = np.random.default_rng(0)
+    a, b = rng.uniform(-9, 9, (2, 1000))
+    np.testing.assert_array_equal(Symmetry.NONE.difference(a, b), angle_difference(a, b))
+    given = latents(-20.0, 400.0)
+    assert Symmetry.NONE.canonical(given) is given
+    assert Symmetry.NONE.nearest(given, torch.zeros(2)) is given
+
+
+def test_canonical_and_nearest_views_are_where_they_should_be() -> None:
+    given = latents(-20.0, 10.0, 190.0)
+    degrees = torch.rad2deg(Symmetry.HALF_TURN.canonical(given).azimuth)
+    torch.testing.assert_close(degrees, torch.tensor([160.0, 10.0, 10.0]), atol=1e-3, rtol=0)
+    assert not Symmetry.ANY_TURN.canonical(given).azimuth.any()
+    near = Symmetry.HALF_TURN.nearest(given, torch.full((3,), math.pi)).azimuth
+    torch.testing.assert_close(torch.rad2deg(near), torch.tensor([160.0, 190.0, 190.0]), atol=1e-3, rtol=0)
+    at = torch.tensor([1.0, 2.0, 3.0])
+    torch.testing.assert_close(Symmetry.ANY_TURN.nearest(given, at).azimuth, at)
+
+
+@pytest.mark.parametrize(("kind", "symmetry"), [("fins", "half-turn"), ("post", "any-turn")])
+def test_a_canonical_view_gives_the_same_picture(kind: str, symmetry: str) -> None:
+    """The light turns along with the camera; a post of 24 sides is only nearly round."""
+    one = toy(kind)
+    given = latents(195.0)  # 13 sides of a post
+    drawn = [
+        render_latents(each, one, one.camera(60)).rgb for each in (given, Symmetry(symmetry).canonical(given))
+    ]
+    torch.testing.assert_close(*drawn, atol=2e-3, rtol=0)
+    assert drawn[0].max() > 0.1
