@@ -64,11 +64,7 @@ class Explainer:
         self.recognizer = Recognizer.of_class(object_class)
 
     def explain(
-        self,
-        photo: Photo,
-        box: Box | None = None,
-        window: Window | None = None,
-        focal: float | None = None,
+        self, photo: Photo, box: Box | None = None, window: Window | None = None, focal: float | None = None
     ) -> Explanation:
         """Explain one photo.
 

@@ -8,14 +8,7 @@ from typing import Any
 import torch
 
 from vig.likelihood import Evaluation, Likelihood
-from vig.scene import (
-    LatentLayout,
-    Latents,
-    ObjectClass,
-    latent_layout,
-    rotations_z,
-    turn_rate_z,
-)
+from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotations_z, turn_rate_z
 from vig.scene.latents import FRAMING
 
 

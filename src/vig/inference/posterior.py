@@ -57,10 +57,8 @@ def objectives_of(
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(valid[:, :, None], log_prior, unknown)
         decorated = decorated * valid
-    geometry, predicted = (
-        geometry_of(object_class, settings.self_shadow),
-        prior_of(prediction, settings, object_class),
-    )
+    geometry = geometry_of(object_class, settings.self_shadow)
+    predicted = prior_of(prediction, settings, object_class)
     objectives = {}
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])

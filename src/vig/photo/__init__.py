@@ -3,10 +3,4 @@
 from vig.photo.images import as_photo, focal_of, read_photo, write_png
 from vig.photo.window import Window
 
-__all__ = [
-    "Window",
-    "as_photo",
-    "focal_of",
-    "read_photo",
-    "write_png",
-]
+__all__ = ["Window", "as_photo", "focal_of", "read_photo", "write_png"]

@@ -41,11 +41,7 @@ def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_s
 
 
 def render_latents(
-    latents: Latents,
-    object_class: ObjectClass,
-    camera: Camera,
-    self_shadow: bool = True,
-    samples: int = 1,
+    latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True, samples: int = 1
 ) -> Rendering:
     """Draw B explanations, a picture each; see `render`."""
     count = len(latents)

@@ -2,8 +2,4 @@
 
 from vig.report.files import describe, overlay, write_explanation
 
-__all__ = [
-    "describe",
-    "overlay",
-    "write_explanation",
-]
+__all__ = ["describe", "overlay", "write_explanation"]

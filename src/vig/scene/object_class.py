@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from safetensors.numpy import save_file
 
-from vig.checks import check_arrays, check_number, decode, read_json, read_tensors, reading
+from vig.checks import check_arrays, check_indices, check_number, decode, read_json, read_tensors, reading
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
@@ -83,11 +83,11 @@ class ObjectClass:
     """What is known of a class before any photo.
 
     Attributes:
-        name: In messages, and of a packaged class its folder's.
-        shape_model: Metres, standing on z = 0, the front towards +X.
+        name: Of a packaged class also its folder's.
+        shape_model: Metres, the front towards +X.
         target_height: Metres above the base at which the camera looks.
-        light_prior_mean: (9,), with light_prior_covariance (9, 9) a Gaussian over SH lights in the world
-            frame at the paper's exposure.
+        light_prior_mean: (9,) of a Gaussian over SH lights in the world frame at the paper's exposure.
+        light_prior_covariance: (9, 9) of it.
         folder: Where it was read from, None when built in memory.
         transfer: (K + 1, V, 9), or None: how self-shadow and light thrown from part to part change the nine
             lobes of each vertex, for the mean shape and per component (`vig_world.packs.transfer`).
@@ -96,9 +96,8 @@ class ObjectClass:
         mirror: Whether shapes are mirror images of themselves in y = 0.
         front: What +X shows, such as "the spout".
         points: Vertices by names that a user may click, such as "spout".
-        viewing_distance: Metres of the eye in the standard camera; about 1.4 times the greatest extent.
-        places: Zones of the generator's rooms to relative frequencies, where such things stand; none leaves
-            them to the generator.
+        viewing_distance: Metres from the eye in the standard camera; about 1.5 times the greatest extent.
+        places: Relative frequency of each zone of the generator's rooms as a place; none takes its own.
     """
 
     name: str
@@ -117,16 +116,12 @@ class ObjectClass:
     places: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check_text("name", self.name)
-        if self.front:
-            _check_text("front", self.front)
+        for what, text in [("name", self.name), *[("name of a point", name) for name in self.points]]:
+            _check_text(what, text)
+        _check_text("front", self.front or "-")
         check_number("target_height", self.target_height, -10.0, 10.0)
         check_number("viewing_distance", self.viewing_distance, 0.01, 100.0)
-        vertices = len(self.shape_model.mean)
-        for name, index in self.points.items():
-            _check_text("name of a point", name)
-            if not isinstance(index, int | np.integer) or not 0 <= index < vertices:
-                raise ValueError(f"point '{name}' must be a vertex from 0 to {vertices - 1}; it is {index}")
+        check_indices("points", np.array([*self.points.values()], np.int64), len(self.shape_model.mean))
         for name, weight in self.places.items():
             check_number(f"places '{name[:40]}'", weight, 0.0, 1e6)
         if self.places and not any(self.places.values()):
@@ -178,9 +173,9 @@ class ObjectClass:
         """The same class as small or large as suits the paper's camera: its `scale` is 1."""
         if self.scale == 1:
             return self
-        model, scale = self.shape_model, np.float32(self.scale)
-        model, height = replace(model, mean=model.mean / scale, basis=model.basis / scale), self.target_height
-        return replace(self, shape_model=model, target_height=height / self.scale, viewing_distance=DISTANCE)
+        model, size, height = self.shape_model, np.float32(self.scale), self.target_height / self.scale
+        model = replace(model, mean=model.mean / size, basis=model.basis / size)
+        return replace(self, shape_model=model, target_height=height, viewing_distance=DISTANCE)
 
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""

@@ -33,24 +33,17 @@ class Symmetry(StrEnum):
         difference: Angle = angle_difference(self.fold * a, self.fold * b) / max(self.fold, 1)
         return difference
 
-    def canonical(self, latents: Latents) -> Latents:
-        """Return the latents (B,) with azimuths in [0, pi) of half turns, 0 of any turn, that look the same.
+    def nearest(self, latents: Latents, azimuth: torch.Tensor) -> Latents:
+        """Return latents (B,) that look the same from the azimuths nearest to these, (B,) or () radians.
 
         The light turns along with the camera. Without symmetry they stay as they are.
         """
         if self is Symmetry.NONE:
             return latents
-        within = 2 * math.pi / max(self.fold, 1)
-        return _seen_from(latents, torch.remainder(latents.azimuth, within) * float(self.fold > 0))
+        azimuth = azimuth + self.difference(latents.azimuth, azimuth)
+        light = rotate_z(latents.light, azimuth - latents.azimuth)
+        return replace(latents, azimuth=azimuth, light=light)
 
-    def nearest(self, latents: Latents, azimuth: torch.Tensor) -> Latents:
-        """Return the latents (B,) seen from where they look the same, nearest to azimuths (B,) radians."""
-        if self is Symmetry.NONE:
-            return latents
-        return _seen_from(latents, azimuth + self.difference(latents.azimuth, azimuth))
-
-
-def _seen_from(latents: Latents, azimuth: torch.Tensor) -> Latents:
-    """The latents with other azimuths (B,) radians, their light as it was about the camera."""
-    light = rotate_z(latents.light, azimuth - latents.azimuth)
-    return replace(latents, azimuth=azimuth, light=light)
+    def canonical(self, latents: Latents) -> Latents:
+        """Return latents (B,) that look the same, azimuths in [0, pi) of half turns, 0 of any turn."""
+        return self.nearest(latents, torch.tensor(math.pi / 2 if self.fold else 0.0))

@@ -134,7 +134,7 @@ def test_a_large_thing_looks_as_a_small_one_from_so_much_nearer() -> None:
         ({"symmetry": "third-turn"}, "symmetry must be one of none, half-turn, any-turn; it is"),
         ({"mirror": 1}, "mirror must be bool; it is 1"),
         ({"front": "a\nb"}, "front must be 1 to 100 printable characters"),
-        ({"points": {"tip": 10**6}}, "point 'tip' must be a vertex from 0 to"),
+        ({"points": {"tip": 10**6}}, "points must be from 0 to"),
         ({"points": {"tip": 1.5}}, "tip must be int; it is 1.5"),
         ({"points": {"": 1}}, "name of a point must be 1 to 100 printable characters"),
         ({"viewing_distance_m": 0}, "viewing_distance must be a number from 0.01 to 100; it is 0"),
