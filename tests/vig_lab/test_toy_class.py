@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,20 @@ def test_errors_are_between_views_that_look_the_same(pack: Path, photos: Dataset
 def test_things_stand_where_the_class_says(pack: Path, photos: Dataset) -> None:
     zones = {spec.room.zone for spec in photos.specs()}
     assert len(zones) > 1 if ObjectClass.load(pack).name != "fin" else zones <= {"floor", "display"}
+
+
+def test_a_dataset_states_the_symmetry_as_bop_does(pack: Path) -> None:
+    one = ObjectClass.load(pack)
+    found = json.loads((pack / "photos" / "models" / "models_info.json").read_text())["1"]
+    named = {"none": None, "half-turn": "symmetries_discrete", "any-turn": "symmetries_continuous"}[
+        one.symmetry
+    ]
+    assert [name for name in found if name.startswith("symmetries")] == ([named] if named else [])
+    if named == "symmetries_discrete":
+        turn = np.array(found[named][0]).reshape(4, 4)[:3, :3]
+        turned = one.shape_model.mean @ turn.T
+        off = np.abs(turned[:, None] - one.shape_model.mean[None]).max(2).min(1)
+        assert off.max() < 1e-6, "every vertex comes to lie where one was"
 
 
 def test_a_studio_draws_a_class_of_one_part(pack: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
-from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+from vig.scene import IMAGE_SIZE, Camera, ObjectClass, Symmetry
 from vig_world.dataset.format import DEPTH_SCALE, OBJECT_ID
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.picture import CANVAS
@@ -127,8 +127,18 @@ def ply(mesh: Mesh) -> bytes:
     return (header + points + faces).encode()
 
 
-def models_info(mesh: Mesh) -> dict[str, dict[str, float]]:
-    """`models/models_info.json`: bounding box and diameter (the greatest distance of two vertices), mm."""
+SYMMETRIES: dict[Symmetry, dict[str, Any]] = {
+    Symmetry.NONE: {},
+    Symmetry.HALF_TURN: {"symmetries_discrete": [[-1.0, 0, 0, 0, 0, -1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]]},
+    Symmetry.ANY_TURN: {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]},
+}
+"""As BOP's files of models state them: poses (4 x 4, row by row) that look the same, and axes."""
+
+
+def models_info(mesh: Mesh, symmetry: Symmetry = Symmetry.NONE) -> dict[str, dict[str, Any]]:
+    """`models/models_info.json`: bounding box and diameter (the greatest distance of two vertices), mm;
+    symmetries.
+    """
     vertices = 1000 * mesh.vertices.astype(np.float64)
     low, size = vertices.min(0), np.ptp(vertices, axis=0)
     try:
@@ -137,4 +147,4 @@ def models_info(mesh: Mesh) -> dict[str, dict[str, float]]:
         outer = vertices
     described = {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
     described |= {f"size_{axis}": float(value) for axis, value in zip("xyz", size, strict=True)}
-    return {str(OBJECT_ID): {"diameter": float(pdist(outer).max()), **described}}
+    return {str(OBJECT_ID): {"diameter": float(pdist(outer).max()), **described, **SYMMETRIES[symmetry]}}

@@ -153,7 +153,7 @@ def model_problems(root: Path, object_class: ObjectClass) -> Iterator[str]:
     model = bop.mean_model(object_class)
     written = {
         "camera.json": bop.camera(),
-        "models/models_info.json": bop.models_info(model),
+        "models/models_info.json": bop.models_info(model, object_class.symmetry),
         f"models/obj_{bop.OBJECT_ID:06d}.ply": bop.ply(model),
     }
     for name, expected in written.items():

@@ -227,7 +227,8 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
 
     model = bop.mean_model(object_class)
     write_bytes(root / "models" / f"obj_{bop.OBJECT_ID:06d}.ply", bop.ply(model))
-    write_json(root / "models" / "models_info.json", bop.models_info(model))
+    info = bop.models_info(model, object_class.symmetry)
+    write_json(root / "models" / "models_info.json", info)
     write_json(root / "camera.json", bop.camera())
     if split == "test":
         write_json(root / bop.TARGETS, bop.localisation_targets([record["gt_info"][0] for record in records]))
