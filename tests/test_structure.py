@@ -75,7 +75,7 @@ WORLD = {
         "vig_world.renderers.raster",
     },
 }
-for name in ("composition", "packs", "renderers", "generation", "cli"):
+for name in ("composition", "packs", "renderers", "generation", "building", "cli"):
     WORLD[f"vig_world.{name}"] = set(WORLD)
 LAB = {
     "vig_lab.examples": set(),

@@ -12,7 +12,10 @@ from vig.cli.common import Doctor, Fit, Verb, verbs_of_packages
 from vig.errors import UserError
 
 VERBS = (Verb("fit", Fit, "vig.cli.fit:fit"), Verb("doctor", Doctor, "vig.cli.doctor:run_doctor"))
-GROUPS = {"dataset": "Generate, check, look at and export datasets."}
+GROUPS = {
+    "class": "Make a class from a folder of meshes.",
+    "dataset": "Generate, check, look at and export datasets.",
+}
 """Verbs that have verbs of their own."""
 
 

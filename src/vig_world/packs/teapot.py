@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vig.scene import EXPOSURE_L00, Family, ObjectClass, ShapeModel
+from vig.scene import Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_world.assets.designs import (
     HANDLES,
@@ -29,7 +29,7 @@ from vig_world.assets.designs import (
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.target import nearest_coefficients
 from vig_world.dataset.spec import Split
-from vig_world.library import Library
+from vig_world.packs.lights import light_prior
 from vig_world.packs.transfer import write_transfer
 
 MODES = 16
@@ -43,26 +43,14 @@ TARGET_HEIGHT = 0.08
 """Metres at which the camera looks: about half a pot's height, and that of photos made with earlier packs."""
 LEAST_DEVIATION = 0.1
 """Of a component within a family, in standard deviations of the class."""
-TURNS = 12
-GROUNDS = (0.1, 0.25, 0.5)
-"""Albedos of what the object stands on."""
-EXPOSURE_SD = 0.05
-"""Relative uncertainty of L00, so that an exposure slightly off can be explained."""
 
 
 def build_teapot_class() -> ObjectClass:
     """Fit shape model and light prior; a pure function of the code."""
     designs = vertices_of(TRAINING_DESIGNS + drawn_designs(DRAWN))
     model = fit_shape_model(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
-    angles = 2 * np.pi * np.arange(TURNS) / TURNS
-    library = Library("train")
-    lights = np.array(
-        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUNDS]
-    )
-    covariance = np.cov(lights.T)
-    covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
     families = teapot_families(model)
-    return ObjectClass("teapot", model, TARGET_HEIGHT, lights.mean(0), covariance, families=families)
+    return ObjectClass("teapot", model, TARGET_HEIGHT, *light_prior(), families=families, front="the spout")
 
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:

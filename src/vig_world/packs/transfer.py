@@ -38,7 +38,7 @@ SHAPES, RAY_SIDE = 160, 16
 """Shapes drawn for the regression; each vertex casts RAY_SIDE squared rays."""
 
 OFFSET = 2e-4
-"""Metres along the normal at which rays start, so that a facet does not hide its own corners."""
+"""Along the normal, metres at unit scale, where rays start, so that a facet does not hide its own corners."""
 
 INSIDE_SHARE = 0.3
 """A vertex that sees more than this share of faces from behind lies within another part."""
@@ -273,7 +273,7 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
 
 def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it."""
-    table = transfer_model(object_class.shape_model)
+    table = transfer_model(object_class.at_unit_scale.shape_model)
     with atomic_write(folder / TRANSFER_FILE) as temporary:
         save_file({"transfer": table.astype(np.float16)}, temporary)
     return table

@@ -1,0 +1,120 @@
+"""The shape model of registered meshes: principal components, and smooth deformations where they are few."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MOST_COMPONENTS = 16
+"""What the kernels' columns leave for the shape."""
+SMOOTH = 0.25
+"""Sizes of the object over which smooth deformations are alike: the width of a Gaussian process's kernel."""
+AMPLITUDES = (0.0, 0.01, 0.02, 0.04)
+"""Standard deviations of smooth deformations that are tried, in sizes of the object."""
+NODES = 400
+"""Vertices from which the smooth deformations are computed (Nystroem)."""
+ENOUGH = 1.05
+"""As many components are kept as leave an error within this factor of the least."""
+
+
+@dataclass(frozen=True)
+class Components:
+    """A linear model of shapes.
+
+    Attributes:
+        mean: (V, 3).
+        basis: (K, V, 3), one standard deviation each.
+        ratio: (K,) shares of the variance.
+        amplitude: Of the smooth deformations added, in sizes.
+        errors: Leave-one-out error by number of components 0 to K, in sizes; empty for one mesh.
+        smooth_errors: The same least error by amplitude that was tried.
+    """
+
+    mean: np.ndarray
+    basis: np.ndarray
+    ratio: np.ndarray
+    amplitude: float
+    errors: tuple[float, ...]
+    smooth_errors: dict[float, float]
+
+
+def fitted(shapes: np.ndarray, areas: np.ndarray, mirror: np.ndarray | None = None) -> Components:
+    """The model of shapes (N, V, 3) in correspondence, N from 1 on.
+
+    Principal components of the sample's covariance plus that of a Gaussian process of smooth deformations
+    (Luthi et al. 2018), whose amplitude and number of components leave the least error when each shape in
+    turn is left out. Every vertex counts by its share `areas` (V,) of the surface.
+
+    mirror: (V,) for each vertex the one nearest to its mirror image in y, to which deformations are then
+    alike; None for shapes that are no mirror images of themselves.
+    """
+    size = float(np.ptp(shapes.mean(0), axis=0).max())
+    waves = smooth_deformations(shapes.mean(0), size, mirror)
+    most = MOST_COMPONENTS
+    if len(shapes) < 3:
+        chosen = AMPLITUDES[-1] if len(shapes) == 1 else AMPLITUDES[2]
+        basis, ratio = _basis(shapes, waves * chosen * size, areas, most)
+        return Components(shapes.mean(0), basis, ratio, chosen, (), {})
+    curves = {
+        amplitude: leave_one_out(shapes, waves * amplitude * size, areas, most) / size
+        for amplitude in AMPLITUDES
+    }
+    least = {amplitude: float(curve.min()) for amplitude, curve in curves.items()}
+    amplitude = min(least, key=lambda each: least[each])
+    curve = curves[amplitude]
+    count = max(1, int(np.flatnonzero(curve <= ENOUGH * curve.min())[0]))
+    basis, ratio = _basis(shapes, waves * amplitude * size, areas, count)
+    return Components(shapes.mean(0), basis, ratio, amplitude, tuple(curve.tolist()), least)
+
+
+def leave_one_out(shapes: np.ndarray, waves: np.ndarray, areas: np.ndarray, most: int) -> np.ndarray:
+    """Mean distance (most + 1,) of each shape (N, V, 3) from the best of the others' model, by components."""
+    errors = np.zeros((len(shapes), most + 1))
+    root = np.sqrt(areas)[:, None]
+    for left in range(len(shapes)):
+        others = np.delete(shapes, left, axis=0)
+        basis, _ = _basis(others, waves, areas, most)
+        rest = shapes[left] - others.mean(0)
+        flat = (basis * root).reshape(len(basis), -1)
+        q, _ = np.linalg.qr(flat.T)
+        weighted = (rest * root).ravel()
+        for count in range(most + 1):
+            used = q[:, : min(count, q.shape[1])]
+            gap = (weighted - used @ (used.T @ weighted)).reshape(rest.shape) / np.maximum(root, 1e-9)
+            errors[left, count] = (areas * np.linalg.norm(gap, axis=1)).sum()
+    return errors.mean(0)
+
+
+def _basis(
+    shapes: np.ndarray, waves: np.ndarray, areas: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The first components (K, V, 3) of samples and smooth deformations, and their shares (K,)."""
+    root = np.sqrt(areas)[:, None]
+    samples = (shapes - shapes.mean(0)) / np.sqrt(max(1, len(shapes) - 1))
+    rows = np.concatenate([samples, waves]) if np.any(waves) else samples
+    flat = (rows * root).reshape(len(rows), -1)
+    _, singular, components = np.linalg.svd(flat, full_matrices=False)
+    kept = min(count, int((singular > 1e-6 * singular[0]).sum())) if singular[0] > 0 else 1
+    components = components[:kept]
+    largest = np.abs(components).argmax(axis=1)
+    components = components * np.sign(components[np.arange(kept), largest])[:, None]
+    basis = (components * singular[:kept, None]).reshape(kept, *shapes.shape[1:]) / np.maximum(root, 1e-9)
+    return basis, singular[:kept] ** 2 / max(float((singular**2).sum()), 1e-30)
+
+
+def smooth_deformations(mean: np.ndarray, size: float, mirror: np.ndarray | None) -> np.ndarray:
+    """Smooth deformations (M, V, 3) of a shape (V, 3); their squares add up to about one at each vertex."""
+    step = np.unique(np.linspace(0, len(mean) - 1, min(NODES, len(mean))).astype(int))
+    scale = SMOOTH * size
+
+    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.asarray(np.exp(-((a[:, None] - b[None]) ** 2).sum(2) / (2 * scale**2)))
+
+    values, vectors = np.linalg.eigh(kernel(mean[step], mean[step]))
+    kept = values > 1e-3 * values[-1]
+    fields = kernel(mean, mean[step]) @ vectors[:, kept] / np.sqrt(values[kept])
+    waves = np.einsum("vm,ij->mjvi", fields, np.eye(3)).reshape(-1, len(mean), 3)
+    if mirror is not None:  # of each its part that is like its mirror image
+        waves = (waves + waves[:, mirror] * [1, -1, 1]) / 2
+    return waves

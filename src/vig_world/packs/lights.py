@@ -1,0 +1,26 @@
+"""The prior of light that falls on things indoors, from the training panoramas: the same for all classes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vig.scene import EXPOSURE_L00
+from vig_world.library import Library
+
+TURNS = 12
+GROUNDS = (0.1, 0.25, 0.5)
+"""Albedos of what the object stands on."""
+EXPOSURE_SD = 0.05
+"""Relative uncertainty of L00, so that an exposure slightly off can be explained."""
+
+
+def light_prior() -> tuple[np.ndarray, np.ndarray]:
+    """Mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's exposure."""
+    angles = 2 * np.pi * np.arange(TURNS) / TURNS
+    library = Library("train")
+    lights = np.array(
+        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUNDS]
+    )
+    covariance = np.cov(lights.T)
+    covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
+    return lights.mean(0), covariance
