@@ -20,10 +20,14 @@ from vig_world.extras import optional_import
 
 
 def train_and_plot(
-    datasets: Sequence[Dataset], out: Path, settings: TrainingSettings, say: Callable[[str], None] = print
+    datasets: Sequence[Dataset],
+    out: Path,
+    settings: TrainingSettings,
+    say: Callable[[str], None] = print,
+    progress: bool = False,
 ) -> Path:
     """As `vig_lab.training.train`; also writes every loss of every epoch to log.csv and losses.png."""
-    return train(datasets, out, settings, say, TrainingLog(Path(out)).add)
+    return train(datasets, out, settings, say, TrainingLog(Path(out)).add, progress)
 
 
 def calibrate_and_plot(

@@ -13,7 +13,7 @@ from vig.errors import UserError
 
 VERBS = (Verb("fit", Fit, "vig.cli.fit:fit"), Verb("doctor", Doctor, "vig.cli.doctor:run_doctor"))
 GROUPS = {
-    "class": "Make a class from a folder of meshes.",
+    "class": "Make a class from a folder of meshes, and train its network.",
     "dataset": "Generate, check, look at and export datasets.",
 }
 """Verbs that have verbs of their own."""

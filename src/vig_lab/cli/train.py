@@ -43,7 +43,7 @@ def train(settings: Train) -> int:
             chosen["drawing"] = Drawing(object_class.folder, settings.studio, workers=settings.workers)
         start = settings.start or PACKAGED / "teapot" / "recognition.safetensors"
         chosen |= {"start": start, "trunk_only": settings.start is None}
-        path = train_network(datasets, settings.out, TrainingSettings(**chosen), report)
+        path = train_network(datasets, settings.out, TrainingSettings(**chosen), report, not settings.json)
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:

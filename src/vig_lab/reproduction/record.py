@@ -8,15 +8,20 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from vig import __version__
 from vig.checks import decode, read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig_lab.reproduction.settings import Settings
 
 FORMAT_VERSION = 1
+
+
+class Settings(Protocol):
+    """What a run must be gone on with."""
+
+    def to_json(self) -> dict[str, Any]: ...
 
 
 class Record:

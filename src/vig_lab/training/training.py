@@ -31,6 +31,7 @@ from vig_lab.training.drawing import Drawing, drawn
 from vig_lab.training.examples import Examples, hold_out
 from vig_lab.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
+from vig_world.generation.progress import Meter
 
 AVERAGING = 0.998
 """Share of the averaged weights that a step keeps."""
@@ -42,6 +43,8 @@ TRUNK_RATE = 0.3
 """Learning rate of a trunk that was trained before, over that of the rest."""
 MARGIN, ABOUT_WEIGHT = 9, 3.0
 """Cells within this square about the object's weigh so much more than others in the mask's loss."""
+REPORTED = 300.0
+"""Seconds between lines on the time left, in a log."""
 ROLL_UNIT = math.radians(10.0)
 """Of errors of roll in the loss."""
 
@@ -131,6 +134,7 @@ def train(
     settings: TrainingSettings,
     say: Callable[[str], None] = print,
     record: Callable[[Epoch], None] = lambda epoch: None,
+    progress: bool = False,
 ) -> Path:
     """Train on datasets but for the rooms that are held out.
 
@@ -143,6 +147,7 @@ def train(
         settings: How to train.
         say: Is called with a line after each epoch.
         record: Is called after each epoch, before the checkpoint is written.
+        progress: Report the time left on standard error.
 
     Returns:
         The path of the weights: their exponential moving average after the epoch of least held-out loss.
@@ -164,23 +169,27 @@ def train(
         state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
         first, best, best_at = int(state["epoch"]), float(state["best"]), int(state["best_at"])
     batches = run.batches(examples, chosen, first)
-    for epoch in range(first, settings.epochs):
-        if epoch - best_at >= settings.patience:
-            say(f"no better for {settings.patience} epochs; the weights are those after epoch {best_at}")
-            break
-        started = time.monotonic()
-        trained = run.epoch(batches, epoch, len(chosen) // settings.batch)
-        speed = len(chosen) / (time.monotonic() - started)
-        validated, errors = validate(run.networks["average"], examples, held, run.scale, settings.symmetry)
-        record(Epoch(epoch + 1, trained, validated, errors))
-        loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
-        if loss < best:
-            best, best_at = loss, epoch + 1
-            save_weights(run.networks["average"], run.scale, path)
-        state = {"epoch": str(epoch + 1), "run": fingerprint, "best": repr(best), "best_at": str(best_at)}
-        save_checkpoint(checkpoint, run.networks, run.optimizer, state)
-        listed = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
-        say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
+    steps = len(chosen) // settings.batch
+    with Meter(settings.epochs * steps, first * steps, progress, "steps", REPORTED) as meter:
+        for epoch in range(first, settings.epochs):
+            if epoch - best_at >= settings.patience:
+                say(f"no better for {settings.patience} epochs; the weights are those after epoch {best_at}")
+                break
+            started = time.monotonic()
+            trained = run.epoch(batches, epoch, steps, meter.advance)
+            speed = len(chosen) / (time.monotonic() - started)
+            validated, errors = validate(
+                run.networks["average"], examples, held, run.scale, settings.symmetry
+            )
+            record(Epoch(epoch + 1, trained, validated, errors))
+            loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
+            if loss < best:
+                best, best_at = loss, epoch + 1
+                save_weights(run.networks["average"], run.scale, path)
+            state = {"epoch": str(epoch + 1), "run": fingerprint, "best": repr(best), "best_at": str(best_at)}
+            save_checkpoint(checkpoint, run.networks, run.optimizer, state)
+            listed = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
+            say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
     return path
 
 
@@ -236,8 +245,10 @@ class _Run:
         for part, step in made:
             yield augment(part, np.random.default_rng([settings.seed, step, 1]))
 
-    def epoch(self, batches: Iterator[Batch], epoch: int, steps: int) -> dict[str, float]:
-        """One pass over as many batches; returns the mean of each part of the loss."""
+    def epoch(
+        self, batches: Iterator[Batch], epoch: int, steps: int, advance: Callable[[int], None]
+    ) -> dict[str, float]:
+        """One pass over so many batches, each of which advances; returns each part of the loss, mean."""
         settings, (network, average) = self.settings, self.networks.values()
         torch.manual_seed(int(np.random.SeedSequence([settings.seed, epoch]).generate_state(1)[0] >> 1))
         network.train()
@@ -262,6 +273,7 @@ class _Run:
             self.optimizer.step()
             _average_in(average, network, min(AVERAGING, (1 + done) / (10 + done)))
             sums = {name: sums[name] + float(part.detach()) / steps for name, part in parts.items()}
+            advance(1)
         return sums
 
 

@@ -50,6 +50,8 @@ from vig_world.rotations import about_z
 
 VERSION = 1
 """Of the stages' results: those of another are made again."""
+TRAINED = ("recognition.safetensors", "calibration.json", "reliability.png")
+"""Files of a pack that `vig class train` writes."""
 VIEWING = 1.5
 """Distance of the standard camera, in lengths of the object."""
 HOLD_OUT_FROM = 10
@@ -421,10 +423,24 @@ class Builder:
         write_transfer(built, staged)
         with atomic_write(staged / "card.md") as temporary:
             temporary.write_text(card(result, self.settings), encoding="utf-8")
+        self._put_aside_weights(staged)
         for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
             file.replace(self.out / file.name)
         shutil.rmtree(staged)
         return result
+
+    def _put_aside_weights(self, staged: Path) -> None:
+        """Weights and their calibration that were trained on other shapes go to build/outdated."""
+        shapes = "shape.safetensors"
+        before = self.out / shapes
+        if not before.exists() or before.read_bytes() == (staged / shapes).read_bytes():
+            return
+        aside = self.out / "build" / "outdated"
+        for name in TRAINED:
+            if (self.out / name).exists():
+                aside.mkdir(exist_ok=True)
+                (self.out / name).replace(aside / name)
+                self.say(f"{name} was trained on other shapes: it lies in {aside}; run vig class train again")
 
     def _kind(self, number: int) -> str:
         """What family a mesh is of: how many holes go through it."""

@@ -21,10 +21,13 @@ class Meter:
         done: Samples that exist at its start.
         show: Whether to report anything.
         unit: What is counted.
+        seconds: Between lines in a log, at most.
     """
 
-    def __init__(self, total: int, done: int, show: bool = True, unit: str = "samples") -> None:
-        self.unit = unit
+    def __init__(
+        self, total: int, done: int, show: bool = True, unit: str = "samples", seconds: float = SECONDS
+    ) -> None:
+        self.unit, self.seconds = unit, seconds
         self.total, self.done, self.before = total, done, done
         self.started = self.reported_at = time.monotonic()
         self.reported = done
@@ -54,7 +57,7 @@ class Meter:
         if self.bar is not None:
             self.bar.update(self.task, completed=self.done, pace=self.pace())
         elif self.show:
-            late = time.monotonic() - self.reported_at >= SECONDS
+            late = time.monotonic() - self.reported_at >= self.seconds
             if late or self.done - self.reported >= SHARE * self.total:
                 self._report()
 

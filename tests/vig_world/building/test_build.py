@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,14 @@ def test_one_mesh_makes_a_class(tmp_path: Path) -> None:
     model = made.object_class.shape_model
     assert len(made.splits) == 1 and model.modes == 16
     assert np.linalg.norm(model.basis, axis=2).max() < 0.3 * np.ptp(model.mean, axis=0).max()
+    weights = tmp_path / "pack" / "recognition.safetensors"
+    weights.write_bytes(b"of the shapes so far")
+    Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()
+    assert weights.exists()
+    other = replace(settings, length=0.3)
+    Builder(tmp_path / "meshes", tmp_path / "pack", other, lambda line: None).build()
+    assert not weights.exists(), "weights of other shapes explain nothing"
+    assert (tmp_path / "pack" / "build" / "outdated" / weights.name).read_bytes() == b"of the shapes so far"
 
 
 @pytest.mark.parametrize(
