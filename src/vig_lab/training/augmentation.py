@@ -70,7 +70,7 @@ class Augmentation:
     shift: float = 0.05
     magnify: float = 0.1
     turn: float = 0.08
-    turned: float = 0.35
+    turned: float = 0.15
     most_turn: float = 0.6
     cut_out: float = 0.25
     relight: float = 0.12

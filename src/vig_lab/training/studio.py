@@ -72,7 +72,7 @@ class StudioSettings:
     boxed: float = 0.6
     small: float = 0.1
     roll: float = 0.07
-    rolled: float = 0.35
+    rolled: float = 0.2
     most_roll: float = 0.65
     continued: float = 0.2
     warp: float = 0.02

@@ -184,7 +184,7 @@ class Builder:
         for name, why in unread.items():
             self.say(f"left out {name}: {why}")
         self._check_numbers()
-        self.say(f"{len(scans)} meshes from {self.folder}")
+        self.say(f"{_counted(len(scans), 'mesh')} from {self.folder}")
         sheets = self.out / "build"
         pictures.meshes(sheets / "1-as-they-are.png", [(s.vertices, s.faces) for s in scans])
         stood = self.stood
@@ -400,9 +400,13 @@ class Builder:
             viewing_distance=float(np.round(VIEWING * size.max(), 4)),
             places=self.settings.places,
         )
+        held = len(accepted) - len(trained)
         self.say(
-            f"{len(trained)} meshes, {len(components.basis)} components, {len(families) or 1} families;"
-            f" leave-one-out error {min(components.errors, default=math.nan):.2%} of the size"
+            f"{_counted(len(accepted), 'mesh')} taken"
+            + (f", {held} of them held out for validation and test" if held else "")
+            + f": {_counted(len(components.basis), 'component')},"
+            f" {_counted(len(families) or 1, 'family')}"
+            + (f"; leave-one-out error {min(components.errors):.2%} of the size" if components.errors else "")
         )
         pictures.meshes(
             sheets / "4-registered.png", [(registered[n], faces) for n in accepted], checks=template
@@ -486,6 +490,11 @@ def _axis(name: str) -> np.ndarray:
     if axis is None:
         raise UserError(f"expected an axis such as +x, -y or z; got '{name}'.")
     return np.array(axis, float)
+
+
+def _counted(count: int, noun: str) -> str:
+    plural = {"mesh": "meshes", "family": "families"}.get(noun, f"{noun}s")
+    return f"{count} {noun if count == 1 else plural}"
 
 
 def _named(axis: np.ndarray) -> str:

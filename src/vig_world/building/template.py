@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import scipy.sparse as sp
 import trimesh
@@ -17,8 +19,12 @@ VERTICES = 2600
 """Of a template, about."""
 DENSE = 40
 """Points of the dense surface for each vertex of the template."""
-CURVED = 0.1
-"""Sizes of the object that a difference of normals of one counts as, when vertices are spread."""
+APART = 0.03
+"""Sizes of the object that a difference of normals of one counts as: it keeps the sides of a wall apart."""
+CURVED, MOST = 0.1, 3.0
+"""The same where the surface's area is measured to spread vertices, and how much denser they come to lie."""
+SPREAD = 40
+"""Times that this density is averaged with its neighbours'."""
 ROUNDS = 30
 SMOOTHED = 4
 """Times that the normals of the dense surface are averaged with their neighbours'."""
@@ -31,16 +37,19 @@ def remeshed(vertices: np.ndarray, faces: np.ndarray, count: int = VERTICES) -> 
     points and normals (Levy and Bonneel 2013). Closed as the mesh is.
     """
     size = float(np.ptp(vertices, axis=0).max())
-    dense = trimesh.Trimesh(vertices, faces, process=False)
-    while len(dense.vertices) < DENSE * count:
-        dense = dense.subdivide()
-    points, corners = np.asarray(dense.vertices), np.asarray(dense.faces)
+    each = float(vertex_areas(vertices, faces).sum()) / (DENSE * count)
+    points, corners = _with_short_edges(vertices, faces, 1.5 * math.sqrt(each))
+    dense = trimesh.Trimesh(points, corners, process=False)
     edges = edges_of(corners)
     normals, mean = vertex_normals(points, corners), _mean_of_neighbours(edges, len(points))
     for _ in range(SMOOTHED):
         normals = mean @ normals
-    features = np.concatenate([points, CURVED * size * normals], axis=1)
-    areas = _areas(features, corners)
+    features = np.concatenate([points, APART * size * normals], axis=1)
+    areas = vertex_areas(points, corners)
+    curved = _areas(np.concatenate([points, CURVED * size * normals], axis=1), corners) / areas.clip(1e-12)
+    for _ in range(SPREAD):
+        curved = mean @ curved
+    areas = areas * curved.clip(1, MOST)
     for attempt in range(3):
         owner = _partition(features, areas, edges, count, attempt)
         for _ in range(ROUNDS):
@@ -53,6 +62,37 @@ def remeshed(vertices: np.ndarray, faces: np.ndarray, count: int = VERTICES) -> 
         if not len(pinched) and same:
             return np.asarray(mesh.vertices), np.asarray(mesh.faces)
     raise ValueError("no closed mesh of that size was found")
+
+
+def _with_short_edges(
+    vertices: np.ndarray, faces: np.ndarray, longest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same surface, with edges that are too long cut in two until none is; closed as before."""
+    while True:
+        sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        edges, edge = np.unique(sides, axis=0, return_inverse=True)
+        long = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > longest
+        if not long.any():
+            return vertices, faces
+        middle = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)[edge.reshape(-1, 3)]
+        vertices = np.concatenate([vertices, vertices[edges[long]].mean(1)])
+        parts = []
+        cut = (middle >= 0).sum(1)
+        parts.append(faces[cut == 0])
+        for cuts, first in ((1, middle >= 0), (2, middle < 0)):
+            # Turned so that the side that differs from the other two comes first.
+            chosen = cut == cuts
+            turn = (first[chosen].argmax(1)[:, None] + np.arange(3)) % 3
+            a, b, c = np.take_along_axis(faces[chosen], turn, axis=1).T
+            ab, bc, ca = np.take_along_axis(middle[chosen], turn, axis=1).T
+            if cuts == 1:
+                parts += [np.stack(each, axis=1) for each in ((a, ab, c), (ab, b, c))]
+            else:
+                parts += [np.stack(each, axis=1) for each in ((a, b, bc), (a, bc, ca), (ca, bc, c))]
+        a, b, c = faces[cut == 3].T
+        ab, bc, ca = middle[cut == 3].T
+        parts += [np.stack(each, axis=1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        faces = np.concatenate(parts)
 
 
 def _mean_of_neighbours(edges: np.ndarray, count: int) -> sp.csr_matrix:
