@@ -29,9 +29,9 @@ class Loft:
         starts = self.starts
         for i, (lower, upper) in enumerate(pairwise(self.counts)):
             if lower <= upper:
-                triangles += _band(int(starts[i]), lower, int(starts[i + 1]), upper)
+                triangles += band(int(starts[i]), lower, int(starts[i + 1]), upper)
             else:
-                flipped = _band(int(starts[i + 1]), upper, int(starts[i]), lower)
+                flipped = band(int(starts[i + 1]), upper, int(starts[i]), lower)
                 triangles += [(a, c, b) for a, b, c in flipped]
         return np.array(triangles, np.int32)
 
@@ -41,7 +41,7 @@ class Loft:
         return np.concatenate(rings).astype(np.int32)
 
 
-def _band(low: int, m: int, high: int, n: int) -> list[tuple[int, int, int]]:
+def band(low: int, m: int, high: int, n: int) -> list[tuple[int, int, int]]:
     """Triangles between a ring of m vertices from index `low` and a ring of n >= m from `high` above it."""
 
     def a(j: int) -> int:
