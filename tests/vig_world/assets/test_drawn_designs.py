@@ -18,7 +18,7 @@ from vig_world.assets.designs import (
     teapot_vertices,
 )
 from vig_world.assets.designs import drawn as drawn_module
-from vig_world.assets.designs.drawn import _absolute, _relative
+from vig_world.assets.designs.drawn import MIXING
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_handles_of_all_kinds_or_of_one(designs: tuple[TeapotDesign, ...]) -> No
 
 @pytest.mark.parametrize("design", TRAINING_DESIGNS[::12], ids=lambda design: design.name)
 def test_ratios_are_undone(design: TeapotDesign) -> None:
-    again = _absolute(_relative(design))
+    again = TeapotDesign(**MIXING.absolute(MIXING.relative(design)))
     np.testing.assert_allclose(teapot_vertices(again), teapot_vertices(design), atol=2e-5)
 
 

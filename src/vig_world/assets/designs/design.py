@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from importlib import resources
 from typing import Literal, get_args
+
+from vig_world.assets.designs.catalogue import load_catalogue
 
 Handle = Literal["behind", "above", "straight"]
 """An ear behind the body; a bail over the lid, from shoulder to shoulder; or a straight grip behind."""
@@ -86,16 +86,8 @@ class TeapotDesign:
     handle_squareness: float = 0.2  # of its section: 0 elliptic .. 1 nearly rectangular
 
 
-def load_designs(split: str) -> tuple[TeapotDesign, ...]:
-    """The named designs of "train", "test" or "validation", in the order of `designs.json`.
-
-    Parameters that the file leaves out keep the defaults of `TeapotDesign`.
-    """
-    catalogue = json.loads(resources.files(__package__).joinpath("designs.json").read_text("utf-8"))
-    return tuple(TeapotDesign(name, **parameters) for name, parameters in catalogue[split].items())
-
-
-TRAINING_DESIGNS = load_designs("train")
+_CATALOGUE = load_catalogue(TeapotDesign, __package__)
+TRAINING_DESIGNS = _CATALOGUE["train"]
 """The shape model is learned from these."""
-HELD_OUT_DESIGNS = load_designs("test")
-VALIDATION_DESIGNS = load_designs("validation")
+HELD_OUT_DESIGNS = _CATALOGUE["test"]
+VALIDATION_DESIGNS = _CATALOGUE["validation"]
