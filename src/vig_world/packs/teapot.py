@@ -7,10 +7,10 @@ prints the variance that it holds.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from vig.scene import Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
@@ -28,8 +28,8 @@ from vig_world.assets.designs import (
 )
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.target import nearest_coefficients
-from vig_world.dataset.spec import Split
 from vig_world.packs.lights import light_prior
+from vig_world.packs.shapes import beyond_model_mm, designs_of_scenes, fit_shape_model
 from vig_world.packs.transfer import write_transfer
 
 MODES = 16
@@ -66,64 +66,21 @@ def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
     return tuple(families)
 
 
-def vertices_of(designs: tuple[TeapotDesign, ...]) -> np.ndarray:
+def vertices_of(designs: Sequence[TeapotDesign]) -> np.ndarray:
     """Vertices of designs, (N, V, 3) float32."""
     return np.stack([teapot_vertices(design) for design in designs])
 
 
-def fit_shape_model(
-    designs: np.ndarray,
-    faces: np.ndarray,
-    parts: np.ndarray,
-    part_names: tuple[str, ...],
-    modes: int = 10,
-) -> ShapeModel:
-    """PCA of designs (N, V, 3) in correspondence; at most N - 1 modes.
-
-    The sign of a component is such that its largest displacement is positive, so that the model does
-    not depend on the linear-algebra library.
-    """
-    count = len(designs)
-    if not 1 <= modes < count:
-        raise ValueError(f"modes must be from 1 to {count - 1} for {count} designs; got {modes}")
-    flat = designs.reshape(count, -1).astype(np.float64)
-    mean = flat.mean(0)
-    _, singular, components = np.linalg.svd(flat - mean, full_matrices=False)
-    variance = singular**2 / (count - 1)
-    largest = np.abs(components).argmax(axis=1)
-    components *= np.sign(components[np.arange(len(components)), largest])[:, None]
-    basis = components[:modes] * np.sqrt(variance[:modes, None])
-    return ShapeModel(
-        mean.reshape(-1, 3).astype(np.float32),
-        basis.reshape(modes, -1, 3).astype(np.float32),
-        faces.astype(np.int32),
-        parts.astype(np.int32),
-        tuple(part_names),
-        (variance[:modes] / variance.sum()).astype(np.float32),
-    )
-
-
 def held_out_designs() -> HeldOutDesigns:
     """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
-    designs: tuple[TeapotDesign, ...] = ()
-    splits: tuple[Split, ...] = ()
-    chosen: tuple[tuple[Split, tuple[TeapotDesign, ...], tuple[TeapotDesign, ...]], ...] = (
-        ("test", HELD_OUT_DESIGNS, drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2)),
-        ("validation", VALIDATION_DESIGNS, drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1)),
-        ("train", TRAINING_DESIGNS, drawn_designs(EXEMPLARS)),
+    return designs_of_scenes(
+        {
+            "test": HELD_OUT_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
+            "validation": VALIDATION_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
+            "train": TRAINING_DESIGNS + drawn_designs(EXEMPLARS),
+        },
+        vertices_of,
     )
-    for split, named, drawn in chosen:
-        designs += named + drawn
-        splits += (split,) * len(named + drawn)
-    vertices = vertices_of(designs)
-    return HeldOutDesigns(tuple(design.name for design in designs), splits, vertices)
-
-
-def beyond_model_mm(model: ShapeModel, designs: tuple[TeapotDesign, ...]) -> np.ndarray:
-    """How far each design is from the model's nearest shape (N,): mean distance of its vertices, mm."""
-    vertices = vertices_of(designs)
-    nearest = model.vertices(torch.from_numpy(nearest_coefficients(model, vertices))).numpy()
-    return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 
 def main() -> None:
@@ -144,7 +101,7 @@ def main() -> None:
         ("test", HELD_OUT_DESIGNS),
         ("validation", VALIDATION_DESIGNS),
     ):
-        away = beyond_model_mm(model, designs)
+        away = beyond_model_mm(model, vertices_of(designs))
         print(
             f"{name} designs from the model: {away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
         )

@@ -6,7 +6,7 @@ import torch
 
 from vig.scene import ShapeModel
 from vig_world.assets.target import nearest_coefficients
-from vig_world.packs.teapot import fit_shape_model
+from vig_world.packs.shapes import fit_shape_model
 
 COUNT, VERTICES = 8, 30
 FACES = np.array([[0, 1, 2], [2, 1, 3]])

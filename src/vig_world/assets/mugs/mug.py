@@ -95,6 +95,13 @@ MUG_PARTS: np.ndarray = _parts()
 MUG_MIRROR: np.ndarray = _mirror()
 """Mirror image in y of each vertex (V,): `v[MUG_MIRROR] * (1, -1, 1) == v` exactly, for every design."""
 
+POINTS = {
+    "handle": len(_KEPT) + AROUND * (RINGS // 2) + 3 * AROUND // 4,
+    "rim": int(_NEW[_LOFT.starts[_UNDERSIDE + _WALL + 2] + _COLUMNS // 2]),
+    "base": 0,
+}
+"""Vertices by name: outermost on the middle of the handle's grip, on the rim opposite, under the middle."""
+
 
 def mug_vertices(design: MugDesign) -> np.ndarray:
     """Vertices of a design, (V, 3) float32 in metres, standing on z = 0 with the body's axis at x = y = 0.

@@ -1,0 +1,70 @@
+"""Shape models and held-out designs of classes whose shapes are designed by code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.scene import ShapeModel
+from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.target import nearest_coefficients
+from vig_world.dataset.spec import Split
+
+
+def fit_shape_model(
+    designs: np.ndarray,
+    faces: np.ndarray,
+    parts: np.ndarray,
+    part_names: tuple[str, ...],
+    modes: int = 10,
+) -> ShapeModel:
+    """PCA of designs (N, V, 3) in correspondence; at most N - 1 modes.
+
+    The sign of a component is such that its largest displacement is positive, so that the model does
+    not depend on the linear-algebra library.
+    """
+    count = len(designs)
+    if not 1 <= modes < count:
+        raise ValueError(f"modes must be from 1 to {count - 1} for {count} designs; got {modes}")
+    flat = designs.reshape(count, -1).astype(np.float64)
+    mean = flat.mean(0)
+    _, singular, components = np.linalg.svd(flat - mean, full_matrices=False)
+    variance = singular**2 / (count - 1)
+    largest = np.abs(components).argmax(axis=1)
+    components *= np.sign(components[np.arange(len(components)), largest])[:, None]
+    basis = components[:modes] * np.sqrt(variance[:modes, None])
+    return ShapeModel(
+        mean.reshape(-1, 3).astype(np.float32),
+        basis.reshape(modes, -1, 3).astype(np.float32),
+        faces.astype(np.int32),
+        parts.astype(np.int32),
+        tuple(part_names),
+        (variance[:modes] / variance.sum()).astype(np.float32),
+    )
+
+
+def designs_of_scenes(
+    designs: dict[Split, Sequence[Any]], vertices_of: Callable[[Sequence[Any]], np.ndarray]
+) -> HeldOutDesigns:
+    """The designs of scenes by split, each with a name, in the given order."""
+    every = [design for each in designs.values() for design in each]
+    splits = tuple(split for split, each in designs.items() for _ in each)
+    return HeldOutDesigns(tuple(design.name for design in every), splits, vertices_of(every))
+
+
+def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
+    """How far shapes (N, V, 3) are from the model's nearest (N,): mean distance of the vertices, mm."""
+    nearest = model.vertices(torch.from_numpy(nearest_coefficients(model, vertices))).numpy()
+    return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
+
+
+def of_size(model: ShapeModel, vertices: np.ndarray, components: int) -> float:
+    """The mean of the same over shapes (N, V, 3), as a share of each one's longest side, by a model's first
+    components."""
+    ratio = model.explained_variance_ratio[:components]
+    fewer = replace(model, basis=model.basis[:components], explained_variance_ratio=ratio)
+    return float((beyond_model_mm(fewer, vertices) / (1000 * np.ptp(vertices, axis=1).max(1))).mean())
