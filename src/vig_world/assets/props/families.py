@@ -22,9 +22,14 @@ ZONE_NAMES = (
 """The functional zones of rooms."""
 
 
+ALIKE = {"mug": {"cup_saucer"}}
+"""Families of props, by a word of a class's name, that look like it under another name."""
+
+
 def is_of_class(family: str, name: str) -> bool:
-    """Whether a family of props, such as `mug`, is named like a class, so that it may look like it."""
-    return bool(set(family.lower().split("_")) & set(name.lower().split()))
+    """Whether a family of props, such as `mug`, is named like a class or known to be alike."""
+    words = set(name.lower().split())
+    return bool(set(family.lower().split("_")) & words) or any(family in ALIKE.get(word, ()) for word in words)
 
 
 def family(*zones: str) -> Callable[[Maker], Maker]:
