@@ -1,7 +1,7 @@
 """The packaged mug class: shape model from the training designs, light prior from the training panoramas.
 
-`python -m vig_world.packs.mug [FOLDER]` builds it into a folder, by default `vig/classes/mug`, and prints how far
-designs lie from it by the number of components.
+`python -m vig_world.packs.mug [FOLDER]` builds it into a folder, by default `vig/classes/mug`, and prints how
+far designs lie from it by the number of components.
 """
 
 from __future__ import annotations
@@ -69,7 +69,11 @@ def vertices_of(designs: Sequence[MugDesign]) -> np.ndarray:
 def held_out_designs() -> HeldOutDesigns:
     """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
     return designs_of_scenes(
-        {"test": HELD_OUT_MUGS, "validation": VALIDATION_MUGS, "train": TRAINING_MUGS + drawn_mugs(EXEMPLARS)},
+        {
+            "test": HELD_OUT_MUGS,
+            "validation": VALIDATION_MUGS,
+            "train": TRAINING_MUGS + drawn_mugs(EXEMPLARS),
+        },
         vertices_of,
     )
 

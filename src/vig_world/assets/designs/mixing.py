@@ -37,7 +37,7 @@ class Mixing:
     def mixture(
         self, rng: np.random.Generator, choose: Callable[[tuple[str, ...]], Sequence[Any]]
     ) -> dict[str, Any]:
-        """Parameters of a mixture of two designs for each part, those of `choose(group)`, lengths as ratios."""
+        """A mixture of two of the designs `choose(group)` for each part: parameters, lengths as ratios."""
         mixed: dict[str, Any] = {}
         for group in self.groups:
             designs = choose(group)
@@ -46,7 +46,9 @@ class Mixing:
             for key in first:
                 if key.startswith(group):
                     other = first if key in self.whole else second
-                    mixed[key] = first[key] if other is first else weight * first[key] + (1 - weight) * other[key]
+                    mixed[key] = (
+                        first[key] if other is first else weight * first[key] + (1 - weight) * other[key]
+                    )
         for key in self.lengths:
             mixed[key] *= np.exp(rng.normal(0.0, self.jitter))
         for key in self.angles:

@@ -27,14 +27,16 @@ class MugDesign:
     corner_inset: float = 0.004  # its width
     squareness: float = 0.0  # 0 round .. 1 nearly square section
     foot_height: float = 0.003
-    foot_inset: float = 0.002  # how far the foot stands back from the corner's lower end; negative: it spreads
+    foot_inset: float = (
+        0.002  # how far the foot stands back from the corner's lower end; negative: it spreads
+    )
     # Wall
     wall: float = 0.004  # thickness
     floor: float = 0.006  # thickness above the foot
     lip: float = 0.8  # thickness at the rim / wall
     rim_bead: float = 0.0  # how far a rolled rim stands out from the wall
     rim_roundness: float = 1.0  # 0.3 cut flat .. 1 round .. 1.5 pointed
-    # Handle: a centre line in the plane y = 0 from the lower place on the wall, up a grip, to the upper place.
+    # Handle: a centre line in the plane y = 0 from its lower place on the wall, up a grip, to its upper one.
     handle_top: float = 0.075  # heights of the two places
     handle_bottom: float = 0.03
     handle_reach: float = 0.029  # the grip's centre beyond the wider of the two places

@@ -83,7 +83,9 @@ def handle_rings(design: MugDesign, wall: Profile, loops: tuple[np.ndarray, np.n
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     centre = resample(dense, u)
     near = length * np.minimum(u, 1.0 - u) / (0.8 * d.handle_thickness)
-    size = (d.handle_taper + (1.0 - d.handle_taper) * u) * (1.0 + (d.handle_flare - 1.0) * np.exp(-(near**1.5)))
+    size = (d.handle_taper + (1.0 - d.handle_taper) * u) * (
+        1.0 + (d.handle_flare - 1.0) * np.exp(-(near**1.5))
+    )
     # Sections at the ends lie in the wall's slope.
     slopes = [wall.tangent(wall.fraction(z)) for z in (d.handle_bottom, d.handle_top)]
     leans = [

@@ -1,7 +1,7 @@
 """Mug meshes in dense correspondence: vertex i means the same place on every design.
 
-One closed surface of genus 1: the underside, up the wall outside, over the rim, down inside to the floor, with
-two loops of the wall joined by the handle.
+One closed surface of genus 1: the underside, up the wall outside, over the rim, down inside to the floor,
+with two loops of the wall joined by the handle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PART_NAMES = ("body", "rim", "inside", "handle")
 _COLUMNS = 44
 _UNDERSIDE, _RIM, _INSIDE = 7, 4, 11
 _SPANS = (5, 4, 6, 4, 3)
-"""Rows of faces of the outer wall: below the handle's lower loop, beside it, between, beside the upper, above."""
+"""Rows of faces of the outer wall: below the lower loop, beside it, between, beside the upper one, above."""
 _WALL = sum(_SPANS) + 1
 _LOFT = Loft((1, 11, 22, *[_COLUMNS] * (4 + _WALL + _RIM + _INSIDE), 22, 11, 1))
 _HALF = AROUND // 8
@@ -63,7 +63,11 @@ def _faces() -> np.ndarray:
     own = _LOFT.faces()
     for ring in (_LOWER, _UPPER):
         own = own[~np.isin(own, _covered(ring)).all(axis=1)]
-    around = [_NEW[_LOOPS[0]], *(len(_KEPT) + np.arange(RINGS * AROUND).reshape(RINGS, AROUND)), _NEW[_LOOPS[1]]]
+    around = [
+        _NEW[_LOOPS[0]],
+        *(len(_KEPT) + np.arange(RINGS * AROUND).reshape(RINGS, AROUND)),
+        _NEW[_LOOPS[1]],
+    ]
     # A ring's first vertex lies at +y here; `band` has its mirror plane through it.
     rings = [np.roll(ring, -AROUND // 4) for ring in around]
     local = np.array(band(0, AROUND, AROUND, AROUND))
@@ -154,11 +158,13 @@ def _half_angles(design: MugDesign, outer: Profile) -> np.ndarray:
 
 
 def _columns(count: int, half_angle: float) -> np.ndarray:
-    """Angles (count,) about the axis of a ring's vertices: those by the handle are as far apart as it is wide."""
+    """Angles (count,) about the axis of a ring's vertices, those by the handle as far apart as it is wide."""
     column = np.arange(count) * (_COLUMNS // count)
     column = np.where(column > _COLUMNS // 2, column - _COLUMNS, column)
     rest = (np.abs(column) - _HALF) / (_COLUMNS // 2 - _HALF)
-    angle = np.where(rest < 0.0, half_angle * np.abs(column) / _HALF, half_angle + (np.pi - half_angle) * rest)
+    angle = np.where(
+        rest < 0.0, half_angle * np.abs(column) / _HALF, half_angle + (np.pi - half_angle) * rest
+    )
     return np.sign(column) * angle
 
 

@@ -43,7 +43,9 @@ class Profile:
 
     def tangent(self, fraction: float) -> np.ndarray:
         """Unit tangent (2,), upwards."""
-        way: np.ndarray = np.diff(self.at(np.array([max(0.0, fraction - 0.01), min(1.0, fraction + 0.01)])), axis=0)[0]
+        way: np.ndarray = np.diff(
+            self.at(np.array([max(0.0, fraction - 0.01), min(1.0, fraction + 0.01)])), axis=0
+        )[0]
         return way / np.linalg.norm(way)
 
 

@@ -29,7 +29,9 @@ ALIKE = {"mug": {"cup_saucer"}}
 def is_of_class(family: str, name: str) -> bool:
     """Whether a family of props, such as `mug`, is named like a class or known to be alike."""
     words = set(name.lower().split())
-    return bool(set(family.lower().split("_")) & words) or any(family in ALIKE.get(word, ()) for word in words)
+    return bool(set(family.lower().split("_")) & words) or any(
+        family in ALIKE.get(word, ()) for word in words
+    )
 
 
 def family(*zones: str) -> Callable[[Maker], Maker]:
