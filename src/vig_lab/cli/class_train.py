@@ -22,6 +22,7 @@ from vig.files import atomic_write
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass, Symmetry
+from vig.scene.object_class import PACKAGED
 from vig_lab.cli.calibrate import calibrate
 from vig_lab.cli.common import check_workers, check_writable
 from vig_lab.cli.settings import Calibrate, Train, TrainClass
@@ -43,6 +44,8 @@ METHODS = {"rm": "network", "spatial": "fit"}
 """What the card compares, and their names there."""
 HEADING = "## Recognition"
 """Of the card's part on the network: what follows it is written anew."""
+TOLD = ("images", "epochs", "studio", "level", "photos", "seed")
+"""Settings that a training begun keeps."""
 SHEET = 48
 STUDIO_EACH = 1.25
 """Photos of the studio for the calibration, over those of the dataset."""
@@ -72,6 +75,8 @@ def _check(settings: TrainClass) -> None:
             raise UserError(f"expected --{name} of at least 1; got {getattr(settings, name)}.")
     if settings.studio < 0 or settings.seed < 0:
         raise UserError("expected --studio and --seed of at least 0.")
+    if not 0 <= settings.level <= 1:
+        raise UserError(f"expected --level as a share from 0 to 1; got {settings.level:g}.")
     check_workers(settings.workers)
 
 
@@ -97,9 +102,7 @@ class ClassTraining:
         self.settings, self.object_class = settings, object_class
         self.folder = settings.pack / "training"
         self.weights = self.folder / "run" / WEIGHTS
-        told = {"shapes": f"{object_class.fingerprint}"} | {
-            name: getattr(settings, name) for name in ("images", "epochs", "studio", "photos", "seed")
-        }
+        told = {name: getattr(settings, name) for name in TOLD} | {"shapes": object_class.fingerprint}
         told["start"] = None if settings.start is None else str(settings.start)
         self.record = Record.open(
             self.folder / "run.json", _Settings(told), machine(), f"vig {__version__} class train"
@@ -142,8 +145,9 @@ class ClassTraining:
                 (self.folder / "photos",),
                 self.weights.parent,
                 str(settings.pack),
-                settings.start,
+                settings.start or PACKAGED / "teapot" / WEIGHTS,
                 settings.studio,
+                settings.level,
                 max(1, (settings.workers or os.cpu_count() or 1) // 2),
                 epochs=settings.epochs,
                 seed=settings.seed,

@@ -36,6 +36,8 @@ class Train:
     """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
     studio: int = 24
     """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
+    level: float = 0.6
+    """Share of these that are seen from about the horizon."""
     workers: int = 1
     """Processes that draw."""
     net: Network = "vig"
@@ -62,10 +64,12 @@ class TrainClass:
     """Passes over them."""
     studio: int = 40
     """Images that are drawn afresh for each step, beside 40 of these."""
+    level: float = 0.35
+    """Share of these that are seen from about the horizon."""
     photos: int = 400
     """Generated photos to calibrate on, and as many to measure errors on."""
     start: Path | None = None
-    """Weights to begin with; by default only the packaged teapot's trunk."""
+    """Weights to begin with, where they fit; by default the packaged teapot's."""
     seed: int = 0
     """Of the photos and the training."""
     workers: int | None = None

@@ -13,6 +13,7 @@ from vig_lab.cli.settings import Train
 from vig_lab.paper_network import PaperTrainingSettings, train_paper
 from vig_lab.plots import train_and_plot as train_network
 from vig_lab.training.drawing import Drawing
+from vig_lab.training.studio import StudioSettings
 from vig_lab.training.training import TrainingSettings
 from vig_world.dataset import read_dataset
 
@@ -29,6 +30,8 @@ def train(settings: Train) -> int:
     if settings.epochs is not None:
         chosen["epochs"] = settings.epochs
     object_class = ObjectClass.load(settings.object_class)
+    if not 0 <= settings.level <= 1:
+        raise UserError(f"expected --level as a share from 0 to 1; got {settings.level:g}.")
     if settings.net == "paper":
         if object_class.symmetry is not Symmetry.NONE:
             raise UserError(
@@ -40,7 +43,10 @@ def train(settings: Train) -> int:
     else:
         chosen |= {"symmetry": object_class.symmetry, "mirror": object_class.mirror}
         if settings.studio and object_class.folder is not None:
-            chosen["drawing"] = Drawing(object_class.folder, settings.studio, workers=settings.workers)
+            studio = StudioSettings(level=settings.level)
+            chosen["drawing"] = Drawing(
+                object_class.folder, settings.studio, studio=studio, workers=settings.workers
+            )
         start = settings.start or PACKAGED / "teapot" / "recognition.safetensors"
         chosen |= {"start": start, "trunk_only": settings.start is None}
         path = train_network(datasets, settings.out, TrainingSettings(**chosen), report, not settings.json)

@@ -21,6 +21,7 @@ from vig.scene import (
     Camera,
     Latents,
     ObjectClass,
+    ShapeModel,
 )
 from vig_lab.training.environment import Environment
 from vig_lab.training.grounds import draw_ground, shadowed
@@ -59,7 +60,7 @@ class StudioSettings:
         roll: Standard deviation of the camera's roll, radians.
         rolled: Share in which the roll is uniform up to `most_roll`, radians, instead.
         continued: Share in which the window reaches beyond its photo, whose border is continued.
-        warp: Standard deviation by which shapes leave the model, as a share of the object's size.
+        warp: Standard deviation by which shapes leave the model, at most, as a share of the object's size.
     """
 
     decorated: float = 0.5
@@ -112,6 +113,7 @@ class Studio:
         model = object_class.shape_model
         self.size = float(np.ptp(model.mean, axis=0).max())
         self.height = float(model.mean[:, 2].max())
+        self._body, self._others = separate_parts(model)
         self._factor = np.linalg.cholesky(
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )
@@ -123,11 +125,12 @@ class Studio:
         latents, vertices = self._shape(rng)
         camera = self._camera(rng, vertices, latents)
         parts = len(self.object_class.shape_model.part_names)
+        kinds = WHOLE if self._others else PART
         coat = draw_coat(rng, parts, settings.decorated, settings.metal)
         ground = draw_ground(rng, self.split, camera.roll)
         environment = Environment.draw(rng)
         absent = rng.random() < settings.absent
-        shown = int(rng.integers(WHOLE if parts > 1 else PART)) if absent else WHOLE
+        shown = int(rng.integers(kinds)) if absent else WHOLE
         tint = 1 + rng.normal(0, 0.04, 3)
         albedo = np.mean(coat.colours, axis=0)
         if shown >= PART:
@@ -200,9 +203,10 @@ class Studio:
         latents = Latents(tensors[0], tensors[1][0], tensors[2][0], tensors[3], tensors[4])
         vertices = shape_vertices(shape, design, self.object_class)
         # A few long waves, as real ones are no members of the family; the mirror plane stays one.
+        warp = settings.warp * rng.random()
         for _ in range(2):
             wave = rng.normal(size=3) * [1, 0, 1] * 2 * math.pi / self.size
-            move = rng.normal(0, settings.warp * self.size, 3) * [1, 0, 1]
+            move = rng.normal(0, warp * self.size, 3) * [1, 0, 1]
             vertices = vertices + np.sin(vertices @ wave + rng.uniform(0, 6.28))[:, None] * move
         vertices = vertices * np.exp(rng.normal(0, 0.06, 3))
         vertices[:, 2] -= vertices[:, 2].min()
@@ -238,11 +242,10 @@ class Studio:
         )
 
     def _part(self, rng: np.random.Generator) -> np.ndarray:
-        """Faces of something like the object that is none, the first part with another."""
+        """Faces of something like the object that is none: its body with one other part."""
         model = self.object_class.shape_model
-        part = model.parts[model.faces[:, 0]]
-        kept = {0, int(rng.integers(1, len(model.part_names)))}
-        return model.faces[np.isin(part, list(kept))]
+        kept = [*self._body, self._others[rng.integers(len(self._others))]]
+        return model.faces[np.isin(model.parts[model.faces[:, 0]], kept)]
 
     def _object(
         self,
@@ -273,3 +276,14 @@ class Studio:
             look = replace(look, colour=0.85 * through + 0.15 * look.colour)
         mean = look.albedo.mean(0) if len(look.albedo) else np.mean(coat.colours, axis=0)
         return Layer(*look.averaged(SAMPLES)), mean
+
+
+def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:
+    """The first part with all that share triangles with it; and the others, which can be taken off it."""
+    faces = model.parts[model.faces]
+    body = {0}
+    while True:
+        joined = {int(part) for part in faces[np.isin(faces, list(body)).any(1)].ravel()}
+        if joined <= body:
+            return sorted(body), sorted(set(range(len(model.part_names))) - body)
+        body |= joined

@@ -81,6 +81,7 @@ def test_a_training_of_other_settings_is_not_gone_on_with(pack: Path) -> None:
         ({"photos": 0}, "--photos of at least 1; got 0"),
         ({"workers": 0}, "--workers of at least 1; got 0"),
         ({"studio": -1}, "at least 0"),
+        ({"level": 35}, "--level as a share from 0 to 1; got 35"),
     ],
 )
 def test_wrong_settings_get_one_line(pack: Path, chosen: dict[str, int], said: str) -> None:
