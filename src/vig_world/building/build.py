@@ -31,11 +31,13 @@ from vig_world.building.pose import (
     Cloud,
     Shape,
     aligned,
+    axis_of_revolution,
     front_turn,
     levelled,
     shape_of,
     straightened,
     to_up,
+    turned_up,
     up_axis,
     usual_axes,
 )
@@ -249,7 +251,10 @@ class Builder:
         up = up_axis(some, common) if told.up is None else usual @ _axis(told.up)
         said = [f"up: {_named(usual.T @ up)} of most files, {'found' if told.up is None else 'told'}"]
         upright = [to_up(up) @ rotation for rotation in common]
-        level = [levelled(s.transformed(r, np.zeros(3))) @ r for s, r in zip(some, upright, strict=True)]
+        if told.symmetry == "any-turn":
+            level = [_by_axis(s, r, usual.T @ up) for s, r in zip(some, upright, strict=True)]
+        else:
+            level = [levelled(s.transformed(r, np.zeros(3))) @ r for s, r in zip(some, upright, strict=True)]
         clouds = [Cloud.of(s.transformed(r, np.zeros(3))) for s, r in zip(some, level, strict=True)]
         shape = shape_of(clouds)
         if told.symmetry is not None:
@@ -490,6 +495,16 @@ def _axis(name: str) -> np.ndarray:
     if axis is None:
         raise UserError(f"expected an axis such as +x, -y or z; got '{name}'.")
     return np.array(axis, float)
+
+
+def _by_axis(surface: Surface, upright: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) that puts the axis of what any turn leaves the same upright.
+
+    Which end is up the axis `most` (3,) of most files says, where it is about this one, else the pose found.
+    """
+    own = upright[2]
+    axis = axis_of_revolution(Cloud.of(surface), own)
+    return turned_up(axis, most if abs(axis @ most) > 0.9 else own)
 
 
 def _counted(count: int, noun: str) -> str:

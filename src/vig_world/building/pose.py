@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial.transform import Rotation
 
 from vig_world.building.surface import Surface
 from vig_world.rotations import about_z
@@ -190,6 +191,31 @@ def to_up(up: np.ndarray) -> np.ndarray:
     return next(turn for turn in cube_turns() if np.allclose(turn @ up, [0, 0, 1]))
 
 
+def axis_of_revolution(cloud: Cloud, likely: np.ndarray) -> np.ndarray:
+    """The axis (3,), in either sense, about which turns change a cloud least.
+
+    It is sought near a likely one (3,), those of the file, and those of the shape's second moments.
+    """
+
+    def change(axis: np.ndarray) -> float:
+        turns = [Rotation.from_rotvec(turn * axis, degrees=True).as_matrix() for turn in (40, 90, 140)]
+        return float(np.mean([cloud.off(cloud, turn) for turn in turns])) - cloud.apart
+
+    _, _, moments = np.linalg.svd(cloud.points, full_matrices=False)
+    found = [likely, *np.eye(3), *moments]
+    costs = np.array([change(axis) for axis in found])
+    costs[0] *= PLAIN
+    best = np.asarray(found[int(costs.argmin())])
+    for step in (8.0, 4.0, 2.0, 1.0):
+        across = np.linalg.svd(best[None])[2][1:]
+        for way in (across[0], -across[0], across[1], -across[1]):
+            near = best + math.radians(step) * way
+            near = near / np.linalg.norm(near)
+            if change(near) < PLAIN * change(best):
+                best = near
+    return best
+
+
 def levelled(surface: Surface) -> np.ndarray:
     """The small rotation (3, 3) that puts the foot of an about upright surface level."""
     try:
@@ -207,6 +233,13 @@ def levelled(surface: Surface) -> np.ndarray:
     total = like @ area[down]
     normal = (like[int(total.argmax())] * area[down]) @ normals[down]
     return _between(normal / np.linalg.norm(normal), np.array([0.0, 0.0, -1.0]))
+
+
+def turned_up(axis: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3) that takes to +Z the axis (3,) in the sense in which it is nearer to `up`."""
+    axis = axis if axis @ up >= 0 else -axis
+    below = to_up(np.array([0.0, 0.0, -1.0])) if axis[2] < 0 else np.eye(3)
+    return _between(below @ axis, np.array([0.0, 0.0, 1.0])) @ below
 
 
 def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:

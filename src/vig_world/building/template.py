@@ -38,7 +38,7 @@ def remeshed(vertices: np.ndarray, faces: np.ndarray, count: int = VERTICES) -> 
     """
     size = float(np.ptp(vertices, axis=0).max())
     each = float(vertex_areas(vertices, faces).sum()) / (DENSE * count)
-    points, corners = _with_short_edges(vertices, faces, 1.5 * math.sqrt(each))
+    points, corners = with_short_edges(vertices, faces, 1.5 * math.sqrt(each))
     dense = trimesh.Trimesh(points, corners, process=False)
     edges = edges_of(corners)
     normals, mean = vertex_normals(points, corners), _mean_of_neighbours(edges, len(points))
@@ -64,7 +64,7 @@ def remeshed(vertices: np.ndarray, faces: np.ndarray, count: int = VERTICES) -> 
     raise ValueError("no closed mesh of that size was found")
 
 
-def _with_short_edges(
+def with_short_edges(
     vertices: np.ndarray, faces: np.ndarray, longest: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same surface, with edges that are too long cut in two until none is; closed as before."""

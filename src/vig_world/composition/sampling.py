@@ -26,7 +26,7 @@ MAX_OCCLUSION = 0.9
 GOLDEN = (math.sqrt(5) - 1) / 2
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
-ATTEMPTS = 60
+ATTEMPTS = 300
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 """Numbers of the random streams of a seed's first target, and of how a photograph is taken."""
 BOARDS_FROM = 8

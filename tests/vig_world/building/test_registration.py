@@ -10,10 +10,18 @@ from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vert
 from vig_world.building.acceptance import folded, quality_of
 from vig_world.building.mirror import ACROSS, mirror_map
 from vig_world.building.model import fitted
-from vig_world.building.pose import Cloud, aligned, cube_turns, levelled, shape_of
+from vig_world.building.pose import (
+    Cloud,
+    aligned,
+    axis_of_revolution,
+    cube_turns,
+    levelled,
+    shape_of,
+    turned_up,
+)
 from vig_world.building.registration import Registration, Rig
 from vig_world.building.surface import Surface, points_on, vertex_areas, visible_surface
-from vig_world.building.template import closed_template, outer_surface, remeshed
+from vig_world.building.template import closed_template, outer_surface, remeshed, with_short_edges
 
 
 def design(name: str) -> np.ndarray:
@@ -143,6 +151,31 @@ def test_a_foot_is_put_level() -> None:
     tilt = Rotation.from_euler("xy", (4, -6), degrees=True).as_matrix()
     seen = visible_surface(np.asarray(box.vertices) @ tilt.T, np.asarray(box.faces), 4000)
     assert np.degrees(np.arccos((levelled(seen) @ tilt)[2, 2])) < 0.5
+
+
+def test_the_axis_of_a_thing_with_a_handle_is_found_however_it_lies() -> None:
+    bottle = trimesh.creation.revolve([[0, 0], [0.3, 0], [0.5, 0.6], [0.15, 1.0], [0.15, 1.4], [0, 1.4]])
+    handle = trimesh.creation.box((0.3, 0.08, 0.08))
+    handle.apply_translation((0.45, 0, 1.0))
+    mesh = trimesh.util.concatenate([bottle.subdivide(), handle])
+    for angles in ((10, -7, 0), (80, 12, 40)):
+        lies = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+        seen = visible_surface(np.asarray(mesh.vertices) @ lies.T, np.asarray(mesh.faces), 4000)
+        axis = axis_of_revolution(Cloud.of(seen), np.array([0.0, 0.0, 1.0]))
+        assert abs(axis @ lies[:, 2]) > np.cos(np.radians(5))
+        assert (turned_up(axis, lies[:, 2]) @ lies[:, 2])[2] > np.cos(np.radians(5))
+        assert (turned_up(axis, -lies[:, 2]) @ lies[:, 2])[2] < -np.cos(np.radians(5))
+
+
+def test_long_edges_are_cut_and_what_is_closed_stays_closed() -> None:
+    strips = trimesh.creation.cylinder(0.4, 3, sections=12)
+    points, faces = with_short_edges(np.asarray(strips.vertices), np.asarray(strips.faces), 0.1)
+    mesh = trimesh.Trimesh(points, faces, process=False)
+    assert mesh.edges_unique_length.max() <= 0.1
+    assert mesh.is_watertight and mesh.is_winding_consistent
+    assert mesh.volume == pytest.approx(strips.volume)
+    template = trimesh.Trimesh(*remeshed(points, faces, 500), process=False)
+    assert folded(np.asarray(template.vertices), template.faces) == 0, "no slivers, whatever the file's are"
 
 
 def test_a_mirror_map_gives_mirror_images(template: tuple[np.ndarray, np.ndarray]) -> None:
