@@ -13,6 +13,8 @@ from vig_world.mesh import face_normals
 SAMPLES = 20_000
 FAR, MOST_FAR = 0.03, 0.03
 """Distance in sizes from which a place has no counterpart, and the share of such places that is accepted."""
+MOST_BESIDE = 0.09
+"""The same of what any turn leaves the same: handles and spouts are not of the shape there."""
 MOST_MEAN = 0.012
 """Mean distance in sizes that is accepted."""
 MOST_FOLDED = 0.04
@@ -31,6 +33,7 @@ class Quality:
         spare: Share of the template that the mesh does not have.
         folded: Share of edges folded over.
         apart: How far its shape is from the class's median, over how far three in four others are.
+        most_lacking: The share of the mesh that the template may leave out.
     """
 
     mean: float
@@ -38,11 +41,12 @@ class Quality:
     spare: float
     folded: float
     apart: float = 1.0
+    most_lacking: float = MOST_FAR
 
     @property
     def reason(self) -> str:
         """Why the mesh does not belong; empty when it does."""
-        if self.lacking > MOST_FAR:
+        if self.lacking > self.most_lacking:
             return f"{self.lacking:.0%} of it is nothing like the template"
         if self.spare > MOST_FAR:
             return f"it lacks {self.spare:.0%} of the template"

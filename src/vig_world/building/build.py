@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from safetensors.numpy import load_file, save_file
-from scipy.spatial import cKDTree
 
 from vig.errors import UserError
 from vig.files import atomic_write
@@ -22,11 +21,10 @@ from vig.scene import ObjectClass, ShapeModel, Symmetry
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.props.families import ZONE_NAMES
 from vig_world.building import pictures
-from vig_world.building.acceptance import Quality, apart, quality_of
+from vig_world.building.acceptance import MOST_BESIDE, MOST_FAR, Quality, apart, quality_of
 from vig_world.building.card import card
 from vig_world.building.families import families_of, holes
-from vig_world.building.mirror import ACROSS, mirror_map
-from vig_world.building.model import Components, fitted
+from vig_world.building.model import Alike, Components, fitted
 from vig_world.building.pose import (
     Cloud,
     Shape,
@@ -44,6 +42,7 @@ from vig_world.building.pose import (
 from vig_world.building.reading import Scan, read_scans
 from vig_world.building.registration import Registration
 from vig_world.building.surface import Surface, vertex_areas, visible_surface
+from vig_world.building.symmetries import ACROSS, image_map, mirror_map, round_map
 from vig_world.building.template import VERTICES, closed_template
 from vig_world.dataset.spec import Split
 from vig_world.packs.lights import light_prior
@@ -352,9 +351,10 @@ class Builder:
             self.say(f"{number + 1:3d} {scan.name}: {quality.mean:.2%} of its size off")
         # What a template of so few vertices cannot show of its own mesh it cannot show of others.
         own = qualities[medoid].lacking
+        most = MOST_BESIDE if self.stood.shape.symmetry == "any-turn" else MOST_FAR
         for number in self.used:
             lacking = max(0.0, qualities[number].lacking - own)
-            qualities[number] = replace(qualities[number], lacking=lacking)
+            qualities[number] = replace(qualities[number], lacking=lacking, most_lacking=most)
         alike = [number for number in self.used if not qualities[number].reason]
         for number, far in zip(alike, apart(results[alike]), strict=True):
             qualities[number] = replace(qualities[number], apart=float(far))
@@ -368,17 +368,20 @@ class Builder:
     def _write(self, registered: np.ndarray, qualities: dict[int, Quality], accepted: list[int]) -> Built:
         medoid, template, faces = self.template
         shapes, sheets = registered[accepted], self.out / "build"
-        image = None
-        if self.stood.shape.mirror:
+        alike: Alike | None = None
+        if self.stood.shape.symmetry == "any-turn":
+            alike = round_map(template, faces)
+            shapes = alike(shapes)
+        elif self.stood.shape.mirror:
+            alike = image_map(template)
             mirrored = mirror_map(template, faces)
             shapes = np.stack([(each + (mirrored @ each) * ACROSS) / 2 for each in shapes])
-            image = cKDTree(template).query(template * ACROSS)[1]
         shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
         shapes = shapes * self.settings.length / np.ptp(shapes.mean(0), axis=0).max()
         splits = splits_of(accepted)
         trained = [place for place, number in enumerate(accepted) if splits[number] == "train"]
         areas = vertex_areas(template, faces)
-        components = fitted(shapes[trained], areas / areas.sum(), image)
+        components = fitted(shapes[trained], areas / areas.sum(), alike)
         model = ShapeModel(
             components.mean.astype(np.float32),
             components.basis.astype(np.float32),

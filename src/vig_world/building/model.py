@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+Alike = Callable[[np.ndarray], np.ndarray]
 MOST_COMPONENTS = 16
 """What the kernels' columns leave for the shape."""
 SMOOTH = 0.25
@@ -39,18 +41,18 @@ class Components:
     smooth_errors: dict[float, float]
 
 
-def fitted(shapes: np.ndarray, areas: np.ndarray, mirror: np.ndarray | None = None) -> Components:
+def fitted(shapes: np.ndarray, areas: np.ndarray, alike: Alike | None = None) -> Components:
     """The model of shapes (N, V, 3) in correspondence, N from 1 on.
 
     Principal components of the sample's covariance plus that of a Gaussian process of smooth deformations
     (Luthi et al. 2018), whose amplitude and number of components leave the least error when each shape in
     turn is left out. Every vertex counts by its share `areas` (V,) of the surface.
 
-    mirror: (V,) for each vertex the one nearest to its mirror image in y, to which deformations are then
-    alike; None for shapes that are no mirror images of themselves.
+    alike: Takes deformations (M, V, 3) to those that keep the class's symmetry; None where it has none.
     """
     size = float(np.ptp(shapes.mean(0), axis=0).max())
-    waves = smooth_deformations(shapes.mean(0), size, mirror)
+    waves = smooth_deformations(shapes.mean(0), size)
+    waves = waves if alike is None else alike(waves)
     most = MOST_COMPONENTS
     if len(shapes) < 3:
         chosen = AMPLITUDES[-1] if len(shapes) == 1 else AMPLITUDES[2]
@@ -103,7 +105,7 @@ def _basis(
     return basis, singular[:kept] ** 2 / max(float((singular**2).sum()), 1e-30)
 
 
-def smooth_deformations(mean: np.ndarray, size: float, mirror: np.ndarray | None) -> np.ndarray:
+def smooth_deformations(mean: np.ndarray, size: float) -> np.ndarray:
     """Smooth deformations (M, V, 3) of a shape (V, 3); their squares add up to about one at each vertex."""
     step = np.unique(np.linspace(0, len(mean) - 1, min(NODES, len(mean))).astype(int))
     scale = SMOOTH * size
@@ -114,7 +116,4 @@ def smooth_deformations(mean: np.ndarray, size: float, mirror: np.ndarray | None
     values, vectors = np.linalg.eigh(kernel(mean[step], mean[step]))
     kept = values > 1e-3 * values[-1]
     fields = kernel(mean, mean[step]) @ vectors[:, kept] / np.sqrt(values[kept])
-    waves = np.einsum("vm,ij->mjvi", fields, np.eye(3)).reshape(-1, len(mean), 3)
-    if mirror is not None:  # of each its part that is like its mirror image
-        waves = (waves + waves[:, mirror] * [1, -1, 1]) / 2
-    return waves
+    return np.asarray(np.einsum("vm,ij->mjvi", fields, np.eye(3)).reshape(-1, len(mean), 3))

@@ -50,7 +50,26 @@ def build_teapot_class() -> ObjectClass:
     designs = vertices_of(TRAINING_DESIGNS + drawn_designs(DRAWN))
     model = fit_shape_model(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
     families = teapot_families(model)
-    return ObjectClass("teapot", model, TARGET_HEIGHT, *light_prior(), families=families, front="the spout")
+    return ObjectClass(
+        "teapot",
+        model,
+        TARGET_HEIGHT,
+        *light_prior(),
+        families=families,
+        front="the spout",
+        points=teapot_points(model.mean),
+    )
+
+
+def teapot_points(mean: np.ndarray) -> dict[str, int]:
+    """Vertices that a user may click: the farthest of the spout, the handle and the knob."""
+
+    def farthest(part: str, way: np.ndarray) -> int:
+        own = np.flatnonzero(TEAPOT_PARTS == PART_NAMES.index(part))
+        return int(own[(mean[own] @ way).argmax()])
+
+    x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    return {"spout": farthest("spout", x), "handle": farthest("handle", -x), "knob": farthest("knob", z)}
 
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:

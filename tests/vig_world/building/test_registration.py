@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vertices
 from vig_world.building.acceptance import folded, quality_of
-from vig_world.building.mirror import ACROSS, mirror_map
 from vig_world.building.model import fitted
 from vig_world.building.pose import (
     Cloud,
@@ -21,6 +20,7 @@ from vig_world.building.pose import (
 )
 from vig_world.building.registration import Registration, Rig
 from vig_world.building.surface import Surface, points_on, vertex_areas, visible_surface
+from vig_world.building.symmetries import ACROSS, mirror_map, round_map
 from vig_world.building.template import closed_template, outer_surface, remeshed, with_short_edges
 
 
@@ -176,6 +176,17 @@ def test_long_edges_are_cut_and_what_is_closed_stays_closed() -> None:
     assert mesh.volume == pytest.approx(strips.volume)
     template = trimesh.Trimesh(*remeshed(points, faces, 500), process=False)
     assert folded(np.asarray(template.vertices), template.faces) == 0, "no slivers, whatever the file's are"
+
+
+def test_a_round_map_leaves_what_is_round_and_makes_the_rest_so() -> None:
+    post = trimesh.creation.icosphere(subdivisions=3)
+    vertices = np.asarray(post.vertices) * (1, 1, 2)
+    made_round = round_map(vertices, np.asarray(post.faces))
+    away = vertices[:, :2] / np.linalg.norm(vertices[:, :2], axis=1, keepdims=True).clip(1e-9)
+    swollen = np.concatenate([away * np.cos(vertices[:, 2:]), 0.3 * vertices[:, 2:]], axis=1)
+    assert np.abs(made_round(swollen) - swollen)[np.abs(vertices[:, 2]) < 1.8].max() < 0.1
+    leaning = np.stack([vertices[:, 2], 0 * vertices[:, 0], vertices[:, 0]], axis=1)
+    assert np.abs(made_round(leaning)).mean() < 0.2 * np.abs(leaning).mean()
 
 
 def test_a_mirror_map_gives_mirror_images(template: tuple[np.ndarray, np.ndarray]) -> None:
