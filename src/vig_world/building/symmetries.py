@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,15 +11,38 @@ from scipy.spatial import cKDTree
 
 from vig_world.building.surface import Surface, points_on
 from vig_world.mesh import vertex_normals
+from vig_world.rotations import about_z
 
 ACROSS = np.array([1.0, -1.0, 1.0])
 """Times points or normals (..., 3) it is their mirror image in y = 0."""
 PLACES = 60
 """On each face, among which that of a mirrored vertex is found."""
-RING = 24
-"""Vertices of about one height and radius whose mean is taken."""
+TURNS = 36
+"""Of a whole, whose mean is taken."""
 DIRECTION = 0.05
 """Sizes of the object that a difference of normals of one counts as."""
+
+
+class Places:
+    """Where on a template (V, 3), (F, 3) moved vertices come to lie."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
+        self.vertices, self.normals = vertices, vertex_normals(vertices, faces)
+        face, self.weights = points_on(vertices, faces, PLACES * len(faces))
+        self.corners = faces[face]
+        both = (
+            np.einsum("nk,nkd->nd", self.weights, each[self.corners]) for each in (vertices, self.normals)
+        )
+        self.scale = DIRECTION * float(np.ptp(vertices, axis=0).max())
+        self.tree = cKDTree(Surface(*both).features(self.scale))
+
+    def of(self, linear: np.ndarray) -> sp.csr_matrix:
+        """Sparse (V, V) that takes what vertices have to where an orthogonal map (3, 3) takes them."""
+        moved = Surface(self.vertices @ linear.T, self.normals @ linear.T)
+        index, count = self.tree.query(moved.features(self.scale))[1], len(self.vertices)
+        rows = np.repeat(np.arange(count), 3)
+        entries = (self.weights[index].ravel(), (rows, self.corners[index].ravel()))
+        return sp.csr_matrix(entries, (count, count))
 
 
 def mirror_map(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
@@ -26,15 +50,7 @@ def mirror_map(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
 
     Of a shape x in correspondence with the mesh, `(map @ x) * ACROSS` is the mirror image, in correspondence.
     """
-    normals = vertex_normals(vertices, faces)
-    face, weights = points_on(vertices, faces, PLACES * len(faces))
-    corners = faces[face]
-    spread = Surface(*(np.einsum("nk,nkd->nd", weights, each[corners]) for each in (vertices, normals)))
-    scale = DIRECTION * float(np.ptp(vertices, axis=0).max())
-    image = Surface(vertices * ACROSS, normals * ACROSS)
-    _, index = cKDTree(spread.features(scale)).query(image.features(scale))
-    rows = np.repeat(np.arange(len(vertices)), 3)
-    return sp.csr_matrix((weights[index].ravel(), (rows, corners[index].ravel())), (len(vertices),) * 2)
+    return Places(vertices, faces).of(np.diag(ACROSS))
 
 
 def image_map(vertices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -46,21 +62,17 @@ def image_map(vertices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
 def round_map(vertices: np.ndarray, faces: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """What makes fields (..., V, 3) on a template (V, 3) about +Z alike under any turn.
 
-    Each vertex gets the mean of those on the same ring, seen along the radius and the axis: a linear map of
+    Each vertex gets the mean of where turns take it, seen along the radius and the axis: a linear map of
     shapes and of deformations.
     """
     away = vertices[:, :2] / np.maximum(np.linalg.norm(vertices[:, :2], axis=1, keepdims=True), 1e-12)
-    normals = vertex_normals(vertices, faces)
-
-    def along(field: np.ndarray) -> np.ndarray:
-        return np.stack([(field[..., :2] * away).sum(-1), field[..., 2]], axis=-1)
-
-    size = float(np.ptp(vertices, axis=0).max())
-    rings = np.concatenate([along(vertices), DIRECTION * size * along(normals)], axis=1)
-    index = cKDTree(rings).query(rings, RING)[1]
+    places = Places(vertices, faces)
+    mean = sum(places.of(about_z(2 * math.pi * turn / TURNS)) for turn in range(TURNS)) / TURNS
 
     def made_round(field: np.ndarray) -> np.ndarray:
-        mean = along(field)[..., index, :].mean(-2)
-        return np.concatenate([mean[..., :1] * away, mean[..., 1:]], axis=-1)
+        along = np.stack([(field[..., :2] * away).sum(-1), field[..., 2]], axis=-1)
+        flat = np.moveaxis(along, -2, 0).reshape(len(vertices), -1)
+        along = np.moveaxis((mean @ flat).reshape(len(vertices), *field.shape[:-2], 2), 0, -2)
+        return np.concatenate([along[..., :1] * away, along[..., 1:]], axis=-1)
 
     return made_round
