@@ -17,7 +17,7 @@ from safetensors.numpy import load_file, save_file
 
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.scene import ObjectClass, ShapeModel, Symmetry
+from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.props.families import ZONE_NAMES
 from vig_world.building import pictures
@@ -269,8 +269,9 @@ class Builder:
         else:
             front = front_turn(clouds, shape.plane) if shape.mirror and shape.symmetry == "none" else 0.0
         ahead = usual.T @ to_up(up).T @ np.array([math.cos(front), math.sin(front), 0.0])
-        said.append(f"front: {_named(ahead)} of most files, {'found' if told.front is None else 'told'}")
-        said.append(f"mirror plane: {'yes' if shape.mirror else 'none'}")
+        if shape.symmetry != "any-turn":
+            said.append(f"front: {_named(ahead)} of most files, {'found' if told.front is None else 'told'}")
+            said.append(f"mirror plane: {'yes' if shape.mirror else 'none'}")
         for place, number in enumerate(self.used):
             turned = about_z(-front) @ level[place]
             cloud = Cloud.of(some[place].transformed(turned, np.zeros(3)))
@@ -390,8 +391,10 @@ class Builder:
             ("body",),
             components.ratio.astype(np.float32),
         )
-        kinds = [self._kind(number) for number in accepted]
-        families = families_of(model, shapes[trained].astype(np.float32), [kinds[place] for place in trained])
+        families: tuple[Family, ...] = ()
+        if self.stood.shape.symmetry != "any-turn":  # else what has holes is not of the shape
+            kinds = [self._kind(accepted[place]) for place in trained]
+            families = families_of(model, shapes[trained].astype(np.float32), kinds)
         mean, covariance = light_prior()
         size = np.ptp(components.mean, axis=0)
         built = ObjectClass(

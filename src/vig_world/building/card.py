@@ -44,7 +44,12 @@ def card(built: Built, settings: BuildSettings) -> str:
     lines += [
         "",
         f"The template is {built.scans[built.medoid].name}. Off: mean distance both ways. Lacking: share of"
-        " the mesh that the template does not reach. Spare: share of the template that the mesh lacks.",
+        " the mesh that the template does not reach. Spare: share of the template that the mesh lacks."
+        + (
+            " Any turn leaves the shapes the same: up to 9 % of a mesh, as handles, may be left out of them."
+            if built.stood.shape.symmetry == "any-turn"
+            else ""
+        ),
         "",
         "![registered](build/4-registered.png)",
         "",

@@ -101,6 +101,30 @@ def test_one_mesh_makes_a_class(tmp_path: Path) -> None:
     assert (tmp_path / "pack" / "build" / "outdated" / weights.name).read_bytes() == b"of the shapes so far"
 
 
+def test_round_things_stand_by_their_axis_and_become_round(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vig_world.building.build.write_transfer", lambda built, folder: None)
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    for number, (wide, tall) in enumerate(((0.5, 1.0), (0.45, 1.2), (0.55, 1.1))):
+        profile = [[0, 0], [0.6 * wide, 0], [wide, 0.5 * tall], [0.3, 0.8 * tall], [0.35, tall], [0, tall]]
+        mesh = trimesh.creation.revolve(profile)
+        if number == 1:  # it lies, and has a handle
+            handle = trimesh.creation.box((0.3, 0.06, 0.06))
+            handle.apply_translation((wide + 0.1, 0, 0.5 * tall))
+            mesh = trimesh.util.concatenate([mesh, handle])
+            mesh.apply_transform(trimesh.transformations.rotation_matrix(1.5, (0.8, 0.6, 0)))
+        mesh.export(folder / f"{number}.ply")
+    settings = BuildSettings("bottle", up="z", symmetry="any-turn", vertices=500)
+    made = Builder(folder, tmp_path / "pack", settings, lambda line: None).build()
+    assert len(made.splits) == 3 and not made.object_class.families
+    for shape in (made.components.mean, *(made.components.mean + 2 * made.components.basis)):
+        radius, height = np.linalg.norm(shape[:, :2], axis=1), shape[:, 2]
+        ring = np.abs(height - 0.5 * height.max()) < 0.04 * height.max()
+        assert np.ptp(radius[ring]) < 0.15 * radius[ring].mean(), "the handle is no part of the shape"
+
+
 @pytest.mark.parametrize(
     "told, expected",
     [
