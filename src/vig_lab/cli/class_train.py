@@ -28,7 +28,7 @@ from vig_lab.cli.common import check_workers, check_writable
 from vig_lab.cli.settings import Calibrate, Train, TrainClass
 from vig_lab.cli.train import train
 from vig_lab.evaluation import evaluate as run_methods
-from vig_lab.evaluation.protocol import fitted
+from vig_lab.evaluation.protocol import MASK_HEAD, fitted
 from vig_lab.evaluation.results import MethodResult
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.reproduction.record import Record
@@ -42,6 +42,8 @@ from vig_world.generation.write import make_dataset
 WEIGHTS, RELIABILITY = "recognition.safetensors", "reliability.png"
 METHODS = {"rm": "network", "spatial": "fit"}
 """What the card compares, and their names there."""
+SEEN_BY = {"rm": MASK_HEAD}
+"""Where what is seen of the object is a result of its own."""
 HEADING = "## Recognition"
 """Of the card's part on the network: what follows it is written anew."""
 TOLD = ("images", "epochs", "studio", "level", "photos", "seed")
@@ -281,7 +283,7 @@ def summary(results: dict[str, MethodResult], object_class: ObjectClass) -> dict
         errors = results[method].errors
         row = {
             "elevation_deg": float(np.median(errors["elevation_deg"])),
-            "visible_iou": float(errors["segmentation_iou"].mean()),
+            "visible_iou": float(results[SEEN_BY.get(method, method)].errors["segmentation_iou"].mean()),
         }
         if object_class.symmetry is not Symmetry.ANY_TURN:
             azimuth = errors["azimuth_deg"]
