@@ -40,7 +40,8 @@ def test_each_net_is_trained_with_its_own_defaults(
     seen: list[tuple[str | list[str], object]] = []
 
     def training(kind: str) -> Any:
-        def trained(datasets: str | list[str], out: Path, settings: object, say: Any) -> Path:
+        def trained(datasets: str | list[str], out: Path, settings: object, say: Any, *clock: bool) -> Path:
+            assert clock == (() if kind == "paper" else (True,))
             seen.append((datasets, settings))
             say(f"{kind}: epoch 1")
             return out / "recognition.safetensors"
