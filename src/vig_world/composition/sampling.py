@@ -45,11 +45,11 @@ def sample(
     documented ones: shape as in `target.draw_shape`, azimuth uniform, elevation uniform in [0.05, pi/2],
     albedo uniform in [0.2, 0.8], occlusion uniform in [0, 0.9]. Only rooms, spots and placements are redrawn,
     until the hidden share of the object is within 0.015 of the target. In the world of photographs elevation,
-    albedo, coat and lens are those of `photographs.draw_manner` instead, and some objects stand on a seamless
-    ground.
+    albedo, coat and lens are those of `photographs.draw_manner` instead, some objects stand on a seamless
+    ground, and the rare one that no room hides as it should stands on such a ground, half as much hidden.
 
     Raises:
-        UserError: When no placement reached the target in 60 rooms.
+        UserError: When no placement reached the target in `ATTEMPTS` rooms.
     """
     split = library.split
     rng = stream(seed, index, split, 0)
@@ -75,7 +75,9 @@ def sample(
     )
     rejected: Counter[str] = Counter()
     by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
-    for attempt in range(ATTEMPTS):
+    for attempt in range(ATTEMPTS if world == "paper" else 2 * ATTEMPTS):
+        if attempt == ATTEMPTS:
+            target, layouts = target / 2, library.sweeps
         rng = stream(seed, index, split, 1 + attempt)
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
         stage = find_place(library, layouts, actor, finishes, (least, target), rng, rejected)

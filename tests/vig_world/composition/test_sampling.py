@@ -1,14 +1,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.support import TEAPOT
+from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, linear_from_srgb
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.target import target_vertices
+from vig_world.composition import sampling
 from vig_world.composition.sampling import TOLERANCE, sample, target_occlusion
 from vig_world.dataset.spec import Placed, SceneSpec
 from vig_world.library import Library
@@ -179,6 +182,25 @@ def test_build_starts_with_the_object(library: Library, teapot: ObjectClass, spe
     assert [instance.is_target for instance in instances] == [True] + [False] * (len(instances) - 1)
     assert {"wall", "floor", "ceiling"} <= {instance.name for instance in instances}
     np.testing.assert_array_equal(instances[0].mesh.vertices, target_vertices(specs[0], teapot))
+
+
+def test_what_no_room_hides_as_asked_stands_on_a_plain_ground_half_as_hidden(
+    library: Library, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find = sampling.find_place
+
+    def in_no_room(library: Library, layouts: range, *rest: Any) -> Any:
+        return find(library, layouts, *rest) if layouts == library.sweeps else None
+
+    monkeypatch.setattr(sampling, "find_place", in_no_room)
+    monkeypatch.setattr(sampling, "ATTEMPTS", 2)
+    for index in range(4):
+        asked = target_occlusion(3, index, "train")
+        spec = sample(library, teapot, 3, index, "photo")
+        assert spec.room.layout in library.sweeps
+        assert spec.target in (asked, asked / 2) and abs(spec.occlusion - spec.target) <= TOLERANCE
+    with pytest.raises(UserError, match="2 rooms gave none"):
+        sample(library, teapot, 3, 0, "paper")
 
 
 def test_the_share_to_be_hidden_is_flat_in_any_run_of_samples() -> None:

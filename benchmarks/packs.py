@@ -1,0 +1,91 @@
+"""Packs of one class fitted from equal starts: what their shape models are worth, whatever their networks.
+
+    python -m benchmarks.packs DATASET PACK PACK... [--count 200] [--seed 0]
+
+The first PACK's network looks at each photo of a test dataset of that class. Every pack then starts from the
+view, light, colours and mask that it saw, and from its own mean shape: only the shape models differ.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from vig.inference import ExplainSettings
+from vig.recognition import Prediction, Recognizer
+from vig.scene import Latents, ObjectClass, linear_from_srgb, regressed_layout
+from vig_lab.evaluation.fits import fit_all
+from vig_lab.evaluation.framing import fit_settings, framed
+from vig_lab.evaluation.metrics import angle_error_deg, segmentation_iou
+from vig_world.assets.target import shape_vertices
+from vig_world.dataset import read_dataset
+
+
+def without_shape(prediction: Prediction, modes: int) -> Prediction:
+    """A prediction whose shape is the mean of a class of `modes` components, with its prior's deviation."""
+    old, new = prediction.layout, regressed_layout(modes)
+    numbers = torch.zeros(len(prediction), new.size)
+    deviation = torch.ones_like(numbers)
+    for block in new.blocks:
+        if block.name != "shape":
+            numbers[:, new[block.name]] = prediction.numbers[:, old[block.name]]
+            deviation[:, new[block.name]] = prediction.deviation[:, old[block.name]]
+    return replace(prediction, numbers=numbers, deviation=deviation)
+
+
+def surface_error(vertices: np.ndarray, truth: np.ndarray) -> float:
+    """Mean distance both ways in % of the size, of vertices (V, 3) put into the truth's box."""
+    low, size = truth.min(0), np.ptp(truth, axis=0).max()
+    placed = (vertices - vertices.min(0)) * (size / np.ptp(vertices, axis=0).max()) + low
+    placed += (truth.max(0) - placed.max(0)) / 2
+    both = cKDTree(placed).query(truth)[0].mean() + cKDTree(truth).query(placed)[0].mean()
+    return float(50 * both / size)
+
+
+def main() -> None:
+    """Print a row for each pack."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("packs", nargs="+")
+    parser.add_argument("--count", type=int, default=200, help="photos, drawn at random")
+    parser.add_argument("--seed", type=int, default=0, help="of the draw")
+    told = parser.parse_args()
+    classes = [ObjectClass.load(pack) for pack in told.packs]
+    recognizer, dataset = Recognizer.of_class(classes[0]), read_dataset(told.dataset, "test")
+    images, visible = framed(dataset, recognizer)
+    chosen = np.sort(np.random.default_rng(told.seed).permutation(len(images))[: told.count])
+    photos = torch.from_numpy(linear_from_srgb(images[chosen].astype(np.float32) / 255)).float()
+    prediction = recognizer(photos)
+    truth = Latents.from_vector(torch.from_numpy(dataset.latents[chosen]))
+    designs = dataset.design[chosen].tolist()
+    shapes = [
+        shape_vertices(shape, design, classes[0])
+        for shape, design in zip(truth.shape.numpy(), designs, strict=True)
+    ]
+    print("pack: azimuth median, within 15 and 30 degrees; elevation; visible IoU, mean; surface, median")
+    for pack, one in zip(told.packs, classes, strict=True):
+        settings = fit_settings(ExplainSettings(calibrated=False), dataset)
+        start = without_shape(prediction, one.shape_model.modes)
+        fits = fit_all(images[chosen], photos, start, one, settings, torch.get_num_threads())
+        latents = Latents.from_vector(torch.from_numpy(fits.latents))
+        azimuth = angle_error_deg(latents.azimuth, truth.azimuth)
+        elevation = angle_error_deg(latents.elevation, truth.elevation)
+        seen = segmentation_iou(fits.masks, visible[chosen])
+        found = one.shape_model.vertices(latents.shape).numpy()
+        surface = [surface_error(*pair) for pair in zip(found, shapes, strict=True)]
+        print(
+            f"{pack}: {np.median(azimuth):.1f}, {(azimuth <= 15).mean():.1%}, {(azimuth <= 30).mean():.1%};"
+            f" {np.median(elevation):.1f}; {seen.mean():.3f}; {np.median(surface):.2f} %",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
