@@ -23,7 +23,7 @@ HELPERS = {"vig.errors", "vig.names", "vig.checks", "vig.files", "vig.parallel"}
 BELOW = {
     "vig.renderer": {"vig.scene"},
     "vig.likelihood": {"vig.scene", "vig.renderer"},
-    "vig.optimizers": set(),
+    "vig.optimizers": {"vig.renderer"},
     "vig.recognition": {"vig.scene", "vig.photo"},
     "vig.inference": {
         "vig.scene",

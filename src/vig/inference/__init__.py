@@ -1,7 +1,7 @@
 """From a prediction to a fit: objective, starts, refinement, selection, confidence."""
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
-from vig.inference.explain import explain, explain_one
+from vig.inference.explain import explain, explain_one, load_fit_kernels
 from vig.inference.families import family_of
 from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
@@ -23,6 +23,7 @@ __all__ = [
     "explain_one",
     "family_of",
     "geometry_of",
+    "load_fit_kernels",
     "objective_of",
     "starts",
 ]

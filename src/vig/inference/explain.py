@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import torch
+import warp as wp
 
 from vig.inference.calibration import calibration_of
 from vig.inference.confidence import assess
 from vig.inference.posterior import objectives_of
+from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import refine, select
 from vig.inference.settings import ExplainSettings, Fit
 from vig.likelihood import load_kernels
+from vig.optimizers.damped_step import step_kernel
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
+
+
+@functools.cache
+def load_fit_kernels(modes: int) -> None:
+    """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
+    load_kernels(torch.float32, modes)
+    beside = step_kernel(torch.float32), prior_kernel(torch.float32)
+    wp.force_load("cpu", modules=[kernel.module for kernel in beside])
 
 
 def explain(
@@ -30,7 +42,7 @@ def explain(
     """
     chosen = settings or ExplainSettings()
     prediction = recognizer(photos)
-    load_kernels(torch.float32, object_class.shape_model.modes)
+    load_fit_kernels(object_class.shape_model.modes)
 
     def one(index: int) -> Fit:
         here = None if valid is None else valid[index]

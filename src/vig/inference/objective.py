@@ -7,8 +7,10 @@ from typing import Any
 
 import torch
 
+from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Evaluation, Likelihood
-from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotations_z, turn_rate_z
+from vig.renderer.device import launch
+from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotate_z
 from vig.scene.latents import FRAMING
 
 
@@ -54,8 +56,8 @@ class Prior:
         mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
         covariance = torch.from_numpy(object_class.light_prior_covariance)
         precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
-        self.heading_mean: torch.Tensor | None = None
         self.azimuth_precision = 0.0 if recognition is None else recognition.azimuth_precision
+        heading_mean = heading_precision = azimuths = mean[:0]
         if recognition is not None:
             whole = latent_layout(layout.count("shape"))
             names = [block.name for block in whole.blocks if block.name != "light" and block.name in layout]
@@ -64,42 +66,32 @@ class Prior:
             total = precision.diagonal()[here] + added
             mean[here] = added * recognition.mean[there].double() / total.clamp_min(1e-12)
             precision[here, here] = total
-            self.heading_mean = recognition.mean[whole["light"]].to(**place)
-            self.azimuths = recognition.azimuths.to(**place)
-            self.heading_precision = (weight * recognition.precision[whole["light"]]).to(**place)
+            heading_mean = recognition.mean[whole["light"]]
+            heading_precision = weight * recognition.precision[whole["light"]]
+            azimuths = recognition.azimuths if self.azimuth_precision else azimuths
         self.mean, self.precision = mean.to(**place), precision.to(**place)
-        self._places = torch.tensor(layout.indices("azimuth", "light"), device=place.get("device"))
+        self.heading_mean, self.heading_precision = heading_mean.to(**place), heading_precision.to(**place)
+        self.azimuths = azimuths.to(**place)
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
         """log p(z): (B, P') to (B,) float64."""
-        return self.with_derivatives(points)[0]
-
-    def with_derivatives(self, points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """log p(z) (B,) float64, its gradient (B, P') and Gauss-Newton matrix of -log p (B, P', P')."""
         off = self.mean - points
-        gradient = off @ self.precision
-        value = -0.5 * (off * gradient).sum(1)
-        normal = self.precision.expand(len(points), -1, -1)
-        if self.heading_mean is not None:
-            rotation = rotations_z(-points[:, self.azimuth])
-            heading = (rotation @ points[:, self.light, None])[:, :, 0]
-            miss = self.heading_mean - heading
-            pull = miss * self.heading_precision
-            value = value - 0.5 * (miss * pull).sum(1)
-            # jacobian[b, :, i]: d heading / d latent i, first azimuth, then the light in the world frame.
-            jacobian = torch.cat([-turn_rate_z(heading)[:, :, None], rotation], dim=2)
-            gradient = gradient.index_add(1, self._places, (pull[:, None] @ jacobian)[:, 0])
-            normal = normal.clone()
-            curved = (jacobian * self.heading_precision[:, None]).mT @ jacobian
-            normal[:, self._places[:, None], self._places] += curved
-        if self.azimuth_precision:
-            all_off = self.symmetry.difference(self.azimuths, points[:, self.azimuth, None])
-            turn = all_off.gather(1, all_off.abs().argmin(1, keepdim=True))[:, 0]
-            value = value - 0.5 * self.azimuth_precision * turn**2
-            gradient, normal = gradient.clone(), normal.clone()
-            gradient[:, self.azimuth] += self.azimuth_precision * turn
-            normal[:, self.azimuth, self.azimuth] += self.azimuth_precision
-        return value.double(), gradient, normal
+        value = -0.5 * (off * (off @ self.precision)).sum(1)
+        if len(self.heading_mean):
+            heading = rotate_z(points[:, self.light], -points[:, self.azimuth])
+            value = value - 0.5 * ((self.heading_mean - heading) ** 2 * self.heading_precision).sum(1)
+        if len(self.azimuths):
+            off = self.symmetry.difference(self.azimuths, points[:, self.azimuth, None])
+            value = value - 0.5 * self.azimuth_precision * (off**2).amin(1)
+        return value.double()
+
+    def add_to(
+        self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor
+    ) -> None:
+        """Add log p(z) to values (B,) float64, its gradient to (B, P'), -log p's matrix to (B, P', P')."""
+        given = points, self.mean, self.precision, self.heading_mean, self.heading_precision, self.azimuths
+        places = self.azimuth_precision, float(self.symmetry.fold), self.azimuth, self.light.start
+        launch(prior_kernel(points.dtype), len(points), *given, *places, value, gradient, normal)
 
 
 @dataclass(frozen=True)
@@ -173,7 +165,5 @@ class Objective:
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         if evaluation.gradient is None or evaluation.normal is None:
             return Valuation(evaluation.value + self.prior.value(points), None, None, evaluation)
-        value, gradient, normal = self.prior.with_derivatives(points)
-        return Valuation(
-            evaluation.value + value, evaluation.gradient + gradient, evaluation.normal + normal, evaluation
-        )
+        self.prior.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
+        return Valuation(evaluation.value, evaluation.gradient, evaluation.normal, evaluation)

@@ -120,12 +120,10 @@ def pixel_prior(
         return base, decorated
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
     known = torch.ones_like(decorated) if valid is None else valid.double()
-    if settings.surroundings > 0:
-        density = settings.surroundings * log_colour_density(photo, (1 - mask[..., 0]) * known)
-        prior[..., 1] += density
-        prior[..., 2] += density
+    outside, inside = log_colour_density(photo, torch.stack([1 - mask[..., 0], mask[..., 0]]) * known)
+    prior[..., 1:] += settings.surroundings * outside[..., None]
     if share := settings.filled().decoration:
-        own = prior[..., 0] + math.log(share) + log_colour_density(photo, mask[..., 0] * known)
+        own = prior[..., 0] + math.log(share) + inside
         both = torch.logaddexp(prior[..., 1], own)
         decorated = (own - both).exp()
         prior[..., 0] += math.log1p(-share)

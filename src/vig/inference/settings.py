@@ -146,10 +146,10 @@ class ExplainSettings:
 
     likelihood: PixelModel = SPATIAL
     stages: tuple[Stage, ...] = (
-        Stage(8, 5, sigma=4.0, scale=0.5, tolerance=40.0),
-        Stage(4, 6, sigma=4.0, scale=0.5, tolerance=20.0),
-        Stage(2, 8, sigma=2.0, tolerance=10.0),
-        Stage(2, 15, tolerance=2.0),
+        Stage(8, 3, sigma=4.0, scale=0.5, tolerance=40.0),
+        Stage(3, 5, sigma=4.0, scale=0.5, tolerance=20.0),
+        Stage(2, 5, sigma=2.0, tolerance=10.0),
+        Stage(2, 10, tolerance=2.0),
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0

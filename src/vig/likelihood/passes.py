@@ -17,7 +17,6 @@ from vig.parallel.internals import group_fields, type_parts
 from vig.renderer import NOTHING, warp_array
 from vig.renderer.device import Prepared
 from vig.renderer.raster import KEYS_MARGIN
-from vig.scene.light import L_COUNT
 
 if TYPE_CHECKING:
     from vig.likelihood.evaluate import Likelihood
@@ -170,7 +169,7 @@ class Pass:
         if transfer is not None:
             light = self._blocks["light"]
             torch.mm(self._with_one, transfer, out=self.lobe_changes.view(self.count, -1))
-            torch.mm(light, transfer.view(-1, L_COUNT).T, out=self.shadow_rates.view(self.count, -1))
+            torch.mm(light, self.geometry.transfer_by_light, out=self.shadow_rates.view(self.count, -1))
         for launch in self._program(derivatives, images):
             launch()
         if derivatives:

@@ -21,29 +21,28 @@ FLOOR = 0.05
 """Share of the uniform density, for colours that the photo does not show elsewhere."""
 
 
-def log_colour_density(photo: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
-    """Log density of each pixel's colour among the surroundings, relative to uniform on the cube: (H, W).
+def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """Log density of each pixel's colour among the surroundings, relative to uniform on the cube.
 
-    photo (H, W, 3) linear RGB in [0, 1]; weight (H, W) >= 0: how surely each pixel belongs to the
-    surroundings. A trilinear histogram, smoothed by one cell; exact sums in float64, so that the result does
-    not depend on threads.
+    photo (H, W, 3) linear RGB in [0, 1]; weights (..., H, W) >= 0: how surely each pixel belongs to the
+    surroundings, of which there may be several; returns their shape. A trilinear histogram, smoothed by one
+    cell; exact sums in float64, so that the result does not depend on threads.
     """
     colours = photo.reshape(-1, 3).double().clamp(0, 1) * (CELLS - 1)
-    shares = weight.reshape(-1).double() / weight.double().sum().clamp_min(1e-9)
     low = colours.floor().clamp(max=CELLS - 2)
     part = colours - low
-    corners, factors = [], []
-    for corner in range(8):
-        offset = torch.tensor([corner & 1, corner >> 1 & 1, corner >> 2 & 1], dtype=torch.float64)
-        at = (low + offset).long()
-        corners.append((at[:, 0] * CELLS + at[:, 1]) * CELLS + at[:, 2])
-        factors.append((offset * part + (1 - offset) * (1 - part)).prod(1))
-    density = torch.zeros(CELLS**3, dtype=torch.float64)
-    for at, factor in zip(corners, factors, strict=True):
-        density.index_add_(0, at, shares * factor)
-    density = _smooth(density.view(CELLS, CELLS, CELLS) / _volume()).reshape(-1)
-    looked_up = sum(density[at] * factor for at, factor in zip(corners, factors, strict=True))
-    return torch.log(FLOOR + (1 - FLOOR) * torch.as_tensor(looked_up)).view(photo.shape[:2])
+    strides = torch.tensor([CELLS * CELLS, CELLS, 1])
+    halves = torch.stack([1 - part, part], 2)  # of each pixel and channel, to the node below and above
+    factors = torch.einsum("na,nb,nc->nabc", *halves.unbind(1)).reshape(-1, 8)
+    corners = (low.long() @ strides)[:, None] + torch.cartesian_prod(*[torch.arange(2)] * 3) @ strides
+    found = []
+    for weight in weights.reshape(-1, len(colours)).double():
+        shares = weight / weight.sum().clamp_min(1e-9)
+        density = torch.zeros(CELLS**3, dtype=torch.float64)
+        density.index_add_(0, corners.reshape(-1), (shares[:, None] * factors).reshape(-1))
+        density = _smooth(density.view(CELLS, CELLS, CELLS) / _volume()).reshape(-1)
+        found.append((density[corners] * factors).sum(1))
+    return torch.log(FLOOR + (1 - FLOOR) * torch.stack(found)).view(weights.shape)
 
 
 def _volume() -> torch.Tensor:

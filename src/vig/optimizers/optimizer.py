@@ -8,6 +8,9 @@ from typing import Protocol
 
 import torch
 
+ROUNDS = 4
+"""How often a step within bounds is solved, at most."""
+
 
 def held_by_bounds(points: torch.Tensor, gradient: torch.Tensor, problem: Problem) -> torch.Tensor:
     """Parameters (B, P') bool that are fixed or rest on a bound that the gradient (B, P') pushes against."""
@@ -32,8 +35,6 @@ def bounded_step(
     normal: torch.Tensor,
     problem: Problem,
     solve: Callable[[torch.Tensor, torch.Tensor, torch.Tensor], torch.Tensor],
-    damping: torch.Tensor | float = 0.0,
-    rounds: int = 4,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """A step within the bounds: numbers that would pass a bound are held on it, the others solved again.
 
@@ -44,18 +45,16 @@ def bounded_step(
         problem: States the bounds.
         solve: From the right side (B, P'), the matrix (B, P', P') and what is free (B, P') bool to the step
             without bounds. Both are zero where nothing is free, but for the matrix's diagonal, which is 1.
-        damping: (B, P') added to the diagonal of what is free.
-        rounds: How often the others are solved again, at most, the first time included.
 
     Returns:
         The step (B, P'), and the gain (B,) float64 that the quadratic model promises.
     """
     lower, upper, step = problem.lower, problem.upper, torch.zeros_like(points)
     held = held_by_bounds(points, gradient, problem)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         free = (~held).to(points.dtype)
         matrix = normal * (free[:, :, None] * free[:, None, :])
-        torch.diagonal(matrix, dim1=1, dim2=2).add_(torch.where(held, 1.0, damping))
+        torch.diagonal(matrix, dim1=1, dim2=2).add_(held.to(points.dtype))
         right = (gradient - (normal @ (step * held)[:, :, None])[:, :, 0]) * free
         step = torch.where(held, step, solve(right, matrix, ~held))
         reached = points + step

@@ -18,8 +18,14 @@ from safetensors.numpy import save_file
 from vig import __version__
 from vig.checks import check_arrays, decode, parse_json, read_tensors
 from vig.files import atomic_write
-from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, calibration_of, explain_one
-from vig.likelihood import load_kernels
+from vig.inference import (
+    CONFIDENCE_FEATURES,
+    ExplainSettings,
+    Fit,
+    calibration_of,
+    explain_one,
+    load_fit_kernels,
+)
 from vig.parallel.processes import map_in_processes
 from vig.parallel.threads import map_on_threads
 from vig.recognition import Prediction, Recognizer
@@ -109,7 +115,7 @@ def fit_all(
         processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
             the same fits.
     """
-    load_kernels(torch.float32, object_class.shape_model.modes)
+    load_fit_kernels(object_class.shape_model.modes)
     chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
     keys = [hashlib.sha256(key.encode() + images[chunk].tobytes()).hexdigest() for chunk in chunks]
     paths = [None if folder is None else folder / f"{chunk.start:06d}.safetensors" for chunk in chunks]
@@ -144,7 +150,7 @@ Shared = tuple[ObjectClass, ExplainSettings]
 def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
     """The function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
-    load_kernels(torch.float32, object_class.shape_model.modes)
+    load_fit_kernels(object_class.shape_model.modes)
 
     def one(photo: Photo) -> Fits:
         return Fits.of([explain_one(*photo, object_class, settings)], settings.likelihood.alpha == 1)

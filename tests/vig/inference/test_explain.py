@@ -473,7 +473,7 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     """Whoever changes one makes docs and tables anew."""
     settings = ExplainSettings()
     stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
-    assert stages == [(8, 5, 4, 0.5, 40), (4, 6, 4, 0.5, 20), (2, 8, 2, 1, 10), (2, 15, 1, 1, 2)]
+    assert stages == [(8, 3, 4, 0.5, 40), (3, 5, 4, 0.5, 20), (2, 5, 2, 1, 10), (2, 10, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
     assert weights == (1, 1, 1) and settings.azimuth_weight == 100
     for photo, chosen in ((False, (False, 1.0, 0.3, 1, 10, 1000)), (True, (True, 1.4, 0.6, 0.05, 20, 3000))):
@@ -530,7 +530,7 @@ def test_what_was_not_photographed_counts_for_nothing(whole: Case, teapot: Objec
     assert first.evidence == second.evidence
     assert torch.equal(first.latents.to_vector(), second.latents.to_vector())
     assert not first.mask[:, :60].any() and not second.mask[:, :60].any()
-    assert azimuth_off(first.latents, whole.truth) < 2.0
+    assert azimuth_off(first.latents, whole.truth) < 2.5
     everything = torch.ones(150, 150, dtype=torch.bool)
     assert (
         explain_one(whole.photo, whole.prediction, teapot, SETTINGS, everything).evidence

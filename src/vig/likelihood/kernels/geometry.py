@@ -49,7 +49,9 @@ class Geometry:
             expected = (model.modes + 1, len(model.mean), L_COUNT)
             if transfer.shape != expected:
                 raise ValueError(f"transfer must be {expected} like the shape model; got {transfer.shape}")
-            self.transfer = torch.from_numpy(transfer.reshape(len(transfer), -1)).to(device, dtype)
+            table = torch.from_numpy(transfer).to(device, dtype)
+            self.transfer = table.reshape(len(table), -1)
+            self.transfer_by_light = table.reshape(-1, L_COUNT).T.contiguous()
         faces = np.ascontiguousarray(model.faces, np.int32)
         start, ring = rings_of(faces, len(model.mean))
         self.faces, self.edges, self.ring_start, self.ring = (
