@@ -20,7 +20,6 @@ from vig.scene.light import (
     sh_basis,
     srgb8_from_linear,
     srgb_from_linear,
-    turn_rate_z,
 )
 from vig.scene.object_class import Family, ObjectClass
 from vig.scene.shape_model import ShapeModel
@@ -51,5 +50,4 @@ __all__ = [
     "sh_basis",
     "srgb8_from_linear",
     "srgb_from_linear",
-    "turn_rate_z",
 ]

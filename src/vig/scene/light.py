@@ -8,7 +8,6 @@ cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import TypeVar
 
@@ -109,26 +108,5 @@ def rotate_z(light: torch.Tensor, angle: torch.Tensor | float) -> torch.Tensor:
 
 def rotations_z(angle: torch.Tensor) -> torch.Tensor:
     """Matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns it."""
-    harmonics = [torch.ones_like(angle), angle.cos(), angle.sin(), (2 * angle).cos(), (2 * angle).sin()]
-    parts = _rotation_parts().to(angle)
-    return (torch.stack(harmonics, dim=1) @ parts).view(-1, L_COUNT, L_COUNT)
-
-
-@functools.cache
-def _rotation_parts() -> torch.Tensor:
-    """Coefficients (5, 81) float64 of 1, cos, sin, cos 2, sin 2 of the angle in a rotation about Z."""
-    angles = torch.arange(5, dtype=torch.float64) * (2 * math.pi / 5)
-    harmonics = torch.stack(
-        [angles * 0 + 1, angles.cos(), angles.sin(), (2 * angles).cos(), (2 * angles).sin()]
-    )
-    identity = torch.eye(L_COUNT, dtype=torch.float64).expand(5, -1, -1)
-    matrices = rotate_z(identity, angles[:, None]).mT.reshape(5, -1)
-    parts: torch.Tensor = torch.linalg.solve(harmonics.T, matrices)
-    return parts
-
-
-def turn_rate_z(light: torch.Tensor) -> torch.Tensor:
-    """d rotate_z(light, angle) / d angle at angle 0, per radian: (..., 9) to (..., 9)."""
-    l00, y, z, x, xy, yz, zz, xz, x2y2 = light.unbind(-1)
-    zero = torch.zeros_like(l00)
-    return torch.stack([zero, x, zero, -y, 2 * x2y2, xz, zero, -yz, -2 * xy], dim=-1)
+    identity = torch.eye(L_COUNT, dtype=angle.dtype, device=angle.device)
+    return rotate_z(identity.expand(len(angle), -1, -1), angle[:, None]).mT
