@@ -55,6 +55,10 @@ STUDIO_EACH = 1.25
 
 def train_class(settings: TrainClass) -> int:
     """`vig class train`."""
+    if not settings.pack.is_dir():
+        raise UserError(
+            f"expected the folder of a class pack; got '{settings.pack}'. `vig class build` makes one."
+        )
     object_class = ObjectClass.load(settings.pack)
     _check(settings)
     check_writable(settings.pack)
@@ -239,7 +243,7 @@ class ClassTraining:
             f"Of the fits {found['trusted']:.0%} are `trusted`"
             + (
                 f", {found['trusted_right']:.0%} of these within 15 degrees."
-                if found["trusted_right"]
+                if found["trusted_right"] is not None
                 else "."
             ),
             "",
@@ -292,7 +296,9 @@ def summary(results: dict[str, MethodResult], object_class: ObjectClass) -> dict
         methods[name] = row
     fits = results["spatial"]
     trusted = np.array([verdict == "trusted" for verdict in fits.verdicts])
-    right = fits.errors["azimuth_deg"][trusted] <= 15
+    # Where any turn looks the same, the view is the elevation.
+    view = "elevation_deg" if object_class.symmetry is Symmetry.ANY_TURN else "azimuth_deg"
+    right = fits.errors[view][trusted] <= 15
     return {
         "photos": len(trusted),
         "methods": methods,

@@ -98,6 +98,9 @@ class BuildSettings:
                 f"expected {LEAST_VERTICES} to {MOST_VERTICES} vertices; got {self.vertices}."
                 f" Take about {VERTICES}."
             )
+        for text in (self.name, self.shows or "-"):
+            if not text or len(text) > 100 or not text.isprintable():
+                raise UserError(f"expected names of 1 to 100 printable characters; got {text[:100]!r}.")
         for axis in (self.up, self.front):
             if axis is not None:
                 _axis(axis)
@@ -171,9 +174,10 @@ class Builder:
         self.folder, self.out, self.settings, self.say = Path(folder), Path(out), settings, say
         self.kept = self.out / "build" / "kept"
         settings.check()
-        if (self.out / "class.json").exists() and not (self.out / "build").is_dir():
+        begun = (self.out / "build").is_dir()
+        if self.out.exists() and not (begun or self.out.is_dir() and not any(self.out.iterdir())):
             raise UserError(
-                f"'{self.out}' holds a class that was not built from meshes. Choose another folder."
+                f"'{self.out}' holds what `vig class build` did not make. Choose a new or an empty folder."
             )
 
     def build(self) -> Built:

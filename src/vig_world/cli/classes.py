@@ -13,6 +13,9 @@ def build(settings: Build) -> int:
     """`vig class build`."""
     from vig_world.building import Builder, BuildSettings
 
+    turns = [_turn(each) for each in settings.turn]
+    if len(dict(turns)) < len(turns):
+        raise UserError("expected one --turn for each mesh; got two for one.")
     told = BuildSettings(
         settings.name or settings.out.resolve().name,
         settings.up,
@@ -20,7 +23,7 @@ def build(settings: Build) -> int:
         settings.shows,
         settings.symmetry,
         settings.length,
-        dict(_turn(each) for each in settings.turn),
+        dict(turns),
         settings.drop,
         settings.vertices,
         dict.fromkeys(settings.places, 1.0),

@@ -89,7 +89,9 @@ def test_wrong_settings_get_one_line(pack: Path, chosen: dict[str, int], said: s
         train_class(settings(pack, **chosen))
 
 
-def test_a_folder_without_a_pack_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError):
-        train_class(settings(tmp_path))
+def test_a_folder_without_a_pack_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for given in (tmp_path, Path("mug")):
+        with pytest.raises(UserError, match="expected"):
+            train_class(settings(given))
     assert not any(tmp_path.iterdir())

@@ -14,6 +14,8 @@ from vig.errors import UserError
 from vig.scene import ObjectClass, Symmetry
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.building import Builder, BuildSettings, Built
+from vig_world.cli.classes import build
+from vig_world.cli.settings import Build
 
 
 def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[Built, Path]) -> None:
@@ -166,7 +168,24 @@ def test_a_folder_of_broken_files_gets_one_line(tmp_path: Path) -> None:
     assert not (tmp_path / "pack").exists()
 
 
-def test_a_class_made_otherwise_is_not_overwritten(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "class.json").write_text("{}")
-    with pytest.raises(UserError, match="not built from meshes"):
-        Builder(folder, tmp_path, SETTINGS)
+def test_what_was_made_otherwise_is_not_overwritten(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "card.md").write_text("precious")
+    (tmp_path / "file").write_text("precious")
+    for out in (folder, tmp_path / "mine", tmp_path / "file"):
+        with pytest.raises(UserError, match="did not make"):
+            Builder(folder, out, SETTINGS)
+    assert (tmp_path / "mine" / "card.md").read_text() == "precious"
+    (tmp_path / "empty").mkdir()
+    Builder(folder, tmp_path / "empty", SETTINGS)
+
+
+@pytest.mark.parametrize("told", [{"name": ""}, {"name": "a\nb"}, {"name": "x" * 101}, {"shows": "a\tb"}])
+def test_a_text_that_no_class_can_have_is_told_at_once(told: dict[str, str]) -> None:
+    with pytest.raises(UserError, match="1 to 100 printable characters"):
+        replace(SETTINGS, **told).check()
+
+
+def test_a_mesh_is_turned_once(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="two for one"):
+        build(Build(folder, tmp_path / "pack", turn=("1:90", "1:180")))
