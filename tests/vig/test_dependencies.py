@@ -56,6 +56,25 @@ def test_help_needs_no_extras(verb: list[str], tmp_path: Path) -> None:
     assert "usage" in found.stdout
 
 
+def test_a_fit_loads_nothing_that_it_does_not_need(tmp_path: Path) -> None:
+    """What `vig fit` imports is most of its time for one photo."""
+    unneeded = (
+        "trimesh",
+        "scipy.optimize",
+        "scipy.ndimage",
+        "pyarrow",
+        "matplotlib",
+        "skimage",
+        "torchvision",
+    )
+    found = run_blocked(
+        "import vig.cli.fit\nfrom vig.cli.main import verbs_of_packages\nverbs_of_packages()\n"
+        f"print([name for name in {unneeded!r} if name in sys.modules])",
+        tmp_path,
+    )
+    assert (found.stdout, found.stderr) == ("[]\n", "")
+
+
 @pytest.mark.slow
 def test_a_photo_is_explained_without_extras(tmp_path: Path) -> None:
     photo = Path(__file__).parents[2] / "src" / "vig_lab" / "examples" / "01_open.png"

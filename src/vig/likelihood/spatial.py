@@ -21,9 +21,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # which loads `sparse` where that is first used: many masks need no cut
 import torch
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from vig.likelihood.pixel import NEVER, PixelModel
 from vig.scene import srgb_from_linear
@@ -217,11 +216,11 @@ def _cut(log_odds: np.ndarray, weights: np.ndarray, free: np.ndarray) -> np.ndar
     capacity = np.rint(np.concatenate(capacities) * CAPACITY_PER_NAT).astype(np.int32)
     used = capacity > 0
     ends = np.concatenate(heads)[used], np.concatenate(tails)[used]
-    graph = csr_array((capacity[used], ends), shape=(count + 2, count + 2))
-    residual = graph - maximum_flow(graph, source, sink).flow
+    graph = scipy.sparse.csr_array((capacity[used], ends), shape=(count + 2, count + 2))
+    residual = graph - scipy.sparse.csgraph.maximum_flow(graph, source, sink).flow
     residual.eliminate_zeros()
     visible = np.zeros(count + 2, bool)
-    visible[breadth_first_order(residual, source, return_predecessors=False)] = True
+    visible[scipy.sparse.csgraph.breadth_first_order(residual, source, return_predecessors=False)] = True
     return visible[:count]
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # which loads `optimize` where that is first used
 import torch
-from scipy.optimize import Bounds, OptimizeResult, minimize
 
 from vig.optimizers.optimizer import Budget, Descent, Problem, held_by_bounds, scales
 
@@ -47,7 +47,9 @@ class LBFGS:
         return _search_each(problem, starts, photo, sigma, budget, self._run)
 
     def _run(self, search: _Search) -> None:
-        bounds = Bounds(search.scaled(search.problem.lower), search.scaled(search.problem.upper))
+        bounds = scipy.optimize.Bounds(
+            search.scaled(search.problem.lower), search.scaled(search.problem.upper)
+        )
         options = {
             "maxcor": self.memory,
             "maxiter": search.budget.iterations,
@@ -56,7 +58,7 @@ class LBFGS:
             "ftol": 0.0,
             "gtol": 1e-12,
         }
-        found = minimize(
+        found = scipy.optimize.minimize(
             search.negative,
             search.scaled(search.point),
             jac=True,
@@ -129,7 +131,7 @@ class _Search:
         inside = (raw == point) | torch.isclose(raw, point, rtol=1e-6, atol=0.0)
         return -value, -torch.where(inside, gradient, 0.0).double().cpu().numpy() / self.scale
 
-    def after_step(self, intermediate_result: OptimizeResult) -> None:
+    def after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:
         """scipy's callback: counts the step, and ends the search when it gained less than the tolerance."""
         self.steps += 1
         gain, self._last = self.value - self._last, self.value
@@ -187,7 +189,9 @@ def _bfgs(search: _Search) -> None:
 
         options = {"maxiter": search.budget.iterations - search.steps, "gtol": 1e-12}
         steps = search.steps
-        minimize(negative, origin[free], jac=True, method="BFGS", callback=search.after_step, options=options)
+        scipy.optimize.minimize(
+            negative, origin[free], jac=True, method="BFGS", callback=search.after_step, options=options
+        )
         search.converged = search.value - before < search.budget.tolerance
         if search.converged or search.steps == steps:
             return

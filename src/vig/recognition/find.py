@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,8 @@ from vig.recognition.prediction import Prediction, Recognizer
 
 SIZES, STEP = 6, 0.4
 """Sides of windows, from the photo's down by square roots of 2; steps between windows, in sides."""
+LARGE, SURE = 3, 0.85
+"""Where one of the largest sizes leads to such a score, the many small windows are not looked at."""
 KEPT, MOVES = 6, 3
 """So many windows are moved onto the object that they show, so often."""
 LEAST_ROLL = math.radians(5.0)
@@ -38,20 +41,24 @@ class Candidate:
 def find(photo: np.ndarray, recognizer: Recognizer) -> list[Candidate]:
     """Places of the object in a photo (H, W, 3) linear RGB, best first, each a place of its own.
 
-    The list holds at least one; a low score means that the photo may not show the object.
+    The list holds at least one, and of several objects perhaps only one; a low score means that the photo
+    may not show the object.
     """
-    windows = _grid(*photo.shape[1::-1])
-    prediction = predict_windows(photo, windows, recognizer, twice=False)
-    scores = _scores(prediction)
+    tried: list[tuple[float, Window]] = []
     found: list[Candidate] = []
-    best = sorted(range(len(windows)), key=lambda index: -scores[index])[:KEPT]
-    moved = [_moved(windows[index], prediction[index : index + 1]) for index in best]
-    for _ in range(MOVES):
-        prediction = predict_windows(photo, moved, recognizer)
-        scores = _scores(prediction)
-        found += [Candidate(window, score) for window, score in zip(moved, scores, strict=True)]
-        moved = [_moved(window, prediction[i : i + 1]) for i, window in enumerate(moved)]
-    found.sort(key=lambda each: -each.score)
+    for sizes in (range(LARGE), range(LARGE, SIZES)):
+        windows = _grid(photo.shape[1], photo.shape[0], sizes)
+        prediction = predict_windows(photo, windows, recognizer, twice=False)
+        tried += zip(_scores(prediction), _all_moved(windows, prediction), strict=True)
+        tried.sort(key=lambda each: -each[0])
+        moved = [window for _, window in tried[:KEPT]]
+        for _ in range(MOVES):
+            prediction = predict_windows(photo, moved, recognizer)
+            found += map(Candidate, moved, _scores(prediction))
+            moved = _all_moved(moved, prediction)
+        found.sort(key=lambda each: -each.score)
+        if found[0].score >= SURE:
+            break
     apart: list[Candidate] = []
     for each in found:
         if all(_apart(each.window, other.window) for other in apart):
@@ -73,10 +80,10 @@ def predict_windows(
     return recognizer(cut, twice=twice)
 
 
-def _grid(width: int, height: int) -> list[Window]:
+def _grid(width: int, height: int, sizes: Iterable[int]) -> list[Window]:
     """Windows whose centres lie in the photo."""
     largest, windows = WINDOW_OVER_BOX * max(width, height), []
-    for size in range(SIZES):
+    for size in sizes:
         side = largest * 2 ** (-size / 2)
         across, down = (
             max(1, math.ceil((length - 0.3 * side) / (STEP * side))) for length in (width, height)
@@ -110,6 +117,10 @@ def _moved(window: Window, prediction: Prediction) -> Window:
     w, h = box[2] * window.side, box[3] * window.side
     turn = window.roll + (roll if abs(roll) > LEAST_ROLL else 0.0)
     return Window.round_box((centre[0] - w / 2, centre[1] - h / 2, w, h), turn)
+
+
+def _all_moved(windows: list[Window], prediction: Prediction) -> list[Window]:
+    return [_moved(window, prediction[i : i + 1]) for i, window in enumerate(windows)]
 
 
 def _scores(prediction: Prediction) -> list[float]:

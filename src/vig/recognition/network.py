@@ -10,6 +10,7 @@ from typing import ClassVar
 import torch
 from torch import nn
 from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from vig.checks import check_number
 from vig.parallel.internals import has_bfloat16
@@ -225,6 +226,15 @@ def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> Non
     network.load_state_dict(own, assign=True)
 
 
+def fold_normalisation(network: nn.Module) -> None:
+    """Make batch normalisation part of the convolution before it: a network that only predicts is faster."""
+    for layers in list(network.modules()):
+        pair = list(layers.children())[:2]
+        if isinstance(layers, nn.Sequential) and [type(x) for x in pair] == [nn.Conv2d, nn.BatchNorm2d]:
+            layers[0] = fuse_conv_bn_eval(*pair)  # type: ignore[type-var,arg-type]
+            del layers[1]
+
+
 class RecognitionNetwork(nn.Module):
     """From an image (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
 
@@ -320,5 +330,5 @@ def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, groups=groups, bias=False),
         nn.BatchNorm2d(outputs, 1e-3),
-        nn.ReLU6(),
+        nn.ReLU6(inplace=True),
     )

@@ -20,6 +20,7 @@ from vig.recognition.network import (
     NetworkSettings,
     RecognitionNetwork,
     bfloat16,
+    fold_normalisation,
     latents_of,
     layout_of_numbers,
     load_network,
@@ -150,7 +151,8 @@ class Recognizer:
             self._read(settings, tensors)
             numbers = regressed_layout(self.network.settings.modes).size
             self.calibration = NetworkCalibration.of(tensors, numbers)
-        self.network.eval().to(memory_format=torch.channels_last)
+        fold_normalisation(self.network.eval())
+        self.network.to(memory_format=torch.channels_last)
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
         """Set the network and its targets' scale."""

@@ -115,6 +115,7 @@ def _check_shape(name: str, tensor: torch.Tensor, shape: tuple[int | None, ...])
 
 wp.config.log_level = wp.LOG_ERROR
 wp.config.enable_backward = False
+wp.config.use_precompiled_headers = False  # making them takes longer than one module does
 
 _NATIVE = {wp.float32: "float", wp.float64: "double"}
 _starting = threading.Lock()

@@ -67,7 +67,7 @@ def native_draw_faces(dtype: torch.dtype) -> Any:
 
 
 @functools.cache
-def rasterize_kernel(dtype: torch.dtype) -> Any:
+def rasterize_kernel(dtype: torch.dtype, module: str | None = None) -> Any:
     """The kernel that draws meshes of the same faces, an image each; compiled at first use.
 
     It reads the screen: (x, y, q) of each vertex, its pixel coordinates and one over its depth; q = 0 marks
@@ -77,7 +77,7 @@ def rasterize_kernel(dtype: torch.dtype) -> Any:
     vec3 = wp.types.vector(3, scalar_type(dtype))
     draw_faces = native_draw_faces(dtype)
 
-    @wp.kernel(module=kernel_module("raster", dtype))
+    @wp.kernel(module=module or kernel_module("raster", dtype))
     def rasterize_faces(
         screen: wp.array2d(dtype=vec3),
         faces: wp.array2d(dtype=wp.int32),

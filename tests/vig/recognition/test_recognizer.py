@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import torch
 
-from vig.recognition import Recognizer
-from vig.recognition.network import mirrored
+from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
+from vig.recognition.network import fold_normalisation, mirrored
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 
@@ -38,6 +38,23 @@ def test_once_is_the_network_as_it_is() -> None:
     both = recognizer(photo)
     assert torch.allclose(both.roll, (once.roll - turned.roll) / 2, atol=1e-3)
     assert not torch.allclose(once.numbers, both.numbers, atol=1e-3)
+
+
+def test_folded_normalisation_predicts_the_same() -> None:
+    network = RecognitionNetwork(NetworkSettings()).eval()
+    generator = torch.Generator().manual_seed(3)
+    for layer in network.modules():
+        if isinstance(layer, torch.nn.BatchNorm2d):
+            layer.running_mean = torch.randn(layer.num_features, generator=generator) / 10
+            layer.running_var = torch.rand(layer.num_features, generator=generator) + 0.5
+    photo = torch.rand(1, 3, 150, 150, generator=generator)
+    with torch.inference_mode():
+        before = network(photo)
+        fold_normalisation(network)
+        after = network(photo)
+    assert not any(isinstance(layer, torch.nn.BatchNorm2d) for layer in network.modules())
+    for name, value in vars(before).items():
+        torch.testing.assert_close(getattr(after, name), value, rtol=1e-3, atol=1e-4)
 
 
 def test_a_class_that_is_not_its_mirror_image_is_asked_once() -> None:

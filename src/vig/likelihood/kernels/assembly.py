@@ -23,7 +23,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     real, vec3, rest_row = t.real, t.vec3, t.rest_row
     point = RowLayout(modes).point
     shape_columns, albedo_from, shape_from = t.rows.shape, point.at("albedo"), point.at("shape")
-    module = module_name("assembly", dtype, modes)
+    module = module_name(dtype, modes)
 
     @wp.kernel(module=module)
     def add_values(
@@ -93,7 +93,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     return SimpleNamespace(
         add_values=add_values,
         assemble=assemble,
-        rasterize_faces=rasterize_kernel(dtype),
+        rasterize_faces=rasterize_kernel(dtype, module),
         groups=vars(argument_groups(dtype, modes)),
         **vars(t),
         **{name: kernel for part in parts for name, kernel in vars(part).items()},
@@ -102,7 +102,5 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
 @functools.cache
 def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
-    """Compile or load all kernels of a fit, once, two modules side by side: threads must not do it."""
-    kernels = likelihood_kernels(dtype, modes)
-    used = kernels.place, kernels.rasterize_faces, kernels.interior, kernels.boundary, kernels.assemble
-    wp.force_load(device, modules=[kernel.module for kernel in used], max_workers=2)
+    """Compile or load all kernels of a fit, once: threads must not do it."""
+    wp.force_load(device, modules=[likelihood_kernels(dtype, modes).place.module])

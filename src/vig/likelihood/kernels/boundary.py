@@ -28,7 +28,7 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     blend_of, pull_normal, pull_colours = g.blend_of, g.pull_normal, g.pull_colours
     motion_of, pull_edge, add_row = g.motion_of, g.pull_edge, g.add_row
     least_square, one = real(LEAST_SQUARE), real(1.0)
-    module = module_name("boundary", dtype, modes)
+    module = module_name(dtype, modes)
 
     @wp.kernel(module=module)
     def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.renderer.device import initialise, native_code, scalar_type
+from vig.renderer.device import initialise, kernel_module, native_code, scalar_type
 from vig.scene import Block, LatentLayout, point_layout
 from vig.scene.latents import FRAMING
 from vig.scene.light import L_COUNT
@@ -64,9 +64,9 @@ class RowLayout:
         return columns
 
 
-def module_name(part: str, dtype: torch.dtype, modes: int) -> str:
-    """The name under which kernels of this scalar type and width are cached."""
-    return f"vig_{part}_{str(dtype).removeprefix('torch.')}_{modes}"
+def module_name(dtype: torch.dtype, modes: int) -> str:
+    """The one module of all kernels of this type and width: most of compiling is Warp's own headers."""
+    return kernel_module(f"fit{modes}", dtype)
 
 
 def native_file(dtype: torch.dtype, *files: str, **constants: int | float) -> str:

@@ -31,7 +31,7 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     NormalRows, Pictures = groups.normal_rows, groups.pictures
     eye_of, camera_cotangent, surface_of, seen_at = c.eye_of, c.camera_cotangent, f.surface_of, f.seen_at
     moved, add_basis, face_mask, negligible = r.moved, r.add_basis, wp.int64(FACE_MASK), real(NEGLIGIBLE)
-    module = module_name("interior", dtype, modes)
+    module = module_name(dtype, modes)
     code = native_file(
         dtype,
         "explain_lines.cc",

@@ -73,7 +73,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     point = RowLayout(modes).point
     azimuth_from, elevation_from = 1 + point.at("azimuth"), 1 + point.at("elevation")
     light_from, framing_from = 1 + point.at("light"), 1 + point.at("framing")
-    module = module_name("vertices", dtype, modes)
+    module = module_name(dtype, modes)
 
     @wp.kernel(module=module)
     def look(points: wp.array2d(dtype=real), camera: vec3, view: View, lighting: Lighting):
