@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from PIL import Image
 from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings, Fit, Verdict, explain
-from vig.parallel import map_in_processes
+from vig.parallel import map_in_processes, on_one_core
 from vig.photo import Window, as_photo, focal_of
 from vig.recognition import Recognizer, find, upright
 from vig.scene import Latents, ObjectClass
@@ -58,10 +59,10 @@ class Explainer:
         if not isinstance(settings, ExplainSettings):
             raise UserError(f"expected ExplainSettings; got a {type(settings).__name__}. Pass them by name.")
         if not isinstance(object_class, ObjectClass):
-            object_class = ObjectClass.load(object_class)
+            object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
-        self.recognizer = Recognizer.of_class(object_class)
+        self.recognizer = on_one_core(partial(Recognizer.of_class, object_class))
 
     def explain(
         self, photo: Photo, box: Box | None = None, window: Window | None = None, focal: float | None = None
@@ -82,6 +83,11 @@ class Explainer:
         """
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
+        return on_one_core(partial(self._explained, photo, box, window, focal))
+
+    def _explained(
+        self, photo: Photo, box: Box | None, window: Window | None, focal: float | None
+    ) -> Explanation:
         linear = as_photo(photo)
         height, width = linear.shape[:2]
         settings, found = self.settings.filled(photo=window is None), 1.0

@@ -19,6 +19,7 @@ from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
 from vig.optimizers.optimizer import Optimizer
 from vig.optimizers.quasi_newton import BFGS, LBFGS
+from vig.parallel import one_thread
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.evaluation.presentation import Block
@@ -175,9 +176,7 @@ def timed(
     photos = torch.from_numpy(linear_from_srgb(images)).float()
     prediction = recognizer(photos)
     spent = dict.fromkeys(chosen, 0.0)
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with one_thread():
         for settings in chosen.values():
             explain_one(photos[0], prediction[:1], object_class, settings)
         for index, photo in enumerate(photos):
@@ -185,8 +184,6 @@ def timed(
                 started = time.process_time()
                 explain_one(photo, prediction[index : index + 1], object_class, settings)
                 spent[name] += time.process_time() - started
-    finally:
-        torch.set_num_threads(before)
     return {name: 1000 * seconds / len(photos) for name, seconds in spent.items()}
 
 

@@ -23,6 +23,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits 0, 2 for a user's mistake, 1 for a failed check, 130 when interrupted."""
     verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
     chosen = _parsed(list(verbs.values()), arguments)
+    if isinstance(chosen, Fit):  # whose matrices are small: numpy's further threads would only spin
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         sys.exit(verbs[type(chosen)].run(chosen))
     except UserError as error:

@@ -14,7 +14,7 @@ import warp as wp
 from vig.likelihood.kernels.assembly import likelihood_kernels, load_kernels
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
-from vig.parallel.threads import run_on_threads, thread_count
+from vig.parallel.threads import on_one_core, run_on_threads, thread_count
 from vig.renderer import warp_array
 from vig.scene import Camera, Latents, latent_layout
 
@@ -194,7 +194,7 @@ class Likelihood:
                     for kept, image in zip(shown, run.images, strict=False):
                         kept[part] = image
 
-        run_on_threads(every, threads)
+        on_one_core(lambda: run_on_threads(every, threads))
         shape = count, self.camera.height, self.camera.width
         posterior, coverage, irradiance = (image.view(shape) for image in shown) if images else [None] * 3
         if coverage is not None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from vig.checks import parse_json, read_bytes, read_json, reading
 from vig.errors import UserError
+from vig.parallel import one_thread
 from vig.scene import ObjectClass
 from vig_world.dataset.format import (
     INFO,
@@ -29,7 +30,7 @@ from vig_world.dataset.spec import WORLD_VERSION, SceneSpec
 from vig_world.dataset.table import read_table
 from vig_world.generation.bop import TARGETS, localisation_targets
 from vig_world.generation.files import read_scene
-from vig_world.generation.job import Job, Maker, one_thread
+from vig_world.generation.job import Job, Maker
 from vig_world.generation.labels import label_problems, model_problems
 from vig_world.library import OwnAssets
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-import torch
 from PIL import Image
 
+from vig.parallel import one_thread
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
 from vig_world.dataset.format import image_paths
@@ -166,17 +165,6 @@ def store(folder: Path, files: dict[str, bytes]) -> None:
     """Write the files of a sample into the split's folder, in their order."""
     for name, data in files.items():
         write_bytes(folder / name, data)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Run torch on one thread: its sums depend on the number of threads, and samples must not."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 Advance = Callable[[int], None]

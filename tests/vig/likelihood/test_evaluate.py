@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -246,3 +247,25 @@ def test_photos_that_are_none_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         Photos(linear, log_prior)
+
+
+def test_two_threads_do_not_slow_one_evaluation_down(studio) -> None:
+    """Small matrix products on two of torch's threads took 15 times as long."""
+    rng = np.random.default_rng(7)
+    latents = studio.latents(rng)
+    likelihood = studio.likelihood(studio.photo(rng, latents))
+    framing, before = torch.zeros(1, 4, dtype=torch.float64), torch.get_num_threads()
+
+    def seconds(threads: int) -> float:
+        torch.set_num_threads(threads)
+        started = time.perf_counter()
+        likelihood(latents, framing, *studio.whose(1))
+        return time.perf_counter() - started
+
+    try:
+        seconds(1), seconds(2)
+        taken = [(seconds(1), seconds(2)) for _ in range(30)]
+    finally:
+        torch.set_num_threads(before)
+    one, two = (min(each) for each in zip(*taken, strict=True))
+    assert two < 3 * one, f"{1000 * two:.1f} ms on two threads, {1000 * one:.1f} on one"
