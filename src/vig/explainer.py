@@ -18,7 +18,7 @@ from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings, Fit, Verdict, explain
 from vig.parallel import map_in_processes, on_one_core
-from vig.photo import Window, as_photo, focal_of
+from vig.photo import Halved, Window, coded_photo, focal_of
 from vig.recognition import Recognizer, find, upright
 from vig.scene import Latents, ObjectClass
 
@@ -88,17 +88,17 @@ class Explainer:
     def _explained(
         self, photo: Photo, box: Box | None, window: Window | None, focal: float | None
     ) -> Explanation:
-        linear = as_photo(photo)
-        height, width = linear.shape[:2]
+        coded = coded_photo(photo)
+        seen, (height, width) = Halved(coded), coded.shape[:2]
         settings, found = self.settings.filled(photo=window is None), 1.0
         if window is None and box is not None:
-            window = upright(linear, Window.of(width, height, checked_box(box)), self.recognizer)
+            window = upright(seen, Window.of(width, height, checked_box(box)), self.recognizer)
         if window is None:
-            window, found = (best := find(linear, self.recognizer)[0]).window, best.score
+            window, found = (best := find(seen, self.recognizer)[0]).window, best.score
         if self.settings.farther is None:
             focal = checked_focal(focal) if focal is not None else focal_of(photo)
             settings = replace(settings, farther=window.farther(focal)) if focal else settings
-        cut, known = window.cut(linear)
+        cut, known = window.cut(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid))
         if found < LEAST_FOUND:
@@ -109,7 +109,7 @@ class Explainer:
                 f"what was found in the photo may be no {self.object_class.name}; give a box if it is one"
             )
             fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
-        return Explanation(linear, window, fit, self.object_class, settings.farther or 1.0)
+        return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0)
 
     def explain_many(
         self,
@@ -166,8 +166,8 @@ class Explainer:
     def _received(self, answer: Any) -> Explanation | UserError:
         if isinstance(answer, UserError):
             return answer
-        photo, window, fit, farther = answer
-        return Explanation(photo, window, _unpacked(fit), self.object_class, farther)
+        picture, window, fit, farther = answer
+        return Explanation(picture, window, _unpacked(fit), self.object_class, farther)
 
 
 def checked_box(box: Any) -> Box:
@@ -205,7 +205,7 @@ def _pairs(photos: Iterable[Photo], boxes: Iterable[Box | None] | None) -> Itera
 
 def _sendable(photo: Photo) -> str | np.ndarray:
     """Return a photo in the form that is sent to another process."""
-    return str(photo) if isinstance(photo, str | Path) else as_photo(photo)
+    return str(photo) if isinstance(photo, str | Path) else coded_photo(photo)
 
 
 def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
@@ -216,7 +216,7 @@ def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
         found = explainer._tried(item)
         if isinstance(found, UserError):
             return found
-        return found.photo, found.window, _packed(found.fit), found.farther
+        return found.picture, found.window, _packed(found.fit), found.farther
 
     return work
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.inference import Fit, Verdict, family_of
-from vig.photo import Window
+from vig.photo import Window, linear_photo
 from vig.renderer import render_latents
 from vig.report import describe, overlay, write_explanation
 from vig.scene import Camera, Latents, ObjectClass, srgb8_from_linear
@@ -26,18 +26,23 @@ class Explanation:
     """What explains the object in one photo of H x W pixels.
 
     Attributes:
-        photo: (H, W, 3) float32, linear RGB.
+        picture: (H, W, 3) uint8 sRGB or float32 linear RGB; `photo` is linear in any case.
         window: The square of the photo that was fitted.
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
         object_class: What the photo was explained as.
         farther: Distance of the eye and focal length of the fit, of the standard camera's.
     """
 
-    photo: np.ndarray
+    picture: np.ndarray
     window: Window
     fit: Fit
     object_class: ObjectClass
     farther: float = 1.0
+
+    @property
+    def photo(self) -> np.ndarray:
+        """The photo (H, W, 3) float32, linear RGB."""
+        return linear_photo(self.picture)
 
     @property
     def verdict(self) -> Verdict:
@@ -89,7 +94,7 @@ class Explanation:
         A focal length that the photo does not tell is a guess, see `Explainer.explain`; distance follows from
         it, as an object's size and distance are only known as their ratio.
         """
-        height, width = self.photo.shape[:2]
+        height, width = self.picture.shape[:2]
         window = self.object_class.camera(farther=self.farther)
         return self.window.camera(window.framed(*self.fit.framing.tolist()), width, height)
 
@@ -101,12 +106,12 @@ class Explanation:
     @cached_property
     def amodal(self) -> np.ndarray:
         """All pixels (H, W) bool that the object covers, hidden ones included."""
-        return self.window.back(self.fit.amodal.float().numpy(), *self.photo.shape[1::-1]) > 0.5
+        return self.window.back(self.fit.amodal.float().numpy(), *self.picture.shape[1::-1]) > 0.5
 
     @cached_property
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
-        seen = self.window.back(self.fit.mask.float().numpy(), *self.photo.shape[1::-1]) > 0.5
+        seen = self.window.back(self.fit.mask.float().numpy(), *self.picture.shape[1::-1]) > 0.5
         visible: np.ndarray = seen & self.amodal
         return visible
 
@@ -169,7 +174,8 @@ class Explanation:
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
-        return overlay(srgb8_from_linear(self.photo), self.amodal, self.mask)
+        coded = self.picture if self.picture.dtype == np.uint8 else srgb8_from_linear(self.picture)
+        return overlay(coded, self.amodal, self.mask)
 
     def to_dict(self) -> dict[str, Any]:
         """What `explanation.json` holds."""
@@ -193,7 +199,7 @@ class Explanation:
         return folder
 
     def __repr__(self) -> str:
-        height, width = self.photo.shape[:2]
+        height, width = self.picture.shape[:2]
         hidden = "" if self.hidden_fraction is None else f", {self.hidden_fraction:.0%} hidden"
         return (
             f"Explanation({self.object_class.name} in {width} x {height}: {self.verdict.name.lower()},"

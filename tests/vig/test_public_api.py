@@ -57,6 +57,30 @@ def explanation(explainer: vig.Explainer, photo: np.ndarray) -> vig.Explanation:
     return explainer.explain(photo, BOX)
 
 
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_a_large_photo_is_explained_as_the_small_one(
+    explainer: vig.Explainer,
+    photo: np.ndarray,
+    explanation: vig.Explanation,
+    tmp_path: Path,
+    orientation: int,
+) -> None:
+    """Its windows are cut from halves; boxes and masks are still in its own pixels, as EXIF turns them."""
+    large = Image.fromarray(photo).resize((2000, 1400), Image.Resampling.BICUBIC)
+    stored = large.transpose(Image.Transpose.ROTATE_90) if orientation == 6 else large
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    stored.save(tmp_path / "large.jpg", quality=95, exif=exif)
+    found = explainer.explain(tmp_path / "large.jpg", tuple(10 * each for each in BOX))
+    assert abs(found.azimuth_deg - explanation.azimuth_deg) < 3
+    assert found.verdict is explanation.verdict
+    assert found.mask.shape == found.photo.shape[:2] == found.overlay().shape[:2] == (1400, 2000)
+    small = np.asarray(Image.fromarray(found.mask).resize((200, 140), Image.Resampling.NEAREST))
+    assert iou(small, explanation.mask) > 0.93
+    assert found.box and explanation.box
+    assert found.box == pytest.approx([10 * each for each in explanation.box], abs=40)
+
+
 def iou(a: np.ndarray, b: np.ndarray) -> float:
     return float((a & b).sum() / (a | b).sum())
 

@@ -27,20 +27,26 @@ FILM_DIAGONAL = math.hypot(36, 24)
 MID_GREY = 0.18
 """Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
 
+_LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
+"""Linear light of each byte of sRGB."""
+
 # Only formats that pillow decodes itself: no vector files, no outside programs.
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 _PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
+RUN_LENGTHS = 3
+"""zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
+FAST_FROM = 3_000_000
+"""Bytes of a picture above which that is how it is written."""
 HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", b"\x76\x2f\x31\x01")
 
 
 def read_photo(path: str | Path) -> np.ndarray:
-    """Read a photo as linear RGB, (H, W, 3) float32 in [0, 1].
+    """Read a photo as linear RGB, (H, W, 3) float32 in [0, 1]; see `coded_photo`."""
+    return linear_photo(coded_photo(path))
 
-    8 bits a channel are taken as sRGB, 16-bit grey too (16-bit colour keeps its upper 8 bits, which is what
-    pillow decodes). An embedded colour profile is honoured, an unreadable one ignored. Grey and palette
-    images become RGB, CMYK is converted, the EXIF orientation applied, of an animation the first frame
-    taken. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light: white or black would look
-    like a bright or dark object.
+
+def _read(path: str | Path) -> np.ndarray:
+    """Read a photo (H, W, 3) in the form that `coded_photo` returns.
 
     Raises:
         UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
@@ -54,7 +60,7 @@ def read_photo(path: str | Path) -> np.ndarray:
         try:
             with Image.open(path, formats=_FORMATS) as image:
                 check_size(path, *image.size)
-                return _linear(path, image)
+                return _decoded(path, image)
         except UserError:
             raise
         except MemoryError:
@@ -68,21 +74,37 @@ def read_photo(path: str | Path) -> np.ndarray:
 
 
 def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
-    """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in.
+    """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in."""
+    return linear_photo(coded_photo(photo))
+
+
+def linear_photo(coded: np.ndarray) -> np.ndarray:
+    """Linear RGB float32 of pixels (..., 3) as `coded_photo` returns them."""
+    return coded if coded.dtype == np.float32 else _LINEAR[coded]
+
+
+def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
+    """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
+
+    8 bits a channel are taken as sRGB, 16-bit grey too (16-bit colour keeps its upper 8 bits, which is what
+    pillow decodes). An embedded colour profile is honoured, an unreadable one ignored. Grey and palette
+    images become RGB, CMYK is converted, the EXIF orientation applied, of an animation the first frame
+    taken. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light: white or black would look
+    like a bright or dark object.
 
     Args:
-        photo: A file (see `read_photo`), a PIL image, or an array or tensor (H, W, 3) or grey (H, W): uint8
+        photo: A file, a PIL image, or an array or tensor (H, W, 3) or grey (H, W): uint8
             is taken as sRGB, floating point as linear RGB in [0, 1].
 
     Raises:
         UserError: It is none of these, has another shape, type or range, or is tiny or huge.
     """
     if isinstance(photo, str | Path):
-        return read_photo(photo)
+        return _read(photo)
     name = Path("the photo")
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)
-        return _linear(name, photo)
+        return _decoded(name, photo)
     if not isinstance(photo, np.ndarray | torch.Tensor):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
     if isinstance(photo, torch.Tensor):  # numpy has no bfloat16
@@ -96,7 +118,7 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
         refuse(name, "(H, W, 3) or (H, W)", f"shape {tuple(array.shape)}", remedy)
     check_size(name, array.shape[1], array.shape[0])
     if array.dtype == np.uint8:
-        return _linear_of_bytes(array)
+        return array.copy()
     if not np.issubdtype(array.dtype, np.floating):
         refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to uint8.")
     least, most = float(array.min()), float(array.max())
@@ -149,16 +171,18 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
         array = srgb8_from_linear(array)
     elif array.dtype != np.uint8:
         raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}. Convert it.")
+    fast = {"compress_level": 1, "compress_type": RUN_LENGTHS} if array.size > FAST_FROM else {}
     with atomic_write(path) as temporary:
-        Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG")
+        Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG", **fast)
 
 
-def _linear(path: Path, image: Image.Image) -> np.ndarray:
-    """Decode an opened image: (H, W, 3) float32 linear RGB."""
+def _decoded(path: Path, image: Image.Image) -> np.ndarray:
+    """Decode an opened image; see `coded_photo`."""
     sixteen = image.mode.startswith("I;16") or (image.format == "PPM" and image.mode == "I")
     image.load()
     try:
-        image = ImageOps.exif_transpose(image)
+        if image.getexif().get(ExifTags.Base.Orientation, 1) != 1:  # else it would copy the image
+            image = ImageOps.exif_transpose(image)
     except Exception:  # an unreadable EXIF block has no orientation
         pass
     if sixteen:
@@ -167,18 +191,12 @@ def _linear(path: Path, image: Image.Image) -> np.ndarray:
     if image.mode in ("I", "F"):
         refuse(path, "8 or 16 bits a channel", "32 bits", "Save it as 8-bit sRGB.")
     coded = np.asarray(_to_srgb(image))
-    linear = _linear_of_bytes(coded[..., :3])
     if coded.shape[-1] == 3:
-        return linear
+        return coded
+    linear = _LINEAR[coded[..., :3]]
     alpha = coded[..., 3:].astype(np.float32) / 255
     laid: np.ndarray = alpha * linear + (1 - alpha) * np.float32(MID_GREY)
     return laid
-
-
-def _linear_of_bytes(coded: np.ndarray) -> np.ndarray:
-    table: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
-    linear: np.ndarray = table[coded]
-    return linear
 
 
 def _to_srgb(image: Image.Image) -> Image.Image:
@@ -197,7 +215,7 @@ def _to_srgb(image: Image.Image) -> Image.Image:
             return converted
         except (ImageCms.PyCMSError, OSError):
             pass
-    return image.convert(mode)
+    return image if image.mode == mode else image.convert(mode)
 
 
 def existing_file(path: str | Path) -> Path:

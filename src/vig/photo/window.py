@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image
 
 from vig.errors import UserError
+from vig.photo.images import linear_photo
 from vig.scene import IMAGE_SIZE, Camera
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
@@ -19,8 +20,37 @@ BOX_BELOW_CENTRE = 0.033
 """How far the box's centre lies below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
+LEFT = 4
+"""Pixels of a half over those of the window cut from it: with 2, fits turn by a degree or two."""
+STRIP = 32
+"""Lines of a half that are made at a time."""
 FARTHER = (0.75, 25.0)
 """From an eye just outside the object to one so far away that perspective does not show."""
+
+
+BESIDE = 4
+"""Pixels beside a window that its resampling may read."""
+
+
+class Halved:
+    """A photo (H, W, 3) as `coded_photo` gives it, and its halves, linear RGB, made as they are needed."""
+
+    def __init__(self, photo: np.ndarray):
+        self._levels, self.shape = [photo], photo.shape
+
+    def level(self, reduction: float) -> tuple[np.ndarray, int]:
+        """The photo at 1 / scale of its size, and scale: a power of 2, `reduction` / `LEFT` at the most."""
+        number = max(0, math.floor(math.log2(reduction / LEFT)))
+        while len(self._levels) <= number:
+            fine = self._levels[-1]
+            made = np.empty((-(-fine.shape[0] // 2), -(-fine.shape[1] // 2), 3), np.float32)
+            for top in range(0, len(made), STRIP):
+                strip = linear_photo(fine[2 * top : 2 * (top + STRIP)])
+                for channel in range(3):
+                    plane = Image.fromarray(np.ascontiguousarray(strip[..., channel]))
+                    made[top : top + STRIP, :, channel] = plane.reduce(2)
+            self._levels.append(made)
+        return self._levels[number], 2**number
 
 
 @dataclass(frozen=True)
@@ -64,22 +94,30 @@ class Window:
         centre = x + w / 2 + below * math.sin(roll), y + h / 2 - below * math.cos(roll)
         return Window(centre[0] - side / 2, centre[1] - side / 2, side, roll)
 
-    def cut(self, photo: np.ndarray, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
+    def cut(self, photo: np.ndarray | Halved, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
         """Resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in
-        the photo. photo (H, W, 3) linear RGB. Beyond the photo its border is continued.
+        the photo. photo (H, W, 3) as `coded_photo`. Beyond the photo its border is continued.
         """
+        if isinstance(photo, Halved):
+            photo, scale = photo.level(self.side / size)
+            here = Window(self.left / scale, self.top / scale, self.side / scale, self.roll)
+            return here.cut(photo, size)
         if self.roll:
             return self._cut_turned(photo, size)
         height, width = photo.shape[:2]
         whole = self.left == 0 and self.top == 0 and self.side == width == height == size
         if whole:
-            return photo, np.ones((size, size), bool)
-        margin = int(np.ceil(max(0, -self.left, -self.top, self.left + self.side - width)))
-        margin = int(max(margin, np.ceil(self.top + self.side - height)))
-        padded = np.pad(photo, ((margin, margin), (margin, margin), (0, 0)), mode="edge")
-        inside = np.pad(np.ones((height, width), np.float32), margin)
-        corner = (self.left + margin, self.top + margin)
-        area = (*corner, corner[0] + self.side, corner[1] + self.side)
+            return linear_photo(photo), np.ones((size, size), bool)
+        right, bottom = self.left + self.side, self.top + self.side
+        # Only what the resampling reads is made linear: the window, and what the bicubic takes beside it.
+        margin = math.ceil(max(0, -self.left, -self.top, right - width, bottom - height))
+        columns, rows = (
+            np.arange(max(math.floor(low) - BESIDE, -margin), min(math.ceil(high) + BESIDE, length + margin))
+            for low, high, length in ((self.left, right, width), (self.top, bottom, height))
+        )
+        padded = linear_photo(photo[np.ix_(rows.clip(0, height - 1), columns.clip(0, width - 1))])
+        inside = np.outer((rows >= 0) & (rows < height), (columns >= 0) & (columns < width))
+        area = (self.left - columns[0], self.top - rows[0], right - columns[0], bottom - rows[0])
         method = Image.Resampling.BOX if self.side > size else Image.Resampling.BICUBIC
         channels = [*np.moveaxis(padded, 2, 0), inside]
         cut = [

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from vig.photo import Window
+from vig.photo import Halved, Window
 from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
 from vig.recognition.prediction import Prediction, Recognizer
 
@@ -38,7 +38,7 @@ class Candidate:
     score: float
 
 
-def find(photo: np.ndarray, recognizer: Recognizer) -> list[Candidate]:
+def find(photo: np.ndarray | Halved, recognizer: Recognizer) -> list[Candidate]:
     """Places of the object in a photo (H, W, 3) linear RGB, best first, each a place of its own.
 
     The list holds at least one, and of several objects perhaps only one; a low score means that the photo
@@ -66,14 +66,14 @@ def find(photo: np.ndarray, recognizer: Recognizer) -> list[Candidate]:
     return apart
 
 
-def upright(photo: np.ndarray, window: Window, recognizer: Recognizer) -> Window:
+def upright(photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:
     """Turn a window so that the object in it stands upright; as it is where that is nearly so."""
     roll = float(predict_windows(photo, [window], recognizer).roll[0])
     return window if abs(roll) < LEAST_ROLL else replace(window, roll=window.roll + roll)
 
 
 def predict_windows(
-    photo: np.ndarray, windows: list[Window], recognizer: Recognizer, twice: bool = True
+    photo: np.ndarray | Halved, windows: list[Window], recognizer: Recognizer, twice: bool = True
 ) -> Prediction:
     """What the network predicts for windows of a photo; for `twice` see `Recognizer.__call__`."""
     cut = torch.from_numpy(np.stack([window.cut(photo)[0] for window in windows]))

@@ -18,7 +18,7 @@ from vig.photo.images import write_png
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 
-OUTLINE = np.array([255, 210, 0], np.float32)
+OUTLINE = np.array([255, 210, 0], np.uint8)
 HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
 
@@ -29,9 +29,8 @@ def overlay(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.nd
     photo (H, W, 3) uint8 sRGB; amodal, visible (H, W) bool. Result (H, W, 3) uint8. The outline's width
     grows with the photo.
     """
-    picture = photo.astype(np.float32)
-    hidden = amodal & ~visible
-    picture[hidden] = (1 - HIDDEN_SHARE) * picture[hidden] + HIDDEN_SHARE * HIDDEN
+    picture, hidden = photo.copy(), amodal & ~visible
+    picture[hidden] = ((1 - HIDDEN_SHARE) * picture[hidden] + HIDDEN_SHARE * HIDDEN).round()
     grown = amodal.copy()
     for _ in range(max(1, round(min(photo.shape[:2]) / 200))):
         before = grown.copy()
@@ -39,7 +38,7 @@ def overlay(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.nd
             grown[here] |= before[there]
             grown[there] |= before[here]
     picture[grown & ~amodal] = OUTLINE
-    return picture.round().astype(np.uint8)
+    return picture
 
 
 def write_explanation(
@@ -58,7 +57,7 @@ def write_explanation(
     object.glb is the mesh of `latents` (B = 1).
     """
     write_png(folder / "overlay.png", picture)
-    write_png(folder / "mask.png", np.where(visible, 255, np.where(amodal, 128, 0)).astype(np.uint8))
+    write_png(folder / "mask.png", np.where(visible, np.uint8(255), amodal * np.uint8(128)))
     write_glb(folder / "object.glb", latents, object_class)
     with atomic_write(folder / "explanation.json") as temporary:
         Path(temporary).write_text(json.dumps(described, indent=2) + "\n")
@@ -126,43 +125,34 @@ def write_glb(path: Path, latents: Latents, object_class: ObjectClass) -> None:
     z_up = model.vertices(latents.shape)[0].numpy()
     vertices = np.stack([z_up[:, 0], z_up[:, 2], -z_up[:, 1]], axis=1)
     # By hand: to load a library for it takes half a second of each start of `vig fit`.
-    arrays = {"SCALAR": model.faces.astype("<u4").ravel(), "VEC3": vertices.astype("<f4")}
-    sizes = [array.nbytes for array in arrays.values()]
+    indices, points = model.faces.astype("<u4"), vertices.astype("<f4")
     surface = {
         "baseColorFactor": [*latents.albedo[0].tolist(), 1.0],
         "metallicFactor": 0,
         "roughnessFactor": 1,
     }
-    accessors: list[dict[str, Any]] = [
-        {"bufferView": i, "componentType": kind, "count": len(array), "type": name}
-        for i, (kind, (name, array)) in enumerate(zip((5125, 5126), arrays.items(), strict=True))
-    ]
-    accessors[1] |= {"min": arrays["VEC3"].min(0).tolist(), "max": arrays["VEC3"].max(0).tolist()}
+    primitive = {"attributes": {"POSITION": 1}, "indices": 0, "material": 0}
+    bounds = {"min": points.min(0).tolist(), "max": points.max(0).tolist()}
     described = {
         "asset": {"version": "2.0", "generator": f"vig {__version__}"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"name": object_class.name, "mesh": 0}],
-        "meshes": [
-            {
-                "name": object_class.name,
-                "primitives": [{"attributes": {"POSITION": 1}, "indices": 0, "material": 0}],
-            }
-        ],
+        "meshes": [{"name": object_class.name, "primitives": [primitive]}],
         "materials": [{"name": "albedo", "pbrMetallicRoughness": surface}],
-        "accessors": accessors,
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": offset, "byteLength": size, "target": target}
-            for offset, size, target in zip((0, sizes[0]), sizes, (34963, 34962), strict=True)
+        "accessors": [
+            {"bufferView": 0, "componentType": 5125, "count": indices.size, "type": "SCALAR"},
+            {"bufferView": 1, "componentType": 5126, "count": len(points), "type": "VEC3"} | bounds,
         ],
-        "buffers": [{"byteLength": sum(sizes)}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": indices.nbytes, "target": 34963},
+            {"buffer": 0, "byteLength": points.nbytes, "target": 34962, "byteOffset": indices.nbytes},
+        ],
+        "buffers": [{"byteLength": indices.nbytes + points.nbytes}],
     }
     text = json.dumps(described).encode()
-    chunks = (
-        (b"JSON", text + b" " * (-len(text) % 4)),
-        (b"BIN\0", b"".join(a.tobytes() for a in arrays.values())),
-    )
-    body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks)
+    parts = (b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", indices.tobytes() + points.tobytes())
+    body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in parts)
     with atomic_write(path) as temporary:
         Path(temporary).write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
 

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from PIL import Image
 
 from vig.parallel import one_thread
+from vig.photo.images import RUN_LENGTHS
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
 from vig_world.dataset.format import image_paths
@@ -30,8 +31,6 @@ from vig_world.streams import stream
 TIERS = ("raster", "cycles")
 PHOTO_STREAM = 2**20
 """Number of the random stream of photographs, far from those of attempts at a scene."""
-RUN_LENGTHS = 3
-"""zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
 
 
 class Renderer(Protocol):

@@ -1,10 +1,14 @@
 """The object's window in a photo, there and back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from vig.errors import UserError
-from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, Window
+from vig.photo.images import linear_photo
+from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, Halved, Window
 from vig.scene import Camera
 
 
@@ -102,3 +106,33 @@ def test_the_camera_of_the_photo_sees_points_where_the_turned_window_shows_them(
 def test_a_turned_box_lies_below_the_middle_of_its_window_along_the_windows_own_vertical() -> None:
     window = Window.round_box((100, 80, 120, 60), np.pi / 2)  # its down is the photo's left
     assert window.centre == pytest.approx((160 + BOX_BELOW_CENTRE * window.side, 110))
+
+
+def smooth_photo(height: int, width: int) -> np.ndarray:
+    """uint8 sRGB with detail some ten pixels wide."""
+    noise = np.random.default_rng(4).integers(0, 256, (height // 32, width // 32, 3), np.uint8)
+    return np.asarray(Image.fromarray(noise).resize((width, height), Image.Resampling.BICUBIC))
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.4])
+@pytest.mark.parametrize("box", [(100, 80, 150, 120), (0, 300, 200, 199), (10.5, 40.25, 700, 430)])
+def test_a_window_of_less_than_eight_times_its_pixels_is_cut_from_the_photo_itself(box, roll: float) -> None:
+    coded = smooth_photo(500, 750)
+    window = replace(Window.of(750, 500, box), roll=roll)
+    for mine, plain in zip(window.cut(Halved(coded)), window.cut(linear_photo(coded)), strict=True):
+        np.testing.assert_array_equal(mine, plain)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.4])
+@pytest.mark.parametrize("box", [(300, 200, 1501, 900), (0, 0, 900, 600), (1313, 801, 900, 700)])
+def test_a_large_window_is_cut_from_a_half_and_looks_the_same(box, roll: float) -> None:
+    coded = smooth_photo(1601, 2215)
+    halved, window = Halved(coded), replace(Window.of(2215, 1601, box), roll=roll)
+    cut, known = window.cut(halved)
+    plain, all_known = window.cut(linear_photo(coded))
+    assert halved.level(window.side / 150)[1] > 1
+    assert np.abs(cut - plain).mean() < 0.01
+    assert (known != all_known).mean() < 0.01
+    photo, scale = halved.level(33.0)
+    assert (scale, photo.shape) == (8, (201, 277, 3))
+    np.testing.assert_allclose(photo[3, 5], linear_photo(coded[24:32, 40:48]).mean((0, 1)), atol=1e-5)
