@@ -25,8 +25,8 @@ from vig.scene import ObjectClass
 def load_fit_kernels(modes: int) -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes)
-    beside = step_kernel(torch.float32), prior_kernel(torch.float32)
-    wp.force_load("cpu", modules=[kernel.module for kernel in beside])
+    step_kernel(torch.float32)  # in the same module
+    wp.force_load("cpu", modules=[prior_kernel(torch.float32).module])
 
 
 def explain(

@@ -35,7 +35,7 @@ def prior_kernel(dtype: torch.dtype) -> Any:
         normal: wp.array3d(dtype=real),
     ): ...
 
-    @wp.kernel(module=kernel_module("prior", dtype))
+    @wp.kernel(module=kernel_module("search", dtype))
     def add(
         points: wp.array2d(dtype=real),
         mean: wp.array(dtype=real),

@@ -35,7 +35,7 @@ def step_kernel(dtype: torch.dtype) -> Any:
         promised: wp.array(dtype=wp.float64),
     ): ...
 
-    @wp.kernel(module=kernel_module("damped_step", dtype))
+    @wp.kernel(module=kernel_module("search", dtype))
     def damped(
         points: wp.array2d(dtype=real),
         gradient: wp.array2d(dtype=real),
