@@ -99,13 +99,13 @@ class Library:
         self.packed = lru_cache(maxsize=4096)(self._packed)
         self.extremes = lru_cache(maxsize=4096)(self._extremes)
         self.sizes = lru_cache(maxsize=4096)(self._sizes)
-        self.layout = lru_cache(maxsize=128)(self._layout)
-        self.packed_layout = lru_cache(maxsize=128)(self._packed_layout)
+        self.layout = lru_cache(maxsize=256)(self._layout)  # all of a split, as the next two
+        self.packed_layout = lru_cache(maxsize=256)(self._packed_layout)
         self.ground = lru_cache(maxsize=4096)(self._ground)
         self.finish = lru_cache(maxsize=128)(self._finish)
         self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
         self.albedo = lru_cache(maxsize=4096)(self._albedo)
-        self.radiance = lru_cache(maxsize=16)(self._radiance)
+        self.radiance = lru_cache(maxsize=256)(self._radiance)
         self.light_parts = lru_cache(maxsize=4096)(self._light_parts)
 
     # Props

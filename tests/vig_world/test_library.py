@@ -171,3 +171,16 @@ def test_light_from_below_is_that_of_the_support(splits: tuple[Library, ...]) ->
                 assert slot == "floor"
     assert missing <= 0.05 * len(found)
     assert {"top", "wood", "fabric", "floor"} <= set(found)
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_a_split_s_rooms_and_panoramas_are_made_once(split: Split) -> None:
+    """In random order a cache smaller than the catalogue would make most of them again and again."""
+    library = Library(split)
+    rooms = library.layouts + len(library.sweeps)
+    for cached, count in (
+        (library.layout, rooms),
+        (library.packed_layout, rooms),
+        (library.radiance, library.panoramas),
+    ):
+        assert count <= cached.cache_parameters()["maxsize"]

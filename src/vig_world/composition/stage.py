@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -121,8 +122,7 @@ class Stage:
 
     def families(self, zone: str) -> tuple[str, ...]:
         """The families of props that belong in a zone, but for those like the object."""
-        families, name = self.library.families(zone), self.actor.object_class.name
-        return tuple(family for family in families if not is_of_class(family, name)) or families
+        return _unlike(self.library.families(zone), self.actor.object_class.name)
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
         """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
@@ -198,3 +198,9 @@ class Stage:
         self.solids += footprints
         if seen is not None:
             self.blockers = np.minimum(self.blockers, seen)
+
+
+@lru_cache(maxsize=256)
+def _unlike(families: tuple[str, ...], name: str) -> tuple[str, ...]:
+    """Those of families of props that are not like a class, or all where that leaves none."""
+    return tuple(family for family in families if not is_of_class(family, name)) or families
