@@ -260,13 +260,13 @@ class Studio:
     ) -> tuple[Layer, np.ndarray]:
         """The object lit, and the mean albedo (3,) of what is seen of it."""
         model = self.object_class.shape_model
-        normals = torch.from_numpy(vertex_normals(vertices, model.faces))
-        light = vertex_irradiance(latents, normals, self.object_class).numpy()
+        normals = vertex_normals(vertices, model.faces)
+        light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
         matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
         view = View(camera.scaled(SAMPLES), matrix[:3, :3], matrix[:3, 3])
         reflectance = float(rng.uniform(0.5, 1.1))
         look = appearance_of(
-            coat, model, vertices, faces, light, view, environment.radiance_from, reflectance
+            coat, model, vertices, faces, normals, light, view, environment.radiance_from, reflectance
         )
         if rng.random() < self.settings.glass:
             row, column = np.nonzero(look.on)

@@ -14,8 +14,8 @@ from vig_world.names import SPLITS as SPLITS
 from vig_world.names import Split as Split
 from vig_world.rotations import about_z, matrix_of
 
-WORLD_VERSION = 2
-"""Goes up whenever the same seed and index would give another scene."""
+WORLD_VERSION = 3
+"""Goes up whenever the same seed and index would give another scene or picture."""
 
 Role = Literal["occluder", "holder", "clutter"]
 

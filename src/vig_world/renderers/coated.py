@@ -10,7 +10,6 @@ import numpy as np
 from vig.scene import ShapeModel
 from vig_world.assets.coats import DIELECTRIC, albedo_of
 from vig_world.dataset.spec import Coat
-from vig_world.mesh import vertex_normals
 from vig_world.renderers.rasterize import rasterize
 from vig_world.renderers.view import View
 
@@ -38,8 +37,10 @@ class Appearance:
         """Mean colour (h, w, 3) and coverage (h, w), float32, of pixels of `samples` x `samples` samples."""
         sums = np.zeros((*self.on.shape, 4), np.float32)
         sums[self.on] = np.concatenate([self.colour, np.ones((len(self.colour), 1))], axis=1)
-        parts = [sums[i::samples, j::samples] for i in range(samples) for j in range(samples)]
-        mean = np.add.reduce(parts) / len(parts)
+        mean = sums[::samples, ::samples]
+        for place in range(1, samples**2):
+            mean = mean + sums[place // samples :: samples, place % samples :: samples]
+        mean /= samples**2
         cover = mean[..., 3]
         return mean[..., :3] / np.maximum(cover, 1e-6)[..., None], cover
 
@@ -49,6 +50,7 @@ def appearance_of(
     model: ShapeModel,
     vertices: np.ndarray,
     faces: np.ndarray,
+    normals: np.ndarray,
     irradiance: np.ndarray,
     view: View,
     mirrored: Mirrored,
@@ -61,6 +63,7 @@ def appearance_of(
         model: Whose vertices and parts these are.
         vertices: (V, 3) metres.
         faces: (F, 3), some of the model's.
+        normals: (V, 3) unit.
         irradiance: (V,) over pi, see `vig.renderer.explained.vertex_irradiance`.
         view: Its camera, a pixel for each sample.
         mirrored: What glaze and metal mirror.
@@ -68,24 +71,68 @@ def appearance_of(
     """
     fragments = rasterize(vertices, faces, view.rotation, view.translation, view.camera)
     on = fragments.face >= 0
-    corners, weights = faces[fragments.face[on]], fragments.barycentric[on]
-    table = np.concatenate([vertices, vertex_normals(vertices, model.faces), irradiance[:, None]], axis=1)
-    rows = np.add.reduce([weights[:, corner, None] * table[corners[:, corner]] for corner in range(3)])
-    points, normal, light = rows[:, :3], rows[:, 3:6], np.maximum(rows[:, 6:], 0)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-9
-    albedo = albedo_of(coat, points, model.parts[corners[:, 0]], float(model.mean[:, 2].max()))
-    towards = view.eye - points
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    facing = (normal * towards).sum(1, keepdims=True)
-    normal = np.where(facing < 0, -normal, normal)
-    facing = np.abs(facing)
-    colour = albedo * light
+    places = np.flatnonzero(on)
+    corners = faces.T.take(fragments.face.ravel()[places], axis=1)
+    weights = fragments.barycentric.reshape(-1, 3).take(places, axis=0).T
+    table = np.concatenate([vertices.T, normals.T, irradiance[None]])
+    rows = sum(weights[corner] * table.take(corners[corner], axis=1) for corner in range(3))
+    look = coloured(coat, model, rows[:3], rows[3:6], rows[6], corners[0], view.eye, mirrored, reflectance)
+    return Appearance(on, *look)
+
+
+def coloured(
+    coat: Coat,
+    model: ShapeModel,
+    points: np.ndarray,
+    normals: np.ndarray,
+    irradiance: np.ndarray,
+    vertices: np.ndarray,
+    eye: np.ndarray,
+    mirrored: Mirrored,
+    reflectance: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How N points of an object look.
+
+    Args:
+        coat: What covers it.
+        model: Whose parts these are.
+        points: (3, N) metres, world.
+        normals: (3, N), of any length.
+        irradiance: (N,) over pi.
+        vertices: (N,), of the model, beside each point.
+        eye: (3,) metres.
+        mirrored: What glaze and metal mirror.
+        reflectance: Of metal, times its colour.
+
+    Returns:
+        Colour (N, 3) linear RGB, unit normal (N, 3) towards the eye, albedo (N, 3).
+    """
+    normals = normals / (_length(normals) + 1e-9)
+    albedo = albedo_of(coat, points.T, model.parts[vertices], float(model.mean[:, 2].max()))
+    towards = eye.astype(points.dtype)[:, None] - points
+    towards /= _length(towards)
+    facing = _dot(normals, towards)
+    normals = np.where(facing < 0, -normals, normals)
+    colour = albedo * np.maximum(irradiance, 0)[:, None]
     if coat.metal or coat.gloss:
-        radiance = mirrored(2 * facing * normal - towards, coat.roughness)
+        facing = np.abs(facing)
+        radiance = mirrored((2 * facing * normals - towards).T, coat.roughness)
         if coat.metal:
             # What lights a mirror is about what lights a matt surface.
             colour = reflectance * albedo * radiance
         else:
-            fresnel = DIELECTRIC + (1 - DIELECTRIC) * (1 - facing) ** 5
+            graze = 1 - facing[:, None]
+            fresnel = DIELECTRIC + (1 - DIELECTRIC) * (graze * graze) ** 2 * graze
             colour = colour * (1 - 0.5 * fresnel) + coat.gloss * fresnel * radiance
-    return Appearance(on, colour, normal, albedo)
+    return colour, normals.T, albedo
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Products (N,) of vectors (3, N)."""
+    x, y, z = a * b
+    return x + y + z
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    """Of vectors (3, N): (N,)."""
+    return np.sqrt(_dot(vectors, vectors))

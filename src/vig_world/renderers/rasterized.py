@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 
-from vig.renderer.explained import vertex_irradiance
-from vig.scene import Latents, ObjectClass
+from vig.scene import ObjectClass
 from vig_world.assets.panoramas.mirror import mirror
 from vig_world.assets.target import target_vertices
 from vig_world.dataset.spec import Coat, SceneSpec
 from vig_world.library import Library
-from vig_world.mesh import vertex_normals
-from vig_world.renderers.coated import appearance_of
+from vig_world.renderers.coated import coloured
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.raster import Item, Target, draw
-from vig_world.renderers.raster.draw import SAMPLES
+from vig_world.renderers.raster.draw import Colouring, Surface
 from vig_world.renderers.view import View
 
 
@@ -24,23 +21,21 @@ def render(library: Library, spec: SceneSpec, object_class: ObjectClass) -> Pict
     vertices = target_vertices(spec, object_class)
     target = Target.of(object_class, vertices, spec.shape, spec.albedo, spec.light)
     view = View.of_scene(spec, object_class)
-    colour = None if spec.coat is None else _coated(library, spec, spec.coat, object_class, vertices, view)
-    return draw(items_of(library, spec), target, view, spec.light, colour)
+    colouring = None if spec.coat is None else _coated(library, spec, spec.coat, object_class, view)
+    return draw(items_of(library, spec), target, view, spec.light, colouring)
 
 
 def _coated(
-    library: Library, spec: SceneSpec, coat: Coat, object_class: ObjectClass, vertices: np.ndarray, view: View
-) -> np.ndarray:
-    """Mean colour (H, W, 3) of the object at each pixel, of its coat in the scene's light."""
-    model = object_class.shape_model
-    latents = Latents.from_vector(torch.from_numpy(spec.latents())[None])
-    normals = torch.from_numpy(vertex_normals(vertices, model.faces)).float()
-    irradiance = vertex_irradiance(latents, normals, object_class).numpy()
+    library: Library, spec: SceneSpec, coat: Coat, object_class: ObjectClass, view: View
+) -> Colouring:
+    """The object's colours, of its coat in the scene's light."""
     mirrored = mirror(library.radiance(spec.panorama), spec.panorama_angle, library.ground_albedo(spec.room))
-    finer = view.scaled(SAMPLES)
-    look = appearance_of(coat, model, vertices, model.faces, irradiance, finer, mirrored)
-    colour, _ = look.averaged(SAMPLES)
-    return colour
+
+    def colouring(at: Surface) -> np.ndarray:
+        model, eye = object_class.shape_model, view.eye
+        return coloured(coat, model, at.points, at.normals, at.irradiance, at.vertices, eye, mirrored)[0]
+
+    return colouring
 
 
 def items_of(library: Library, spec: SceneSpec) -> list[Item]:

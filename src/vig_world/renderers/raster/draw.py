@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,27 @@ _MARGIN = 16
 """Samples that must follow an image's last, as they are drawn eight at a time."""
 
 
+@dataclass(frozen=True)
+class Surface:
+    """Where on the object's surface the N samples that show it lie; arrays are valid during the call only.
+
+    Attributes:
+        points: (3, N) float32, the world, metres.
+        normals: (3, N) float32, interpolated, about unit length.
+        irradiance: (N,) float32, over pi.
+        vertices: (N,) int32, a vertex of each one's face.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    irradiance: np.ndarray
+    vertices: np.ndarray
+
+
+Colouring = Callable[[Surface], np.ndarray]
+"""Linear RGB (N, 3) of an object's samples."""
+
+
 def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
     """Depth (H, W) float32 metres along the optical axis, inf = nothing; and its item's owner, -1 = nothing.
 
@@ -40,14 +61,14 @@ def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw(
-    items: Sequence[Item], target: Target, view: View, light: ArrayLike, colour: np.ndarray | None = None
+    items: Sequence[Item], target: Target, view: View, light: ArrayLike, colouring: Colouring | None = None
 ) -> Picture:
     """The picture of an object and items, as the view's camera sees them, in SH light (9,).
 
     The object shows its vertices' light without cast shadows or gloss. Items get the same light less shadows
     of object and props and the ambient occlusion of rooms, with a little gloss. Four samples a pixel,
-    averaged in linear light clipped to [0, 1]. colour (H, W, 3): mean linear RGB of the object at each pixel,
-    in place of the light of its vertices.
+    averaged in linear light clipped to [0, 1]. colouring: gives the object's colour in place of its vertices'
+    light.
     """
     camera, coefficients = view.camera, np.asarray(light, np.float64)
     height, width = camera.height, camera.width
@@ -80,12 +101,11 @@ def draw(
     record["radiance"] = coefficients * HARMONICS
     record["sun"][0, :3] = direction / max(strength, 1e-9)
     record["sun"][0, 3] = SUN_SHARE * strength / Y1 / (2 * np.pi)
-    record["albedo"] = target.albedo if colour is None else 0.0
+    record["albedo"] = target.albedo if colouring is None else 0.0
     workspace.launch("collect", "task")
     workspace.launch("shade", "task")
-    if colour is not None:
-        share = seen.reshape(-1, 1).astype(np.float32) / SAMPLES**2
-        linear[: 3 * pixels] += (share * np.clip(colour, 0, 1).reshape(-1, 3)).ravel()
+    if colouring is not None:
+        linear.reshape(-1)[: 3 * pixels] += _coloured(record, seen, colouring).ravel()
     workspace.launch("encode", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))
@@ -101,6 +121,23 @@ def draw(
         canvas=canvas,
         light=coefficients.astype(np.float32),
     )
+
+
+def _coloured(record: np.ndarray, seen: np.ndarray, colouring: Colouring) -> np.ndarray:
+    """What the object adds (H W, 3) to the pixels of a TASK that was shaded without it."""
+    size = int(record["width"][0]) * int(record["height"][0])
+    surface = workspace.buffer("surface", 7 * size, np.float32)
+    places = workspace.buffer("places", 2 * size, np.int32)
+    record["surface"], record["places"] = address(surface), address(places)
+    workspace.launch("surface", "task")
+    count = int(record["surface_count"][0])
+    rows, (pixels, vertices) = (
+        surface[: 7 * size].reshape(7, size)[:, :count],
+        places[: 2 * size].reshape(2, size)[:, :count],
+    )
+    colours = colouring(Surface(rows[:3], rows[3:6], rows[6], vertices))
+    sums = np.stack([np.bincount(pixels, channel, minlength=seen.size) for channel in colours.T], axis=1)
+    return np.clip(sums, 0, seen.reshape(-1, 1)) / SAMPLES**2
 
 
 def silhouette(target: Target, view: View) -> np.ndarray:

@@ -1,4 +1,4 @@
-// Lights the object's vertices as the model does.
+// Lights the object's vertices as the model does: their attributes become normal, irradiance and number.
 //
 // The body of a function of `Target* const task`; `native.py` puts the declarations before it.
 
@@ -56,6 +56,9 @@ for (int v = 0; v < V; ++v) {
     float e = E[0] + E[1] * y + E[2] * z + E[3] * x + E[4] * x * y + E[5] * y * z + E[6] * (3 * z * z - 1)
         + E[7] * x * z + E[8] * (x * x - y * y);
     e += added ? added[v] : 0;
+    n[0] = x;
+    n[1] = y;
+    n[2] = z;
     n[3] = e > 0 ? e : 0;
-    n[4] = 0;
+    n[4] = v;
 }

@@ -20,6 +20,7 @@ FUNCTIONS = {
     "draw": "Task",
     "collect": "Task",
     "shade": "Task",
+    "surface": "Task",
     "encode": "Task",
     "scatter": "Sweep",
     "sweep": "Sweep",

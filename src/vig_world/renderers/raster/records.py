@@ -136,6 +136,8 @@ TASK = np.dtype(
         ("part_count", "i4"),
         ("face_count", "i4"),
         ("clipped_count", "i4"),
+        ("surface_count", "i4"),  # filled by `surface`
+        ("unused_too", "i4"),
         ("q", "i8"),  # (height, width) float32, one over depth
         ("ids", "i8"),  # (height, width) int32
         ("screen", "i8"),  # (vertices of the largest asset, 3) float32
@@ -157,6 +159,9 @@ TASK = np.dtype(
         ("radiance", "f4", 9),  # the same of a direction
         ("sun", "f4", 4),  # the light's main direction, and the radiance of its highlight
         ("albedo", "f4", 3),  # of the target
+        # Samples that show the target:
+        ("surface", "i8"),  # (7, samples) float32: place and normal in the world, irradiance
+        ("places", "i8"),  # (2, samples) int32: pixel, and a vertex of the face
     ],
     align=True,
 )
@@ -183,7 +188,7 @@ SWEEP = np.dtype(
 )
 TARGET = np.dtype(
     [
-        ("asset", "i8"),  # to be filled; irradiance is the fourth attribute
+        ("asset", "i8"),  # to be filled; irradiance is the fourth attribute, the vertex's number the fifth
         ("vertices", "i8"),  # (V, 3) float32
         ("added", "i8"),  # (V,) float32, irradiance by self-shadow and bounce; 0 none
         ("irradiance", "f4", 9),

@@ -18,6 +18,7 @@ from vig_world.assets.target import NO_DESIGN, shape_vertices
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.raster import Item, Packed, Pyramid, Target, depth, draw
+from vig_world.renderers.raster.draw import Surface
 from vig_world.renderers.raster.records import EVEN, MOST_LIGHT
 from vig_world.renderers.rasterize import rasterize
 from vig_world.renderers.view import View
@@ -194,6 +195,44 @@ def test_round_things_are_shaded_by_their_interpolated_normals(teapot: ObjectCla
     whole &= picture.depth > seen.depth.reshape(150, 2, 150, 2).min(axis=(1, 3)) - 1e-4  # not the object
     off = np.abs(picture.image[..., 1].astype(int) - expected)[whole]
     assert whole.sum() > 500 and off.max() <= 4 and (off > 1).mean() < 0.03
+
+
+def test_the_samples_of_the_object_lie_on_what_is_seen_of_it(teapot: ObjectClass) -> None:
+    """A screen hides its left half: the other samples have the places and normals of `rasterize`.
+
+    With the albedo that the object had anyway the picture is the same as without their colouring.
+    """
+    view, pot = View.of(teapot, 0.7, 0.5), target(teapot)
+    front = view.eye - 0.3 * (view.eye / np.linalg.norm(view.eye))
+    left, down = -view.rotation[0], view.rotation[1]
+    corners = [front + a * left + b * down for a, b in ((0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0))]
+    screen = Item(sheet([corner.tolist() for corner in corners], stuff(0.5)), *HERE, 1)
+    found = []
+
+    def colouring(at: Surface) -> np.ndarray:
+        found.append((at.points.copy(), at.normals.copy(), at.vertices.copy()))
+        return np.outer(at.irradiance, pot.albedo)
+
+    picture = draw([screen], pot, view, LIGHT, colouring)
+    points, normals, vertices = found[0]
+    fine, faces = view.scaled(2), teapot.shape_model.faces
+    seen = rasterize(pot.vertices, faces, view.rotation, view.translation, fine.camera, cull=True)
+    place = view.rotation @ points + view.translation[:, None]
+    x, y = fine.camera.focal * place[:2] / place[2] + np.array([[fine.camera.cx], [fine.camera.cy]])
+    assert np.abs(np.stack([x, y]) % 1 - 0.5).max() < 0.01, "at samples' middles"
+    row, column = y.astype(int), x.astype(int)
+    face, weights = seen.face[row, column], seen.barycentric[row, column]
+    assert 1000 < len(row) < (seen.face >= 0).sum() and column.min() >= 149, "none behind the screen"
+    assert len(np.unique(row * 300 + column)) == len(row), "each once"
+    inside = weights.min(1) > 0.01  # at an edge either face is right
+    np.testing.assert_allclose(place[2][inside], seen.depth[row, column][inside], atol=1e-5)
+    assert (faces[face[inside]] == vertices[inside, None]).any(1).all()
+    across = (vertex_normals(pot.vertices, faces)[faces[face]] * weights[..., None]).sum(1)
+    np.testing.assert_allclose(normals.T[inside], across[inside], atol=2e-3)
+
+    plain = draw([screen], pot, view, LIGHT)
+    off = np.abs(picture.image.astype(int) - plain.image)
+    assert off.max() <= 6 and (off > 1).mean() < 0.002
 
 
 def test_nothing_is_nowhere(teapot: ObjectClass) -> None:
