@@ -1,9 +1,9 @@
 // The rasteriser: which face is nearest at each sample.
 //
 // As in `vig.renderer.raster`, 16 faces are set up side by side in vector registers and culled before one is
-// drawn; here whole parts outside the frame are skipped first, faces that reach behind the camera are clipped
-// at the near plane, and depth and face lie in two buffers of 32 bits, so that twice as many samples fit a
-// register.
+// drawn; here whole parts, and clusters of their faces, outside the frame are skipped first, faces that reach
+// behind the camera are clipped at the near plane, and depth and face lie in two buffers of 32 bits, so that
+// twice as many samples fit a register.
 //
 // The body of a function of `Task* const task`; `native.py` puts the declarations before it.
 
@@ -76,14 +76,12 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
         }
         T[r] = shift;
     }
-    // Whether a sphere is in the frame: not behind the near plane, nor beyond one of the four sides. wholly:
-    // whether all of it lies beyond the near plane.
-    auto in_frame = [&](const float* sphere, bool& wholly) {
+    // Whether a sphere is in the frame: not behind the near plane, nor beyond one of the four sides.
+    auto in_frame = [&](const float* sphere) {
         float p[3];
         for (int r = 0; r < 3; ++r)
             p[r] = R[r][0] * sphere[0] + R[r][1] * sphere[1] + R[r][2] * sphere[2] + T[r];
         const float radius = sphere[3];
-        wholly = p[2] - radius > near;
         if (!(p[2] + radius > near))
             return false;
         const float ends[4] = {mid_x, width - mid_x, mid_y, height - mid_y};
@@ -95,27 +93,18 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
         }
         return true;
     };
-    bool wholly;
-    if (!in_frame(header.sphere, wholly))
+    if (!in_frame(header.sphere))
         continue;
     const float* const px = (const float*)(asset + header.positions);
     const float* const py = px + header.vertex_count;
     const float* const pz = py + header.vertex_count;
     const float* const attributes = (const float*)(asset + header.attributes);
     const int* const corners = (const int*)(asset + header.corners);
+    const Cluster* const clusters = (const Cluster*)(asset + header.clusters);
     for (int part_number = 0; part_number < header.part_count; ++part_number) {
         const Part& part = ((const Part*)(asset + header.parts))[part_number];
-        if (!in_frame(part.sphere, wholly))
+        if (!in_frame(part.sphere))
             continue;
-        for (int v = part.vertices[0]; v < part.vertices[1]; ++v) {
-            const float x = R[0][0] * px[v] + R[0][1] * py[v] + R[0][2] * pz[v] + T[0];
-            const float y = R[1][0] * px[v] + R[1][1] * py[v] + R[1][2] * pz[v] + T[1];
-            const float z = R[2][0] * px[v] + R[2][1] * py[v] + R[2][2] * pz[v] + T[2];
-            const float q = z > near ? 1 / z : 0;
-            screen[3 * v] = f * x * q + mid_x;
-            screen[3 * v + 1] = f * y * q + mid_y;
-            screen[3 * v + 2] = q;
-        }
         const int slot = part_count;
         part_count += 2;
         for (int side = 0; side < 2; ++side)
@@ -192,51 +181,65 @@ for (int item_number = 0; item_number < task->item_count; ++item_number) {
             }
         };
 
-        const int end = part.faces[1];
-        for (int base = part.faces[0]; base < end; base += LANES) {
-            int corner[LANES][4], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
-            float ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES];
-            float cx[LANES], cy[LANES], cq[LANES];
-            for (int lane = 0; lane < LANES; ++lane) {
-                const int face = base + lane < end ? base + lane : end - 1;
-                const int i = corners[3 * face], j = corners[3 * face + 1], k = corners[3 * face + 2];
-                corner[lane][0] = i;
-                corner[lane][1] = j;
-                corner[lane][2] = k;
-                corner[lane][3] = slot;
-                ax[lane] = screen[3 * i];
-                ay[lane] = screen[3 * i + 1];
-                aq[lane] = screen[3 * i + 2];
-                bx[lane] = screen[3 * j];
-                by[lane] = screen[3 * j + 1];
-                bq[lane] = screen[3 * j + 2];
-                cx[lane] = screen[3 * k];
-                cy[lane] = screen[3 * k + 1];
-                cq[lane] = screen[3 * k + 2];
-            }
-            int any = 0;
-            for (int lane = 0; lane < LANES; ++lane) {
-                bx[lane] -= ax[lane];
-                by[lane] -= ay[lane];
-                cx[lane] -= ax[lane];
-                cy[lane] -= ay[lane];
-                const float area = bx[lane] * cy[lane] - by[lane] * cx[lane];
-                const int ahead = (aq[lane] > 0) + (bq[lane] > 0) + (cq[lane] > 0);
-                // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
-                const int turned = (ahead == 3) & (area < 0);
-                const int covers = turned & pixel_box(ax[lane], ay[lane], bx[lane], by[lane], cx[lane],
-                                                      cy[lane], x0[lane], x1[lane], y0[lane], y1[lane]);
-                drawn[lane] = covers | ((ahead == 1) | (ahead == 2)) << 1;
-                any |= drawn[lane];
-            }
-            if (!any)
+        for (int number = part.clusters[0]; number < part.clusters[1]; ++number) {
+            const Cluster& cluster = clusters[number];
+            if (!in_frame(cluster.sphere))
                 continue;
-            for (int lane = 0; lane < LANES && base + lane < end; ++lane) {
-                if (drawn[lane] & 2)
-                    clip(corner[lane]);
-                else if (drawn[lane])
-                    fill(item.owner, ax[lane], ay[lane], aq[lane], bx[lane], by[lane], bq[lane], cx[lane],
-                         cy[lane], cq[lane], x0[lane], x1[lane], y0[lane], y1[lane], corner[lane]);
+            for (int v = cluster.vertices[0]; v < cluster.vertices[1]; ++v) {
+                const float x = R[0][0] * px[v] + R[0][1] * py[v] + R[0][2] * pz[v] + T[0];
+                const float y = R[1][0] * px[v] + R[1][1] * py[v] + R[1][2] * pz[v] + T[1];
+                const float z = R[2][0] * px[v] + R[2][1] * py[v] + R[2][2] * pz[v] + T[2];
+                const float q = z > near ? 1 / z : 0;
+                screen[3 * v] = f * x * q + mid_x;
+                screen[3 * v + 1] = f * y * q + mid_y;
+                screen[3 * v + 2] = q;
+            }
+            const int end = cluster.faces[1];
+            for (int base = cluster.faces[0]; base < end; base += LANES) {
+                int corner[LANES][4], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
+                float ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES];
+                float cx[LANES], cy[LANES], cq[LANES];
+                for (int lane = 0; lane < LANES; ++lane) {
+                    const int face = base + lane < end ? base + lane : end - 1;
+                    const int i = corners[3 * face], j = corners[3 * face + 1], k = corners[3 * face + 2];
+                    corner[lane][0] = i;
+                    corner[lane][1] = j;
+                    corner[lane][2] = k;
+                    corner[lane][3] = slot;
+                    ax[lane] = screen[3 * i];
+                    ay[lane] = screen[3 * i + 1];
+                    aq[lane] = screen[3 * i + 2];
+                    bx[lane] = screen[3 * j];
+                    by[lane] = screen[3 * j + 1];
+                    bq[lane] = screen[3 * j + 2];
+                    cx[lane] = screen[3 * k];
+                    cy[lane] = screen[3 * k + 1];
+                    cq[lane] = screen[3 * k + 2];
+                }
+                int any = 0;
+                for (int lane = 0; lane < LANES; ++lane) {
+                    bx[lane] -= ax[lane];
+                    by[lane] -= ay[lane];
+                    cx[lane] -= ax[lane];
+                    cy[lane] -= ay[lane];
+                    const float area = bx[lane] * cy[lane] - by[lane] * cx[lane];
+                    const int ahead = (aq[lane] > 0) + (bq[lane] > 0) + (cq[lane] > 0);
+                    // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
+                    const int turned = (ahead == 3) & (area < 0);
+                    const int covers = turned & pixel_box(ax[lane], ay[lane], bx[lane], by[lane], cx[lane],
+                                                          cy[lane], x0[lane], x1[lane], y0[lane], y1[lane]);
+                    drawn[lane] = covers | ((ahead == 1) | (ahead == 2)) << 1;
+                    any |= drawn[lane];
+                }
+                if (!any)
+                    continue;
+                for (int lane = 0; lane < LANES && base + lane < end; ++lane) {
+                    if (drawn[lane] & 2)
+                        clip(corner[lane]);
+                    else if (drawn[lane])
+                        fill(item.owner, ax[lane], ay[lane], aq[lane], bx[lane], by[lane], bq[lane], cx[lane],
+                             cy[lane], cq[lane], x0[lane], x1[lane], y0[lane], y1[lane], corner[lane]);
+                }
             }
         }
     }

@@ -15,7 +15,7 @@ from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20
 from vig_world.renderers.raster.native import workspace
 from vig_world.renderers.raster.packed import Packed, assembled
 from vig_world.renderers.raster.pyramid import Pyramid
-from vig_world.renderers.raster.records import FINISH, ITEM, PART, TARGET, address
+from vig_world.renderers.raster.records import CLUSTER, FINISH, ITEM, PART, TARGET, address
 
 HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
 """What each polynomial of the basis is multiplied by, see `vig.scene.light.sh_basis`."""
@@ -87,13 +87,20 @@ class Target:
         return Target(replace(template, data=data), vertices, np.asarray(albedo, np.float32))
 
 
+ANYWHERE = 1e6
+"""Metres: the radius of a sphere that is always in the frame."""
+
+
 @functools.lru_cache(maxsize=4)
 def _template(object_class: ObjectClass) -> Packed:
     """The object's asset, yet without shape and light."""
     count, faces = len(object_class.shape_model.mean), object_class.shape_model.faces
     part = np.zeros(1, PART)
     part["vertices"], part["faces"], part["slot"] = (0, count), (0, len(faces)), -1
+    part["clusters"] = 0, 1
+    whole = np.array([((0, 0, 0, ANYWHERE), (0, count), (0, len(faces)))], CLUSTER)
     blocks = {
+        "clusters": whole,
         "positions": np.zeros((3, count), np.float32),
         "attributes": np.zeros((count, 5), np.float32),
         "corners": np.ascontiguousarray(faces, np.int32),

@@ -11,12 +11,15 @@ import numpy as np
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.raster.pyramid import Pyramid
-from vig_world.renderers.raster.records import HEADER, PART, address
+from vig_world.renderers.raster.records import CLUSTER, HEADER, PART, address
 from vig_world.renderers.raster.shadows import ambient_occlusion, surface_points
 
 ROOM_SIZE = 1.2
 """Metres; assets of a larger radius get ambient occlusion, smaller ones cast shadows."""
 
+CLUSTER_FACES = 64
+MOST_SHARED = 2.0
+"""Vertices that all clusters of a mesh project, over those that it has, up to which it is divided."""
 POINT_AREA = 1.2e-4
 """Square metres of surface for each point that stands for it in shadows."""
 
@@ -57,8 +60,8 @@ class Packed:
         table = np.zeros(len(parts), PART)
         slots: list[str] = []
         pyramids: dict[int, tuple[int, Pyramid]] = {}
-        positions, attributes, corners, texels = [], [], [], []
-        vertex = face = texel = 0
+        positions, attributes, corners, clusters, texels = [], [], [], [], []
+        vertex = face = cluster = texel = 0
         for row, (mesh, material) in zip(table, parts, strict=True):
             if mesh.uv is None:
                 raise ValueError("a part of an asset needs texture coordinates; got none")
@@ -81,12 +84,18 @@ class Packed:
             positions.append(mesh.vertices)
             attributes.append(np.hstack([vertex_normals(mesh.vertices, mesh.faces), mesh.uv]))
             corners.append(mesh.faces + vertex)
+            clusters.append(clustered(mesh.vertices, mesh.faces))
+            clusters[-1]["vertices"] += vertex
+            clusters[-1]["faces"] += face
+            row["clusters"] = cluster, cluster + len(clusters[-1])
+            cluster += len(clusters[-1])
             vertex, face = vertex + len(mesh.vertices), face + len(mesh.faces)
         everything = np.concatenate(positions).astype(np.float32)
         faces = np.concatenate(corners).astype(np.int32)
         sphere = bounding_sphere(everything)
         is_room = sphere[3] > ROOM_SIZE
         blocks = {
+            "clusters": np.concatenate(clusters),
             "positions": np.ascontiguousarray(everything.T),
             "attributes": np.concatenate(attributes).astype(np.float32),
             "corners": faces,
@@ -106,6 +115,28 @@ def bounding_sphere(vertices: np.ndarray) -> tuple[float, float, float, float]:
     centre = (vertices.min(0).astype(np.float64) + vertices.max(0)) / 2
     radius = np.sqrt(((vertices - centre) ** 2).sum(1).max())
     return (*centre.tolist(), float(radius) * 1.0001 + 1e-6)
+
+
+def clustered(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Divide faces (F, 3) of vertices (V, 3) into CLUSTER records; one where neighbours have distant numbers.
+
+    Each cluster's vertices are projected anew: numbers that are spread over the mesh would cost more than the
+    faces that are left out.
+    """
+    starts = np.arange(0, max(len(faces), 1), CLUSTER_FACES)
+    if len(faces) and len(starts) > 1:
+        first, end = np.minimum.reduceat(faces.min(1), starts), np.maximum.reduceat(faces.max(1), starts) + 1
+        if (end - first).sum() > MOST_SHARED * len(vertices):
+            starts = starts[:1]
+    clusters = np.zeros(len(starts), CLUSTER)
+    for cluster, start in zip(clusters, starts.tolist(), strict=True):
+        stop = len(faces) if len(starts) == 1 else min(start + CLUSTER_FACES, len(faces))
+        used = faces[start:stop]
+        cluster["faces"] = start, stop
+        if used.size:
+            cluster["vertices"] = used.min(), used.max() + 1
+            cluster["sphere"] = bounding_sphere(vertices[used.ravel()])
+    return clusters
 
 
 def assembled(table: np.ndarray, sphere: Sequence[float], blocks: dict[str, np.ndarray]) -> np.ndarray:

@@ -47,6 +47,16 @@ PART = np.dtype(
         ("mirror", "f4"),  # specular reflectance at normal incidence
         ("metal", "f4"),  # share of the albedo that reflects specularly
         ("emission", "f4"),
+        ("clusters", "i4", 2),  # first and end
+    ],
+    align=True,
+)
+CLUSTER = np.dtype(
+    [
+        # Some of a part's faces, one after the other: drawn only where their sphere is in the frame.
+        ("sphere", "f4", 4),
+        ("vertices", "i4", 2),  # first and end of those that they have
+        ("faces", "i4", 2),
     ],
     align=True,
 )
@@ -59,6 +69,7 @@ HEADER = np.dtype(
         ("point_count", "i4"),
         # Bytes from the asset's start:
         ("parts", "i8"),
+        ("clusters", "i8"),
         ("positions", "i8"),  # (3, vertex_count) float32
         ("attributes", "i8"),  # (vertex_count, 5) float32: unit normal and uv
         ("corners", "i8"),  # (face_count, 3) int32
@@ -213,6 +224,7 @@ def _declared(dtype: np.dtype, name: str) -> str:
 
 _STRUCTS = {
     "Part": PART,
+    "Cluster": CLUSTER,
     "Header": HEADER,
     "Grid": GRID,
     "Finish": FINISH,

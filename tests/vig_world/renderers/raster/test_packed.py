@@ -8,6 +8,7 @@ from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh
 from vig_world.renderers.raster import Packed, Pyramid
 from vig_world.renderers.raster.draw import srgb_tables
+from vig_world.renderers.raster.packed import clustered
 from vig_world.renderers.raster.records import BINS
 from vig_world.renderers.raster.shadows import BOUNCE, directions, sky_weights, surface_points
 
@@ -43,6 +44,25 @@ def test_any_size_becomes_a_power_of_two_and_keeps_its_mean(shape: tuple[int, in
         assert size & (size - 1) == 0 and size <= 512
         assert 0.7 < size / min(wanted, 512) < 1.42 or wanted > 512
     np.testing.assert_allclose(finest.mean(), texture.mean(), atol=0.01)
+
+
+def test_clusters_hold_every_face_once_within_their_spheres() -> None:
+    """A strip of 300 faces; with its vertices in random order, clusters would not be worth while."""
+    count = 302
+    vertices = np.stack([np.arange(count) * 0.01, np.arange(count) % 2 * 0.02, np.zeros(count)], 1)
+    faces = np.arange(300)[:, None] + [0, 1, 2]
+    clusters = clustered(vertices, faces)
+    assert len(clusters) == 5
+    numbers = [np.arange(*cluster["faces"]) for cluster in clusters]
+    np.testing.assert_array_equal(np.concatenate(numbers), np.arange(300))
+    for cluster, own in zip(clusters, numbers, strict=True):
+        first, end = cluster["vertices"]
+        assert faces[own].min() == first and faces[own].max() == end - 1
+        away = np.linalg.norm(vertices[first:end] - cluster["sphere"][:3], axis=1)
+        assert 0.9 * cluster["sphere"][3] < away.max() <= cluster["sphere"][3]
+    spread = np.random.default_rng(0).permutation(count)
+    (whole,) = clustered(vertices[np.argsort(spread)], spread[faces])
+    assert whole["faces"].tolist() == [0, 300] and whole["vertices"].tolist() == [0, count]
 
 
 def test_surface_points_stand_for_the_whole_surface() -> None:
