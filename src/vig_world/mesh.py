@@ -38,8 +38,9 @@ class Mesh:
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Outward normals of the faces, their length twice the face's area: (F, 3)."""
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return np.cross(b - a, c - a)
+    a, b, c = (vertices.take(corner, axis=0) for corner in faces.T)
+    (bx, by, bz), (cx, cy, cz) = (b - a).T, (c - a).T
+    return np.stack([by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx], axis=1)
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -90,8 +90,9 @@ def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarr
     """Mean albedo (3,) over the surface of an object (V, 3), metres."""
     height = float(model.mean[:, 2].max())
     area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)
-    middle = vertices[model.faces].mean(1)
-    return np.average(albedo_of(coat, middle, model.parts[model.faces[:, 0]], height), axis=0, weights=area)
+    a, b, c = (vertices.take(corner, axis=0) for corner in model.faces.T)
+    albedo = albedo_of(coat, (a + b + c) / 3, model.parts[model.faces[:, 0]], height)
+    return np.average(albedo, axis=0, weights=area)
 
 
 def _painted(
@@ -139,4 +140,5 @@ def _painted(
 def _looked_up(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """The nearest texels (N, C) of an image (H, W, C) that repeats, u to the right, v down, in its sizes."""
     height, width = image.shape[:2]
-    return image[(v * height).astype(int) % height, (u * width).astype(int) % width]
+    row, column = (v * height).astype(int) % height, (u * width).astype(int) % width
+    return image.reshape(height * width, -1).take(row * width + column, axis=0)

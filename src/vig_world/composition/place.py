@@ -11,7 +11,6 @@ import numpy as np
 
 from vig.errors import UserError
 from vig.scene import ObjectClass
-from vig_world.assets.furniture import Support
 from vig_world.assets.props import ZONE_NAMES
 from vig_world.composition.stage import Actor, Stage
 from vig_world.dataset.spec import Room, Surface
@@ -119,12 +118,13 @@ def _eye_of(stage: Stage) -> np.ndarray:
 class _Places:
     """Proposals, N of them.
 
-    support: (N,) its number. turn: (N,) radians, layout to world. spot: (N, 3) of the object in the layout;
-    slide: (N, 3) from there to the support's edge on the side of the people. fits: (N,) whether the object
-    has room there. eye: (N, 3), the camera in the layout.
+    support: (N,) its number; clearance: (N,) metres above it. turn: (N,) radians, layout to world. spot:
+    (N, 3) of the object in the layout; slide: (N, 3) from there to the support's edge on the side of the
+    people. fits: (N,) whether the object has room there. eye: (N, 3), the camera in the layout.
     """
 
     support: np.ndarray
+    clearance: np.ndarray
     turn: np.ndarray
     spot: np.ndarray
     slide: np.ndarray
@@ -135,7 +135,7 @@ class _Places:
     def draw(layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> _Places:
         """Zones as the class wants them, any support in a zone; seen from where people stand."""
         supports, count = layout.supports, PROPOSALS[hiding]
-        table = _support_table(supports, zone_weights(actor.object_class))
+        table = _support_table(layout, zone_weights(actor.object_class))
         weights = table["weight"]
         somewhere = layout.kind == "seamless" or weights.any()  # a seamless ground is for all things
         weights = weights if weights.any() else np.ones(len(supports))
@@ -165,7 +165,7 @@ class _Places:
         spot = centre + _turned(np.column_stack([own, np.zeros(count)]), own_turn)
         to_edge = np.column_stack([np.zeros(count), least[:, 1] - own[:, 1], np.zeros(count)])
         eye = spot + _turned(np.broadcast_to(actor.view.eye, (count, 3)), -turn)
-        return _Places(chosen, turn, spot, _turned(to_edge, own_turn), fits, eye)
+        return _Places(chosen, clearance, turn, spot, _turned(to_edge, own_turn), fits, eye)
 
     def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
         """Numbers of places with object and camera free and, if hiding, furniture in the line of sight."""
@@ -176,8 +176,8 @@ class _Places:
         if hiding:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
             met = _in_sight(layout, self.eye[order], middle)
-            clearance = np.array([support.clearance for support in layout.supports])[self.support[order]]
-            met |= self.eye[order, 2] > self.spot[order, 2] + clearance  # the camera looks down past a board
+            above = self.spot[order, 2] + self.clearance[order]
+            met |= self.eye[order, 2] > above  # the camera looks down past a board
             order = order[met]
         yield from order[:MOST_LOOKED_AT].tolist()
 
@@ -189,14 +189,14 @@ class _Places:
 
 
 @lru_cache(maxsize=256)
-def _support_table(supports: tuple[Support, ...], places: tuple[tuple[str, float], ...]) -> np.ndarray:
-    """Supports as records (N,), with the weight of each, see `zone_weights`."""
-    zones, wanted = [support.zone for support in supports], dict(places)
+def _support_table(layout: Layout, places: tuple[tuple[str, float], ...]) -> np.ndarray:
+    """A layout's supports as records (N,), with the weight of each, see `zone_weights`."""
+    zones, wanted = [support.zone for support in layout.supports], dict(places)
     return np.array(
         [
             (wanted.get(each.zone, 0.0) / zones.count(each.zone), each.turn, each.clearance, each.behind,
              each.half, each.centre)
-            for each in supports
+            for each in layout.supports
         ],
         [("weight", "f8"), ("turn", "f8"), ("clearance", "f8"), ("behind", "f8"),
          ("half", "f8", 2), ("centre", "f8", 3)],
@@ -250,6 +250,7 @@ def _along(sides: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return (vectors[:, :2] @ sides[..., :2].reshape(-1, 2).T).reshape(len(vectors), *sides.shape[:2])
 
 
+@lru_cache(maxsize=512)
 def _half_spaces(layout: Layout, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Furniture grown by `margin`: (M, 4, 3) outward normal and offset of sides; lowest, highest z (M,)."""
     corners = layout.solids[:, :4]

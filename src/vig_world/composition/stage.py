@@ -111,6 +111,7 @@ class Stage:
     props: list[Placed] = field(default_factory=list)
     solids: list[Footprint] = field(default_factory=list)
     _poses: dict[Support, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    _hidden: np.ndarray | None = None
 
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> Stage:
@@ -127,9 +128,9 @@ class Stage:
     def hidden(self, extra: np.ndarray | None = None) -> float:
         """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
         pixels, own = self.actor.pixels, self.actor.own
-        hidden = self.blockers.ravel()[pixels] < own
-        if extra is not None:
-            hidden |= extra.ravel()[pixels] < own
+        if self._hidden is None:
+            self._hidden = self.blockers.ravel()[pixels] < own
+        hidden = self._hidden if extra is None else self._hidden | (extra.ravel()[pixels] < own)
         return np.count_nonzero(hidden) / len(pixels)
 
     def hidden_at_most(self, clouds: np.ndarray) -> np.ndarray:
@@ -197,7 +198,7 @@ class Stage:
         self.props += placed
         self.solids += footprints
         if seen is not None:
-            self.blockers = np.minimum(self.blockers, seen)
+            self.blockers, self._hidden = np.minimum(self.blockers, seen), None
 
 
 @lru_cache(maxsize=256)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -11,16 +10,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from PIL import Image
-
 from vig.parallel import one_thread
-from vig.photo.images import RUN_LENGTHS
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
 from vig_world.dataset.format import image_paths
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe
-from vig_world.generation.files import sidecar_path, write_bytes
+from vig_world.generation.files import png, sidecar_path, write_bytes
 from vig_world.library import Library, OwnAssets
 from vig_world.names import World
 from vig_world.renderers.photo import PhotoSettings, photograph
@@ -150,10 +146,7 @@ def encode(
     }
     files = {}
     for kind, path in image_paths(root, spec.index).items():
-        buffer = io.BytesIO()
-        image = Image.fromarray(pictures[kind])
-        image.save(buffer, "PNG", compress_level=1, compress_type=RUN_LENGTHS)
-        files[path.as_posix()] = buffer.getvalue()
+        files[path.as_posix()] = png(pictures[kind])
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
     described = describe(spec, picture, pictures["depth"], object_class, photo) | {"sha256": hashes}
     files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Picture:
         """1 - visible / alone, pixels within the frame, as in the paper."""
         return 1.0 - _count(self.visible) / _count(self.amodal)
 
-    @property
+    @cached_property
     def shares(self) -> dict[str, float]:
         """Shares of the canvas's silhouette lost to an `occluder`, a `support` and to `truncation`."""
         whole = _count(self.canvas)

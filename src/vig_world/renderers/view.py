@@ -44,7 +44,9 @@ class View:
             cy=standard.cy + lens.shift[1] * size,
             roll=lens.roll,
         )
-        return View(camera, *_pose(camera, azimuth, elevation))
+        # Of any image: the pose is found once for all sizes.
+        pointed = replace(camera, width=1, height=1, focal=1.0, cx=0.0, cy=0.0)
+        return View(camera, *_pose(pointed, azimuth, elevation))
 
     def widened(self, factor: int) -> View:
         """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""

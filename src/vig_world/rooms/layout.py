@@ -14,9 +14,10 @@ LEVEL = 0.006
 """Metres by which the surface may lie above or below the support's height."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
-    """A furnished room, metres, its floor at z = 0; shared by all samples that use it.
+    """A furnished room, metres, its floor at z = 0; shared by all samples that use it, and the same as itself
+    only.
 
     Attributes:
         kind: Kitchen, dining room, living room ...
