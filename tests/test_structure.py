@@ -42,6 +42,7 @@ CORE = set(MAY_IMPORT)
 WORLD = {
     "vig_world.names": set(),
     "vig_world.extras": set(),
+    "vig_world.kept": set(),
     "vig_world.mesh": set(),
     "vig_world.rotations": set(),
     "vig_world.dataset": {"vig_world.names", "vig_world.rotations", "vig_world.extras"},
@@ -60,6 +61,7 @@ WORLD = {
     "vig_world.renderers.raster": {
         "vig_world.assets",
         "vig_world.dataset",
+        "vig_world.kept",
         "vig_world.mesh",
         "vig_world.rotations",
         "vig_world.renderers.view",
@@ -67,6 +69,7 @@ WORLD = {
     },
     "vig_world.library": {
         "vig_world.dataset",
+        "vig_world.kept",
         "vig_world.mesh",
         "vig_world.rotations",
         "vig_world.streams",

@@ -1,14 +1,14 @@
 """A split's finite catalogues of rooms, props, finishes and lights, with users' custom assets.
 
 An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
-one split ever occurs in another, and a worker can keep what it has made.
+one split ever occurs in another, and what was made can be kept: in memory, and for the rasteriser on disk.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,7 +18,7 @@ from vig.scene import EXPOSURE_L00, rotate_z
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
 from vig_world.assets.furniture import FAMILIES as FURNITURE
-from vig_world.assets.furniture import Furniture
+from vig_world.assets.furniture import Furniture, Support
 from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
 from vig_world.assets.panoramas import light_parts, local_light, panorama
 from vig_world.assets.panoramas.light import grey, project_panorama
@@ -26,6 +26,7 @@ from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
+from vig_world.kept import Arrays, kept, packed_text, unpacked_text
 from vig_world.renderers.raster import Packed, Pyramid
 from vig_world.rooms import Layout, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
@@ -88,6 +89,21 @@ class OwnAssets:
         return found | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
 
 
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What the rasteriser and the search need of a room.
+
+    Attributes:
+        layout: The room without its parts.
+        packed: The parts.
+        grounds: Slot and own mean albedo of each support's material.
+    """
+
+    layout: Layout
+    packed: Packed
+    grounds: tuple[tuple[str, float], ...]
+
+
 class Library:
     """The assets of a split's scenes, made on demand and cached up to a bound."""
 
@@ -96,15 +112,12 @@ class Library:
         self.own = own or OwnAssets()
         self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
         self.prop = lru_cache(maxsize=2048)(self._prop)  # 0.1 MB each, used long before they are packed
-        self.packed = lru_cache(maxsize=4096)(self._packed)
-        self.extremes = lru_cache(maxsize=4096)(self._extremes)
+        self.shape = lru_cache(maxsize=4096)(self._shape)
         self.sizes = lru_cache(maxsize=4096)(self._sizes)
         self.layout = lru_cache(maxsize=256)(self._layout)  # all of a split, as the next two
-        self.packed_layout = lru_cache(maxsize=256)(self._packed_layout)
-        self.ground = lru_cache(maxsize=4096)(self._ground)
+        self.plan = lru_cache(maxsize=256)(self._plan)
         self.finish = lru_cache(maxsize=128)(self._finish)
-        self.pyramid = lru_cache(maxsize=1024)(self._pyramid)
-        self.albedo = lru_cache(maxsize=4096)(self._albedo)
+        self.surface = lru_cache(maxsize=1024)(self._surface)
         self.radiance = lru_cache(maxsize=256)(self._radiance)
         self.light_parts = lru_cache(maxsize=4096)(self._light_parts)
 
@@ -129,12 +142,26 @@ class Library:
         size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES)
         return Prop(made.family, tuple((scaled(mesh, size), stuff) for mesh, stuff in made.parts))
 
-    def _packed(self, family: str, number: int) -> Packed:
-        return Packed.of(self.prop(family, number).parts)
+    def packed(self, family: str, number: int) -> Packed:
+        """A prop for the rasteriser."""
+        return self.shape(family, number)[0]
 
-    def _extremes(self, family: str, number: int) -> np.ndarray:
+    def extremes(self, family: str, number: int) -> np.ndarray:
         """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
-        return extreme_points(np.concatenate([mesh.vertices for mesh, _ in self.prop(family, number).parts]))
+        return self.shape(family, number)[1]
+
+    def _shape(self, family: str, number: int) -> tuple[Packed, np.ndarray]:
+        def made() -> Arrays:
+            parts = self.prop(family, number).parts
+            extremes = extreme_points(np.concatenate([mesh.vertices for mesh, _ in parts]))
+            return {"extremes": extremes, **Packed.of(parts).arrays()}
+
+        held = self._held(family in self._own_props, f"prop/{family}/{number}", made)
+        return Packed.from_arrays(held), held["extremes"]
+
+    def _held(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
+        """The arrays of an asset of the split, kept on disk but for a user's own."""
+        return make() if own else kept().arrays(f"{self.split}/{name}", make)
 
     def _sizes(self, family: str, number: int) -> np.ndarray:
         """Extents (3,) in metres of a prop in its own frame."""
@@ -162,20 +189,44 @@ class Library:
         own = [each.furniture for each in self.own.furniture if _stands_for(each.furniture.family, family)]
         return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
 
-    def _packed_layout(self, number: int) -> Packed:
-        return Packed.of(self.layout(number).parts)
+    def _plan(self, number: int) -> Plan:
+        def made() -> Arrays:
+            layout = self.layout(number)
+            under = [material_under(layout, support) for support in layout.supports]
+            # Of a table top where nothing lies below.
+            grounds = [
+                ("top", 0.0) if each is None else (each.slot, float(each.texture.mean())) for each in under
+            ]
+            supports = [astuple(support) for support in layout.supports]
+            return {
+                "text": packed_text([layout.kind, layout.height, supports, grounds]),
+                "outline": layout.outline,
+                "solids": layout.solids,
+                **Packed.of(layout.parts).arrays(),
+            }
+
+        held = self._held(bool(self.own.furniture), f"layout/{number}", made)
+        kind, height, supports, grounds = unpacked_text(held["text"])
+        return Plan(
+            Layout(
+                kind=kind,
+                parts=(),
+                supports=tuple(
+                    Support(zone, tuple(centre), tuple(half), *rest) for zone, centre, half, *rest in supports
+                ),
+                outline=held["outline"],
+                height=height,
+                solids=held["solids"],
+            ),
+            Packed.from_arrays(held),
+            tuple((slot, albedo) for slot, albedo in grounds),
+        )
 
     def ground_albedo(self, room: Room) -> float:
         """Mean grey albedo of what the object stands on: of its finish, or of its own texture."""
-        slot, own = self.ground(room.layout, room.support)
+        slot, own = self.plan(room.layout).grounds[room.support]
         finish = dict(room.finishes).get(slot)
         return own if finish is None else self.albedo(finish.kind, finish.asset)
-
-    def _ground(self, layout: int, support: int) -> tuple[str, float]:
-        """Slot and own mean albedo of a support's material; of a table top where nothing lies below it."""
-        furnished = self.layout(layout)
-        material = material_under(furnished, furnished.supports[support])
-        return ("top", 0.0) if material is None else (material.slot, float(material.texture.mean()))
 
     # Finishes
 
@@ -193,12 +244,23 @@ class Library:
         luminance = image.mean(axis=2, keepdims=True)
         return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
 
-    def _pyramid(self, kind: str, number: int) -> Pyramid:
-        return Pyramid.of(self.finish(kind, number))
+    def pyramid(self, kind: str, number: int) -> Pyramid:
+        """A finish for the rasteriser."""
+        return self.surface(kind, number)[0]
 
-    def _albedo(self, kind: str, number: int) -> float:
+    def albedo(self, kind: str, number: int) -> float:
         """Mean grey albedo of a finish."""
-        return float(self.finish(kind, number).mean())
+        return self.surface(kind, number)[1]
+
+    def _surface(self, kind: str, number: int) -> tuple[Pyramid, float]:
+        def made() -> Arrays:
+            finish = self.finish(kind, number)
+            pyramid, mean = Pyramid.of(finish), float(finish.mean())
+            return {"texels": pyramid.texels, "numbers": packed_text([pyramid.log_size, mean])}
+
+        held = self._held(False, f"surface/{kind}/{number}", made)
+        (width, height), mean = unpacked_text(held["numbers"])
+        return Pyramid(held["texels"], (width, height)), mean
 
     # Light
 
@@ -210,7 +272,13 @@ class Library:
     def _radiance(self, number: int) -> np.ndarray:
         """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; custom ones: their size."""
         own = self.own.panoramas
-        return _exposed(own[number].radiance if own else panorama(asset_rng(self.split, "panorama", number)))
+        if own:
+            return _exposed(own[number].radiance)
+
+        def made() -> Arrays:
+            return {"radiance": _exposed(panorama(asset_rng(self.split, "panorama", number)))}
+
+        return self._held(False, f"panorama/{number}", made)["radiance"]
 
     def surroundings(self, number: int) -> np.ndarray:
         """Panorama `number` for a path tracer: as `radiance`, custom ones at full size."""
@@ -218,7 +286,10 @@ class Library:
         return _exposed(own[number].sharp()) if own else self.radiance(number)
 
     def _light_parts(self, number: int) -> np.ndarray:
-        return light_parts(self.radiance(number))
+        def made() -> Arrays:
+            return {"light": light_parts(self.radiance(number))}
+
+        return self._held(bool(self.own.panoramas), f"light/{number}", made)["light"]
 
     def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
         """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.

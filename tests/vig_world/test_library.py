@@ -165,7 +165,7 @@ def test_light_from_below_is_that_of_the_support(splits: tuple[Library, ...]) ->
         for index, support in enumerate(layout.supports):
             material = material_under(layout, support)
             missing += material is None
-            slot, _ = library.ground(number, index)
+            slot, _ = library.plan(number).grounds[index]
             found.append(slot)
             if support.zone == "floor":
                 assert slot == "floor"
@@ -180,7 +180,7 @@ def test_a_split_s_rooms_and_panoramas_are_made_once(split: Split) -> None:
     rooms = library.layouts + len(library.sweeps)
     for cached, count in (
         (library.layout, rooms),
-        (library.packed_layout, rooms),
+        (library.plan, rooms),
         (library.radiance, library.panoramas),
     ):
         assert count <= cached.cache_parameters()["maxsize"]

@@ -67,7 +67,7 @@ def visible_ground(stage: Stage) -> tuple[float, float]:
 
 def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
     """Up to four other supports whose middle is in front of the camera and not too far, in random order."""
-    supports = stage.library.layout(stage.room.layout).supports
+    supports = stage.library.plan(stage.room.layout).layout.supports
     middles = stage.room.to_world(np.array([support.centre for support in supports]))
     x, y, z = ((middles - stage.actor.view.eye) @ stage.actor.view.rotation.T).T
     seen = (z > 0.3) & (z < FAR) & (np.abs(x) < 0.8 * z + 0.3) & (np.abs(y) < 0.8 * z + 0.3)

@@ -69,7 +69,7 @@ def find_place(
     The latents stay fixed: one of the rooms `layouts` is turned and shifted round the object.
     """
     number = int(rng.choice(layouts)) if layouts.start else int(rng.integers(layouts.stop))
-    layout = library.layout(number)
+    layout = library.plan(number).layout
     places = _Places.draw(layout, actor, hidden[0] > 0, rng)
     for place in places.sifted(layout, actor, hidden[0] > 0, rejected):
         chosen = int(places.support[place])

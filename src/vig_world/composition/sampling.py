@@ -130,6 +130,6 @@ def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> 
     """The hidden share of the object at the full size of the image, one sample per pixel."""
     view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
-    items = [Item(library.packed_layout(room.layout), room.rotation(), np.array(room.origin))]
+    items = [Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin))]
     items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
     return float((depth(items, view)[0] < alone)[np.isfinite(alone)].mean())

@@ -116,9 +116,9 @@ class Stage:
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> Stage:
         """A furnished room with the object alone."""
-        packed = library.packed_layout(room.layout)
+        packed = library.plan(room.layout).packed
         behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
-        support = library.layout(room.layout).supports[room.support]
+        support = library.plan(room.layout).layout.supports[room.support]
         return Stage(library, actor, room, support, behind, behind)
 
     def families(self, zone: str) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ def items_of(library: Library, spec: SceneSpec) -> list[Item]:
         slot: (library.pyramid(finish.kind, finish.asset), finish.metres)
         for slot, finish in spec.room.finishes
     }
-    room = library.packed_layout(spec.room.layout)
+    room = library.plan(spec.room.layout).packed
     pose = (spec.room.rotation(), np.array(spec.room.origin))
     items = [Item(room, *pose, finishes=finishes, is_support=True)]
     for number, placed in enumerate(spec.props):

@@ -147,7 +147,7 @@ def test_the_room_leaves_the_object_in_view(
     """A surface behind every pixel, and what the room hides is no more than what was asked for."""
     for spec in specs:
         view = View.of(teapot, spec.azimuth, spec.elevation)
-        packed = library.packed_layout(spec.room.layout)
+        packed = library.plan(spec.room.layout).packed
         room, _ = depth([Item(packed, spec.room.rotation(), np.array(spec.room.origin))], view)
         assert np.isfinite(room).mean() > 0.999
         alone = view.depth(target_vertices(spec, teapot), teapot.shape_model.faces)

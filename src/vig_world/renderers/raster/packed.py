@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from vig_world.assets.props.material import Material
+from vig_world.kept import packed_text, unpacked_text
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.raster.pyramid import Pyramid
 from vig_world.renderers.raster.records import CLUSTER, HEADER, PART, address
@@ -45,6 +46,16 @@ class Packed:
     def address(self) -> int:
         """Where `data` lies in memory."""
         return address(self.data)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Itself as arrays by name, for `from_arrays`."""
+        return {"data": self.data, "form": packed_text([self.counts, self.slots])}
+
+    @staticmethod
+    def from_arrays(arrays: dict[str, np.ndarray]) -> Packed:
+        """The asset whose `arrays` these are."""
+        (parts, vertices, faces), slots = unpacked_text(arrays["form"])
+        return Packed(arrays["data"], (parts, vertices, faces), tuple(slots))
 
     @staticmethod
     def of(parts: Sequence[tuple[Mesh, Material]]) -> Packed:

@@ -106,7 +106,7 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         lost += values[::side] * grid["scale"]
     result = np.zeros(1, GRID)
     result[0] = grid[0]
-    result["scale"] = np.abs(lost).max() / 32000 + 1e-12
+    result["scale"], result["values"] = np.abs(lost).max() / 32000 + 1e-12, 0  # the values follow
     stored = (lost / result["scale"]).astype(np.int16)
     return np.concatenate([result.view(np.uint8), stored.reshape(-1).view(np.uint8)])
 

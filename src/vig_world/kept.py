@@ -1,0 +1,93 @@
+"""Assets that were made before on this machine, as arrays in the user's cache folder."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+import vig.scene
+import vig_world
+from vig.errors import UserError
+from vig.files import atomic_write
+
+Arrays = dict[str, np.ndarray]
+OTHERS = 2
+"""Folders of other versions of the code that are left, the latest ones."""
+
+
+class Kept:
+    """Arrays by name, a file each, of one version of the code that makes them; None as folder keeps none."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
+
+    def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
+        """What `make` gives, made at most once; where it can be neither read nor written it is made anew.
+
+        Args:
+            name: Path within the folder, such as `train/prop/mug/3`.
+            make: A pure function of the name and the code.
+        """
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.safetensors"
+        try:
+            return load_file(path)
+        except (OSError, SafetensorError):
+            pass
+        made = make()
+        try:
+            with atomic_write(path) as temporary:
+                save_file({key: np.ascontiguousarray(array) for key, array in made.items()}, temporary)
+        except (OSError, UserError, SafetensorError):  # a full disk, or one that is read only
+            self.folder = None
+        return made
+
+
+@functools.cache
+def kept() -> Kept:
+    """The assets of this code in `vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`)."""
+    try:
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vig"
+        folder = cache / f"world-{_version()}"
+        if not folder.is_dir():
+            folder.mkdir(parents=True)
+            before = sorted(cache.glob("world-*"), key=lambda path: path.stat().st_mtime)
+            for old in before[: -OTHERS - 1]:
+                shutil.rmtree(old, ignore_errors=True)
+    except (OSError, RuntimeError):
+        return Kept(None)
+    return Kept(folder)
+
+
+def _version() -> str:
+    """A hash of the code, and of the libraries whose numbers it uses."""
+    found = hashlib.sha256()
+    for package in (vig_world, vig.scene):
+        root = Path(package.__path__[0])
+        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".cc", ".json")):
+            found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    for name in ("numpy", "scipy", "torch"):
+        found.update(metadata.version(name).encode())
+    return found.hexdigest()[:16]
+
+
+def packed_text(value: object) -> np.ndarray:
+    """Plain data as an array of bytes; floats stay exact."""
+    return np.frombuffer(json.dumps(value).encode(), np.uint8)
+
+
+def unpacked_text(array: np.ndarray) -> list:
+    """The inverse of `packed_text` for lists and tuples, as lists."""
+    found: list = json.loads(array.tobytes())
+    return found
