@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.measuring import metric, report, write
 from vig_world.dataset.format import image_paths
 from vig_world.generation.write import make_dataset
+from vig_world.names import WORLDS, World
 
 RASTER_COUNT, CYCLES_COUNT = 6000, 40
 RUNS = 1
@@ -33,16 +34,19 @@ def main() -> None:
     parser.add_argument("--cycles", type=int, default=CYCLES_COUNT, help="path-traced samples; 0 for none")
     parser.add_argument("--runs", type=int, default=RUNS, help="raster runs; the median counts")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--world", choices=WORLDS, default="paper", help="what scenes are like")
     arguments = parser.parse_args()
 
     metrics: list[dict[str, Any]] = []
-    runs = [Run.of("raster", arguments.raster, arguments.workers, seed) for seed in range(arguments.runs)]
+    world = arguments.world
+    runs = [Run.of("raster", arguments.raster, arguments.workers, n, world) for n in range(arguments.runs)]
     metrics.append(metric("raster_images_per_s", [run.steady for run in runs], "1/s", "higher"))
     metrics.append(metric("raster_images_per_s_with_start", [run.whole for run in runs], "1/s", "higher"))
+    metrics.append(metric("raster_processor_ms", [run.processor for run in runs], "ms"))
     metrics.append(metric("raster_memory_mib", [run.late for run in runs], "MiB"))
     metrics.append(metric("raster_memory_growth_mib", [run.growth for run in runs], "MiB"))
     if arguments.cycles:
-        run = Run.of("cycles", arguments.cycles, arguments.workers, 0)
+        run = Run.of("cycles", arguments.cycles, arguments.workers, 0, world)
         metrics.append(metric("cycles_s_per_image", [1 / run.steady], "s"))
         metrics.append(metric("cycles_s_per_image_with_start", [1 / run.whole], "s"))
         metrics.append(metric("cycles_memory_mib", [run.late], "MiB"))
@@ -55,22 +59,27 @@ def main() -> None:
 
 
 class Run:
-    """One generated dataset. whole, steady: samples per second; memory: MiB over time, of all processes."""
+    """One generated dataset.
 
-    def __init__(self, whole: float, steady: float, memory: np.ndarray) -> None:
-        self.whole, self.steady, self.memory = whole, steady, memory
+    whole, steady: samples per second; processor: ms of all processes' time for each sample of the whole run;
+    memory: MiB over time, of all processes.
+    """
+
+    def __init__(self, whole: float, steady: float, processor: float, memory: np.ndarray) -> None:
+        self.whole, self.steady, self.processor, self.memory = whole, steady, processor, memory
 
     @staticmethod
-    def of(renderer: str, count: int, workers: int, seed: int) -> Run:
+    def of(renderer: str, count: int, workers: int, seed: int, world: World) -> Run:
         """Make `count` samples with a renderer, "raster" or "cycles"."""
         with tempfile.TemporaryDirectory() as folder, Memory() as memory:
             out = Path(folder) / "dataset"
-            started = time.perf_counter()
-            make_dataset(out, count, seed, tier=renderer, workers=workers, progress=False, world="paper")
+            started, busy = time.perf_counter(), _processor()
+            make_dataset(out, count, seed, tier=renderer, workers=workers, progress=False, world=world)
             whole = count / (time.perf_counter() - started)
+            busy = 1000 * (_processor() - busy) / count
             written = [image_paths(out / "train", i)["rgb"].stat().st_mtime for i in range(count)]
         late = np.sort(written)[count // 4 :]
-        return Run(whole, (len(late) - 1) / (late[-1] - late[0]), np.array(memory.sizes))
+        return Run(whole, (len(late) - 1) / (late[-1] - late[0]), busy, np.array(memory.sizes))
 
     @property
     def growth(self) -> float:
@@ -106,6 +115,12 @@ class Memory:
     def _watch(self) -> None:
         while not self._done.wait(0.25):
             self.sizes.append(sum(_resident(pid) for pid in _family(os.getpid())) / 2**20)
+
+
+def _processor() -> float:
+    """Seconds of processor time of this process and of those below it that have ended."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def _family(root: int) -> list[int]:
