@@ -45,6 +45,7 @@ WORLD = {
     "vig_world.kept": set(),
     "vig_world.mesh": set(),
     "vig_world.rotations": set(),
+    "vig_world.threads": set(),
     "vig_world.dataset": {"vig_world.names", "vig_world.rotations", "vig_world.extras"},
     "vig_world.streams": {"vig_world.names", "vig_world.dataset"},
     "vig_world.assets": {

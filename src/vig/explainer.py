@@ -18,7 +18,8 @@ from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings, Fit, Verdict, explain
 from vig.parallel import map_in_processes, on_one_core
-from vig.photo import Halved, Window, coded_photo, focal_of
+from vig.photo import Halved, Window, focal_of
+from vig.photo.images import coded_photo
 from vig.recognition import Recognizer, find, upright
 from vig.scene import Latents, ObjectClass
 
@@ -94,7 +95,7 @@ class Explainer:
         if window is None and box is not None:
             window = upright(seen, Window.of(width, height, checked_box(box)), self.recognizer)
         if window is None:
-            window, found = (best := find(seen, self.recognizer)[0]).window, best.score
+            window, found = (best := find(seen, self.recognizer)).window, best.score
         if self.settings.farther is None:
             focal = checked_focal(focal) if focal is not None else focal_of(photo)
             settings = replace(settings, farther=window.farther(focal)) if focal else settings

@@ -15,7 +15,8 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.inference import Fit, Verdict, family_of
-from vig.photo import Window, linear_photo
+from vig.photo import Window
+from vig.photo.images import linear_photo
 from vig.renderer import render_latents
 from vig.report import describe, overlay, write_explanation
 from vig.scene import Camera, Latents, ObjectClass, srgb8_from_linear

@@ -19,7 +19,6 @@ from vig.optimizers.dogleg import Dogleg
 from vig.optimizers.gradient_descent import GradientDescent
 from vig.optimizers.optimizer import Optimizer
 from vig.optimizers.quasi_newton import BFGS, LBFGS
-from vig.parallel import one_thread
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_lab.evaluation.presentation import Block
@@ -28,6 +27,7 @@ from vig_lab.evaluation.results import MethodResult
 from vig_lab.evaluation.statistics import FAR_DEG, failure, paired, resampled, summary
 from vig_lab.evaluation.table import METRICS
 from vig_world.dataset import Dataset
+from vig_world.threads import one_thread
 
 DEFAULT = "default"
 TIMED = 20

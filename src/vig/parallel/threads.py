@@ -2,7 +2,7 @@
 
 How many is one setting, torch's own: `torch.set_num_threads`, or OMP_NUM_THREADS in the environment. On our
 threads torch computes with one core each: a fit's matrices are small, and on more cores a product waits for
-threads far longer than it computes. `one_thread` is for what uses numpy's linear algebra, too.
+threads far longer than it computes.
 """
 
 from __future__ import annotations
@@ -12,13 +12,9 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import torch
-
-if TYPE_CHECKING:
-    from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -44,29 +40,6 @@ def on_one_core(work: Callable[[], Result]) -> Result:
     if getattr(_here, "count", None) is not None or torch.get_num_threads() == 1:
         return work()
     return _callers().submit(_counting, thread_count(), work).result()
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Inside, torch computes on one core for this thread, and numpy's linear algebra for the whole process.
-
-    Small matrices take less time so, and sums do not depend on the number of cores.
-    """
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with _linear_algebra().limit(limits=1, user_api="blas"):
-            yield
-    finally:
-        torch.set_num_threads(before)
-
-
-@functools.cache
-def _linear_algebra() -> ThreadpoolController:
-    """Finding the libraries takes long; those that are loaded after the first use are left alone."""
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:

@@ -1,15 +1,6 @@
 """Photos: files in and out, and the window round an object."""
 
-from vig.photo.images import as_photo, coded_photo, focal_of, linear_photo, read_photo, write_png
+from vig.photo.images import as_photo, focal_of, read_photo, write_png
 from vig.photo.window import Halved, Window
 
-__all__ = [
-    "Halved",
-    "Window",
-    "as_photo",
-    "coded_photo",
-    "focal_of",
-    "linear_photo",
-    "read_photo",
-    "write_png",
-]
+__all__ = ["Halved", "Window", "as_photo", "focal_of", "read_photo", "write_png"]

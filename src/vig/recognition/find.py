@@ -38,11 +38,10 @@ class Candidate:
     score: float
 
 
-def find(photo: np.ndarray | Halved, recognizer: Recognizer) -> list[Candidate]:
-    """Places of the object in a photo (H, W, 3) linear RGB, best first, each a place of its own.
+def find(photo: np.ndarray | Halved, recognizer: Recognizer) -> Candidate:
+    """The best place of the object in a photo (H, W, 3), as `coded_photo` gives it.
 
-    The list holds at least one, and of several objects perhaps only one; a low score means that the photo
-    may not show the object.
+    A low score means that the photo may not show the object.
     """
     tried: list[tuple[float, Window]] = []
     found: list[Candidate] = []
@@ -56,14 +55,10 @@ def find(photo: np.ndarray | Halved, recognizer: Recognizer) -> list[Candidate]:
             prediction = predict_windows(photo, moved, recognizer)
             found += map(Candidate, moved, _scores(prediction))
             moved = _all_moved(moved, prediction)
-        found.sort(key=lambda each: -each.score)
-        if found[0].score >= SURE:
+        best = max(found, key=lambda each: each.score)
+        if best.score >= SURE:
             break
-    apart: list[Candidate] = []
-    for each in found:
-        if all(_apart(each.window, other.window) for other in apart):
-            apart.append(each)
-    return apart
+    return best
 
 
 def upright(photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:
@@ -140,8 +135,3 @@ def _scores(prediction: Prediction) -> list[float]:
         place = math.exp(-0.5 * (off / 0.2) ** 2)
         scores.append(float(one.presence[0]) * float(inside) * size * place * (0.3 + 0.7 * seen))
     return scores
-
-
-def _apart(a: Window, b: Window) -> bool:
-    """Whether the middle of neither window is near the other's."""
-    return math.dist(a.centre, b.centre) > 0.3 * max(a.side, b.side)

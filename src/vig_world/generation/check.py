@@ -13,7 +13,6 @@ import numpy as np
 
 from vig.checks import parse_json, read_bytes, read_json, reading
 from vig.errors import UserError
-from vig.parallel import one_thread
 from vig.scene import ObjectClass
 from vig_world.dataset.format import (
     INFO,
@@ -33,6 +32,7 @@ from vig_world.generation.files import read_scene
 from vig_world.generation.job import Job, Maker
 from vig_world.generation.labels import label_problems, model_problems
 from vig_world.library import OwnAssets
+from vig_world.threads import one_thread
 
 THREADS = 2
 MOST_FILE = 1 << 31

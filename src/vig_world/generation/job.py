@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from vig.parallel import one_thread
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
 from vig_world.dataset.format import image_paths
@@ -23,6 +22,7 @@ from vig_world.renderers.photo import PhotoSettings, photograph
 from vig_world.renderers.picture import Picture
 from vig_world.renderers.rasterized import render
 from vig_world.streams import stream
+from vig_world.threads import one_thread
 
 TIERS = ("raster", "cycles")
 PHOTO_STREAM = 2**20

@@ -3,10 +3,9 @@ from __future__ import annotations
 import threading
 
 import pytest
-import threadpoolctl
 import torch
 
-from vig.parallel.threads import map_on_threads, on_one_core, one_thread, run_on_threads, thread_count
+from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, thread_count
 
 
 @pytest.fixture
@@ -45,22 +44,6 @@ def test_on_one_core_torch_has_one_thread_and_work_all(three_threads) -> None:
 
     assert on_one_core(work) == (1, 3, 3)
     assert torch.get_num_threads() == 3 and thread_count() == 3
-
-
-def blas_threads() -> set[int]:
-    return {
-        library["num_threads"] for library in threadpoolctl.threadpool_info() if library["user_api"] == "blas"
-    }
-
-
-def test_one_thread_is_of_torch_and_of_numpy_and_nests(three_threads) -> None:
-    with threadpoolctl.threadpool_limits(2, user_api="blas"):
-        before = blas_threads()
-        with one_thread():
-            with one_thread():
-                assert (torch.get_num_threads(), blas_threads()) == (1, {1})
-            assert (torch.get_num_threads(), blas_threads()) == (1, {1})
-        assert (torch.get_num_threads(), blas_threads()) == (3, before)
 
 
 def test_the_setting_of_other_threads_is_left_alone(three_threads) -> None:
