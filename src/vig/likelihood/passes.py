@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.assembly import PARTS, likelihood_kernels
+from vig.likelihood.kernels.assembly import CUDA_PARTS, PARTS, likelihood_kernels
 from vig.likelihood.kernels.groups import LANES
 from vig.parallel.internals import group_fields, type_parts
 from vig.renderer import NOTHING, warp_array
@@ -34,6 +34,9 @@ BOUNDARY_CURVATURE = 0.5
 class Pass:
     """Evaluates B points of a `Likelihood` in buffers of its own; launches are recorded at their first use.
 
+    On a GPU all goes to torch's current stream, nothing waits for a result, and after a first call nothing
+    but tensors of torch is allocated: `torch.cuda.graph` can capture a call.
+
     The same pass serves other photos of the same geometry, camera and settings: see `look_at`.
 
     value (B,) float64, gradient (B, P'), normal (B, P', P') and images (posterior, coverage, irradiance, each
@@ -50,8 +53,16 @@ class Pass:
         self._kernels = k = likelihood_kernels(geometry.dtype, modes)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
         width, height, stride = camera.width, camera.height, likelihood.stride
-        self._parts = {"vertices": vertices, "faces": faces, "edges": edges, "lines": height}
-        self._down = -(-height // stride)
+        self._shared = {"vertices": vertices, "faces": faces, "edges": edges, "lines": height}
+        self._down, across = -(-height // stride), -(-width // stride)
+        edge_rows = max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (width + height))
+        # One thread after the other fills a single segment without gaps. Threads side by side have one each,
+        # where their rows are in order; what they leave is zero and adds nothing to the product.
+        self._alone = geometry.device == "cpu"
+        self._parts = PARTS if self._alone else CUDA_PARTS
+        segments, length = 1, across * self._down + edge_rows
+        if not self._alone:
+            segments, length = self._down + self._parts, max(across, -(-edge_rows // self._parts))
         self._arguments: dict[str, Any] = {
             "camera": k.vec3(camera.focal, camera.cx, camera.cy),
             "target": k.vec3(0.0, 0.0, camera.target_height),
@@ -60,7 +71,7 @@ class Pass:
             "height": height,
             "stride": stride,
             "cull": 1,
-            "threads": PARTS,
+            "lines": self._down,
             "curvature": BOUNDARY_CURVATURE,
             "shadowed": int(geometry.transfer is not None),
             "faces": geometry.faces_wp,
@@ -99,15 +110,17 @@ class Pass:
         self.rest_rows = made("rest_rows", k.rest_row, vertices)
         self.keys = made("keys", wp.int64, height * width + KEYS_MARGIN)
         made("occluding_edges", wp.int32, edges)
-        self.row_count, self.used = made("row_count", wp.int32), made("used", wp.uint8, vertices)
+        self.row_counts, self.used = made("row_counts", wp.int32, segments), made("used", wp.uint8, vertices)
         self.on_world = made("on_world", k.vec3, vertices)
-        self._cleared = [self.row_count, self.used, self.on_world, made("counts", wp.int32)]
+        made("counts", wp.int32, self._parts)
+        self._cleared = [self.row_counts, self.used, self.on_world]
         self._cleared += [made("on_corner", k.vec4, vertices), made("on_normal", k.vec3, vertices)]
-        edge_rows = max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (width + height))
-        self.rows = self._rows(-(-width // stride) * self._down + edge_rows)
+        self.rows = self._rows(segments * length)
+        if not self._alone:
+            self._cleared.append(self.rows)
         for source in ("line", "edge"):
-            made(f"{source}_values", k.real, PARTS), made(f"{source}_albedo", k.vec3, PARTS)
-        made("sums", k.rest_row, PARTS)
+            made(f"{source}_values", k.real, self._parts), made(f"{source}_albedo", k.vec3, self._parts)
+        made("sums", k.rest_row, self._parts)
         self.shape_gradient = made("shape_gradient", k.real, modes)
         self.products = made("products", k.real, geometry.rows.width, geometry.rows.width)
         self.value = made("value", wp.float64)
@@ -177,8 +190,10 @@ class Pass:
             torch.mm(on_world, self.geometry.positions[1:].T, out=self.shape_gradient)
             if transfer is not None:
                 self.shape_gradient += (self.shadow_rates[:, 1:] @ self.on_light[:, :, None])[:, :, 0]
-            if derivatives > 1:
-                filled = self.row_count.tolist()
+            if derivatives > 1 and not self._alone:
+                torch.bmm(self.rows.mT, self.rows, out=self.products)
+            elif derivatives > 1:
+                filled = self.row_counts[:, 0].tolist()
                 for rows, count, product in zip(self.rows, filled, self.products, strict=True):
                     kept = rows[: min(count, len(rows))]
                     torch.mm(kept.T, kept, out=product)
@@ -186,7 +201,7 @@ class Pass:
 
     def _recorded(self, derivatives: int, images: bool) -> list[Callable[[], object]]:
         """The launches between placing the vertices in the world and the last matrix products."""
-        parts = self.count, PARTS
+        parts = self.count, self._parts
         line = {"values": "line_values", "on_albedo": "line_albedo"}
         edge = {"values": "edge_values", "on_albedo": "edge_albedo"}
         flags = {"differentiate": derivatives, "images": int(images)}
@@ -200,7 +215,7 @@ class Pass:
             steps.append(self._record("interior_rows", (self.count, self._down)))
         if self.silhouette == "exact":
             steps.append(self._record("collect_edges", parts, "edges"))
-            steps.append(self._record("boundary", parts, None, flags, edge))
+            steps.append(self._record("boundary", parts, "edges", flags, edge))
         if derivatives:
             steps.append(self._record("unshade", parts, "vertices"))
         steps.append(self._record("add_values", self.count))
@@ -224,7 +239,7 @@ class Pass:
         known |= {argument: self._arguments[buffer] for argument, buffer in (renamed or {}).items()}
         known |= values or {}
         if shared_out is not None:
-            known["chunk"] = -(-self._parts[shared_out] // PARTS)
+            known["chunk"] = -(-self._shared[shared_out] // self._parts)
         names = list(inspect.signature(kernel.func).parameters)
         arguments = {name: self._group(name, known) if name in k.groups else known[name] for name in names}
         inputs = list(arguments.values())

@@ -12,7 +12,7 @@ from vig.likelihood.kernels.interior import interior_kernels
 from vig.likelihood.kernels.vertices import vertex_kernels
 from vig.renderer.raster import rasterize_kernel
 
-PARTS = 32
+PARTS, CUDA_PARTS = 32, 256
 """Pieces into which an image's vertices, faces, lines of pixels and edges are cut, one thread each."""
 
 

@@ -39,7 +39,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     Mesh, Vertices, Photos, Cotangents = groups.mesh, groups.vertices, groups.photos, groups.cotangents
     NormalRows, Eye, Noise = groups.normal_rows, c.Eye, p.Noise
     Edge, Crossing, Sides, along, explained = e.Edge, e.Crossing, e.Sides, e.along, p.explained
-    camera_cotangent, add_basis, moved = c.camera_cotangent, r.add_basis, r.moved
+    camera_cotangent, add_basis, moved, claim_row = c.camera_cotangent, r.add_basis, r.moved, r.claim_row
     pull_pixel = surface_functions(dtype, modes).pull_pixel
     least_brightness, least_gain = real(LEAST_BRIGHTNESS), real(LEAST_GAIN)
     half, one = real(0.5), real(1.0)
@@ -190,6 +190,7 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     @wp.func
     def add_row(
         image: int,
+        source: int,
         edge: Edge,
         blend: Blend,
         motion_a: vec3,
@@ -204,8 +205,8 @@ def blend_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
         Gauss-Newton has no residual here: the cusp of gain per pixel is taken one pixel wide.
         """
-        slot = wp.atomic_add(rows.row_count, image, 1)
-        if slot < rows.normal_shape.shape[1]:
+        slot = claim_row(image, source, rows)
+        if slot >= 0:
             brightness = wp.max(wp.dot(colour, colour), least_brightness)
             steepness = wp.abs(blend.weight * blend.gain) + least_gain
             root = wp.sqrt(curvature / (steepness * brightness))

@@ -35,24 +35,27 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         """List the edges between a face turned to the eye and one turned away, or none."""
         image, part = wp.tid()
         first = part * chunk
+        found = wp.int32(0)
         for edge in range(first, wp.min(first + chunk, mesh.edges.shape[0])):
             beyond = mesh.edges[edge, 3]
             front_beyond = wp.uint8(0)
             if beyond >= 0:
                 front_beyond = occluding.facing[image, beyond]
             if occluding.facing[image, mesh.edges[edge, 2]] != front_beyond:
-                slot = wp.atomic_add(occluding.counts, image, 1)
-                occluding.occluding_edges[image, slot] = edge
+                occluding.occluding_edges[image, first + found] = edge
+                found += 1
+        occluding.counts[image, part] = found
 
     @wp.struct
     class Task:
-        """Values shared by all edges of an image."""
+        """Values shared by all edges of an image that a thread takes, which is a `source` of rows."""
 
         eye: Eye
         noise: Noise
         curvature: real
         differentiate: int
         images: int
+        source: int
 
     @wp.func
     def cross_line(
@@ -89,8 +92,19 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             on_a, on_b = motion_of(edge, c, blend)
             pull_edge(image, edge, c, blend.perspective, on_edge, on_share, on_a, on_b, vertices, cotangents)
             if task.differentiate > 1:
-                colour = photos.albedo[image]
-                add_row(image, edge, blend, on_a, on_b, colour, task.curvature, mesh, task.eye, normal_rows)
+                add_row(
+                    image,
+                    task.source,
+                    edge,
+                    blend,
+                    on_a,
+                    on_b,
+                    photos.albedo[image],
+                    task.curvature,
+                    mesh,
+                    task.eye,
+                    normal_rows,
+                )
         return vec4(total[0] + blend.taken * blend.gain, painted[0], painted[1], painted[2])
 
     @wp.kernel(module=module)
@@ -101,7 +115,8 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         photos: Photos,
         keys: wp.array2d(dtype=wp.int64),
         occluding: Occluding,
-        threads: wp.int32,
+        chunk: int,
+        lines: int,
         curvature: real,
         differentiate: int,
         images: int,
@@ -110,8 +125,8 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         normal_rows: NormalRows,
         pictures: Pictures,
     ):
-        """Every `threads`th occlusion edge of an image: the blending's part of Eq. 4, its gradient
-        with differentiate >= 1, rows of the normal matrix with 2."""
+        """Of an image's occlusion edges as many as there are threads apart: the blending's part of Eq. 4, its
+        gradient with differentiate >= 1, rows of the normal matrix with 2, after those of `lines` sources."""
         image, part = wp.tid()
         task = Task()
         task.eye = eye_of(image, view)
@@ -119,31 +134,38 @@ def boundary_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         task.curvature = curvature
         task.differentiate = differentiate
         task.images = images
+        task.source = lines + part
         total = vec4()
-        for index in range(part, occluding.counts[image], threads):
-            number = occluding.occluding_edges[image, index]
-            edge = edge_of(image, number, mesh, vertices, occluding, task.eye)
-            if not in_frame(edge, view):
-                continue
-            for axis in range(2):
-                first, end = lines_of(edge, axis, view)
-                for line in range(first, end):
-                    total = cross_line(
-                        total,
-                        image,
-                        edge,
-                        axis,
-                        line,
-                        mesh,
-                        view,
-                        vertices,
-                        photos,
-                        keys,
-                        task,
-                        cotangents,
-                        normal_rows,
-                        pictures,
-                    )
+        threads = occluding.counts.shape[1]
+        index = part
+        for source in range(threads):
+            count = occluding.counts[image, source]
+            while index < count:
+                number = occluding.occluding_edges[image, source * chunk + index]
+                index += threads
+                edge = edge_of(image, number, mesh, vertices, occluding, task.eye)
+                if not in_frame(edge, view):
+                    continue
+                for axis in range(2):
+                    first, end = lines_of(edge, axis, view)
+                    for line in range(first, end):
+                        total = cross_line(
+                            total,
+                            image,
+                            edge,
+                            axis,
+                            line,
+                            mesh,
+                            view,
+                            vertices,
+                            photos,
+                            keys,
+                            task,
+                            cotangents,
+                            normal_rows,
+                            pictures,
+                        )
+            index -= count
         totals.values[image, part] = total[0]
         totals.on_albedo[image, part] = vec3(total[1], total[2], total[3])
 

@@ -178,9 +178,10 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class NormalRows:
-        """Rows (B, R) of the Gauss-Newton matrix in two parts, and how many are filled (B,)."""
+        """Rows (B, R) of the Gauss-Newton matrix in two parts, cut into S equal segments, and how many are
+        filled of each segment (B, S); see `claim_row`."""
 
-        row_count: wp.array(dtype=wp.int32)
+        row_counts: wp.array2d(dtype=wp.int32)
         normal_shape: wp.array2d(dtype=shape_row)
         normal_rest: wp.array2d(dtype=rest_row)
 
@@ -194,12 +195,12 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Occluding:
-        """Faces turned to the eye (B, F), and the mesh edges (B, E) between one that is and one that is not,
-        of which there are counts (B,)."""
+        """Faces turned to the eye (B, F), and the mesh edges (B, E) between one that is and one that is not:
+        of the edges that a thread takes those, in their order, of which there are counts (B, parts)."""
 
         facing: wp.array2d(dtype=wp.uint8)
         occluding_edges: wp.array2d(dtype=wp.int32)
-        counts: wp.array(dtype=wp.int32)
+        counts: wp.array2d(dtype=wp.int32)
 
     return SimpleNamespace(
         mesh=Mesh,

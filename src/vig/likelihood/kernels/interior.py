@@ -30,7 +30,8 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     Photos, Cotangents, Totals = groups.photos, groups.cotangents, groups.totals
     NormalRows, Pictures = groups.normal_rows, groups.pictures
     eye_of, camera_cotangent, surface_of, seen_at = c.eye_of, c.camera_cotangent, f.surface_of, f.seen_at
-    moved, add_basis, face_mask, negligible = r.moved, r.add_basis, wp.int64(FACE_MASK), real(NEGLIGIBLE)
+    moved, add_basis, claim_row = r.moved, r.add_basis, r.claim_row
+    face_mask, negligible = wp.int64(FACE_MASK), real(NEGLIGIBLE)
     module = module_name(dtype, modes)
     code = native_file(
         dtype,
@@ -120,7 +121,7 @@ def interior_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             if key != wp.int64(NOTHING):
                 visible = pictures.posterior[image, at]
             if visible > negligible:
-                slot = wp.atomic_add(normal_rows.row_count, image, 1)
+                slot = claim_row(image, line, normal_rows)
                 surface = surface_of(image, int(key & face_mask), mesh, vertices)
                 pixel = vec2(real(x) + real(0.5), real(y) + real(0.5))
                 seen = seen_at(surface, pixel)

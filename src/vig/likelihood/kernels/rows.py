@@ -19,11 +19,8 @@ from vig.scene.light import COSINE_LOBE, L_COUNT, Y00, Y1, Y2, Y20
 @functools.cache
 def row_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The device functions for one scalar type and number of shape components."""
-    t, f, Mesh = (
-        kernel_types(dtype, modes),
-        camera_functions(dtype, modes),
-        argument_groups(dtype, modes).mesh,
-    )
+    t, f, groups = kernel_types(dtype, modes), camera_functions(dtype, modes), argument_groups(dtype, modes)
+    Mesh, NormalRows = groups.mesh, groups.normal_rows
     real, vec3, shape_row, rest_row, lobe_vector = t.real, t.vec3, t.shape_row, t.rest_row, t.lobe_vector
     Eye, camera_point, camera_cotangent = f.Eye, f.camera_point, f.camera_cotangent
     turned, framed = f.turned, f.framed
@@ -97,6 +94,23 @@ def row_functions(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         row[framing + 3] = row[framing + 3] + pose[2]
         return row
 
+    @wp.func
+    def claim_row(image: int, source: int, rows: NormalRows):
+        """The place of a source's next row, -1 where its segment is full: where each source is one thread and
+        has a segment, rows stand in the same order every time. Sources beyond the last segment share it."""
+        segments = rows.row_counts.shape[1]
+        length = rows.normal_shape.shape[1] / segments
+        segment = wp.min(source, segments - 1)
+        place = wp.atomic_add(rows.row_counts, image, segment, 1)
+        if place >= length:
+            return -1
+        return segment * length + place
+
     return SimpleNamespace(
-        lobes=lobes, add_lobes=add_lobes, light_slope=light_slope, add_basis=add_basis, moved=moved
+        lobes=lobes,
+        add_lobes=add_lobes,
+        light_slope=light_slope,
+        add_basis=add_basis,
+        moved=moved,
+        claim_row=claim_row,
     )
