@@ -21,6 +21,7 @@ from vig.parallel import map_in_processes, on_one_core
 from vig.photo import Halved, Window, focal_of
 from vig.photo.images import coded_photo
 from vig.recognition import Recognizer, find, upright
+from vig.renderer.device import compute_device
 from vig.scene import Latents, ObjectClass
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
@@ -50,20 +51,19 @@ class Explainer:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
             settings: How to fit. What is None in them is that of photographs, and with a window that of
                 pictures by the standard camera; `farther` follows from the photo's focal length if known.
-            device: "cpu", the only one that fits run on so far.
+            device: "cpu", "cuda" or one of several, "cuda:1": where network and search compute.
 
         Raises:
-            UserError: There is no such class, a part of its pack is missing or damaged, or another device.
+            UserError: There is no such class or device, or a part of the class's pack is missing or damaged.
         """
-        if device != "cpu":
-            raise UserError(f"expected device 'cpu', where fits run so far; got '{device}'. Leave it out.")
+        device = compute_device(device)
         if not isinstance(settings, ExplainSettings):
             raise UserError(f"expected ExplainSettings; got a {type(settings).__name__}. Pass them by name.")
         if not isinstance(object_class, ObjectClass):
             object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
-        self.recognizer = on_one_core(partial(Recognizer.of_class, object_class))
+        self.recognizer = on_one_core(partial(Recognizer.of_class, object_class, device=device))
 
     def explain(
         self, photo: Photo, box: Box | None = None, window: Window | None = None, focal: float | None = None
@@ -148,7 +148,8 @@ class Explainer:
                     "expected a class from a pack, for worker processes; got one from memory. Save it first."
                 )
             sent = ((_sendable(photo), box, focal) for photo, box, focal in items)
-            answers = map_in_processes(_prepare, (folder, self.settings), sent, workers)
+            shared = folder, self.settings, self.recognizer.device
+            answers = map_in_processes(_prepare, shared, sent, workers)
             found = map(self._received, answers)
         for number, result in enumerate(found):
             if not isinstance(result, UserError):
@@ -209,7 +210,7 @@ def _sendable(photo: Photo) -> str | np.ndarray:
     return str(photo) if isinstance(photo, str | Path) else coded_photo(photo)
 
 
-def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
+def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
     """The work of a process of `Explainer.explain_many`."""
     explainer = Explainer(*shared)
 

@@ -40,6 +40,8 @@ class Fit:
     """Fit the image's shift and magnification too? auto: yes."""
     workers: int = 1
     """Processes that share the photos out."""
+    device: str = "cpu"
+    """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/devices.md."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     json: bool = False

@@ -33,7 +33,7 @@ def fit(settings: Fit) -> int:
         free_framing=FRAMINGS[settings.framing],
         optimizer=OPTIMIZERS[settings.optimizer],
     )
-    explainer = Explainer(settings.object_class, how)
+    explainer = Explainer(settings.object_class, how, settings.device)
     results, failed, started = {}, set(), time.monotonic()
 
     def fail(number: int, error: UserError) -> None:

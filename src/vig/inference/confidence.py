@@ -38,15 +38,14 @@ def assess(
     view comes near it and the recognition model's best guess is of the same view. `objective` is that of the
     photo at its full size.
     """
-    zero, sigma = torch.zeros(1, dtype=torch.int32), torch.tensor([settings.likelihood.sigma])
-    at_fit = objective(selection.point, zero, sigma)
+    at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
     assert at_fit.normal is not None
     symmetry = objective.object_class.symmetry
     latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)
     features = _features(latents, shown, prediction, selection)
     confidence, verdict, reason = _verdict(selection, features, calibration, bool(shown.mask.any()))
-    deviation = _deviation(objective, selection.point[0], at_fit.normal[0])
+    deviation = _deviation(objective, at_fit.normal[0].cpu())
     if calibration is not None:
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
     ambiguous = verdict is Verdict.AMBIGUOUS and selection.elsewhere
@@ -86,16 +85,17 @@ class _Shown:
 
 def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: PixelModel) -> _Shown:
     """Evaluate one point (1, P') under the masks' noise."""
-    noise = torch.tensor([MASK_SIGMA])
-    found = objective(point, torch.zeros(1, dtype=torch.int32), noise, derivatives=False).evaluation
+    found = objective.of_one(point, MASK_SIGMA, derivatives=False).evaluation
     assert found.coverage is not None and found.irradiance is not None and found.posterior is not None
-    coverage = found.coverage
+    coverage, posterior = found.coverage.cpu(), found.posterior.cpu()
     likelihood = objective.likelihood
-    observed, log_prior = (i.view(*coverage.shape, 3) for i in (likelihood.observed, likelihood.log_prior))
-    rendered = found.irradiance[..., None] * latents.albedo[:, None, None]
+    observed, log_prior = (
+        image.cpu().view(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
+    )
+    rendered = found.irradiance.cpu()[..., None] * latents.albedo[:, None, None]
     amodal = coverage >= 0.5
     decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
-    posterior = found.posterior + (1 - found.posterior) * decorated.to(found.posterior)
+    posterior = posterior + (1 - posterior) * decorated.to(posterior)
     by_pixel = visible = torch.where(amodal, posterior, 0.0)
     if isinstance(model, SpatialModel):
         visible = spatial_posterior(observed, rendered, log_prior, amodal, model, decorated)
@@ -173,11 +173,11 @@ def _verdict(
     return confidence, Verdict.AMBIGUOUS, reason
 
 
-def _deviation(objective: Objective, point: torch.Tensor, normal: torch.Tensor) -> torch.Tensor:
+def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:
     """Standard deviations (P,) from the inverse normal matrix (P', P') of the numbers that are free."""
-    free = objective.lower < objective.upper
+    free = (objective.lower < objective.upper).cpu()
     matrix = normal[free][:, free].double()
     matrix = matrix + 1e-9 * matrix.diagonal().max() * torch.eye(len(matrix), dtype=torch.float64)
-    deviation = torch.zeros(1, len(point), dtype=torch.float64)
+    deviation = torch.zeros(1, len(normal), dtype=torch.float64)
     deviation[0, free] = torch.linalg.inv(matrix).diagonal().clamp_min(0.0).sqrt()
     return objective.latents(deviation).to_vector()[0]

@@ -22,11 +22,11 @@ from vig.scene import ObjectClass
 
 
 @functools.cache
-def load_fit_kernels(modes: int) -> None:
+def load_fit_kernels(modes: int, device: str = "cpu") -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
-    load_kernels(torch.float32, modes)
+    load_kernels(torch.float32, modes, device)
     step_kernel(torch.float32)  # in the same module
-    wp.force_load("cpu", modules=[prior_kernel(torch.float32).module])
+    wp.force_load(device, modules=[prior_kernel(torch.float32).module])
 
 
 def explain(
@@ -38,15 +38,17 @@ def explain(
 ) -> Iterator[Fit]:
     """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
 
-    Pixels outside `valid` (N, 150, 150) bool are padding and do not count.
+    Pixels outside `valid` (N, 150, 150) bool are padding and do not count. Searches run on the recognizer's
+    device; photos and fits are on the host.
     """
     chosen = settings or ExplainSettings()
     prediction = recognizer(photos)
-    load_fit_kernels(object_class.shape_model.modes)
+    load_fit_kernels(object_class.shape_model.modes, recognizer.device)
 
     def one(index: int) -> Fit:
         here = None if valid is None else valid[index]
-        return explain_one(photos[index], prediction[index : index + 1], object_class, chosen, here)
+        of_one = photos[index], prediction[index : index + 1]
+        return explain_one(*of_one, object_class, chosen, here, recognizer.device)
 
     yield from map_on_threads(one, range(len(photos)))
 
@@ -57,12 +59,13 @@ def explain_one(
     object_class: ObjectClass,
     settings: ExplainSettings,
     valid: torch.Tensor | None = None,
+    device: str = "cpu",
 ) -> Fit:
     """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`."""
 
     def fit() -> Fit:
         scales = {stage.scale for stage in settings.stages} | {1.0}
-        objectives = objectives_of(photo, prediction, object_class, settings, scales, valid)
+        objectives = objectives_of(photo, prediction, object_class, settings, scales, valid, device)
         ends = refine(objectives, prediction, settings)
         selection = select(objectives[1.0], ends, prediction.best(), settings.likelihood.sigma)
         # Learned from fits with an outlier model: without one the evidence has another scale.

@@ -149,14 +149,19 @@ class Objective:
         return points.clamp(self.lower, self.upper)
 
     def latents(self, points: torch.Tensor) -> Latents:
-        """The latents of points (B, P')."""
-        return Latents.from_vector(points[:, self._latents])
+        """The latents of points (B, P'), on the host."""
+        return Latents.from_vector(points[:, self._latents].cpu())
 
     def framing(self, points: torch.Tensor) -> torch.Tensor:
-        """The framing (B, 4) of points (B, P'), 0 where the layout has none."""
+        """The framing (B, 4) of points (B, P'), on the host, 0 where the layout has none."""
         if "framing" not in self.layout:
-            return points.new_zeros(len(points), FRAMING.size)
-        return points[:, self.layout["framing"]]
+            return torch.zeros(len(points), FRAMING.size, dtype=points.dtype)
+        return points[:, self.layout["framing"]].cpu()
+
+    def of_one(self, point: torch.Tensor, sigma: float, derivatives: bool = True) -> Valuation:
+        """Value one point (1, P') of the first photo."""
+        photo = torch.zeros(1, dtype=torch.int32, device=self.device)
+        return self(point, photo, torch.tensor([sigma], device=self.device), derivatives)
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

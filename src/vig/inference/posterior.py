@@ -46,8 +46,12 @@ def objectives_of(
     settings: ExplainSettings,
     scales: Iterable[float],
     valid: torch.Tensor | None = None,
+    device: str = "cpu",
 ) -> dict[float, Objective]:
-    """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale."""
+    """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale.
+
+    It is valued on `device`; photo and prediction are on the host, where its pixels' prior is made.
+    """
     settings = settings.filled()
     assert settings.farther is not None and settings.prior_weight is not None
     object_class = object_class.at_unit_scale
@@ -57,7 +61,7 @@ def objectives_of(
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(valid[:, :, None], log_prior, unknown)
         decorated = decorated * valid
-    geometry = geometry_of(object_class, settings.self_shadow)
+    geometry = geometry_of(object_class, settings.self_shadow, device)
     predicted = prior_of(prediction, settings, object_class)
     objectives = {}
     for scale in scales:

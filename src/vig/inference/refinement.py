@@ -55,8 +55,7 @@ def select(objective: Objective, ends: Ends, guess: Latents, sigma: float) -> Se
     """Choose the end of the best score, or the network's `guess` (B = 1) if it has no more evidence."""
     best = int(ends.scores.argmax())
     start = objective.point(guess)
-    zero, noise = torch.zeros(1, dtype=torch.int32), torch.tensor([sigma])
-    start_evidence = float(objective(start, zero, noise, derivatives=False).value)
+    start_evidence = float(objective.of_one(start, sigma, derivatives=False).value)
     reverted = float(ends.evidence[best]) <= start_evidence
     point = start if reverted else ends.points[best : best + 1]
     azimuth, symmetry = objective.latents(ends.points).azimuth, objective.object_class.symmetry
@@ -87,7 +86,7 @@ class Ends:
     """Where the descents of the last stage ended.
 
     Attributes:
-        points: (S, P') of the objective.
+        points: (S, P') of the objective, on its device; the rest is on the host.
         evidence: (S,) float64, log posterior in nats.
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
         evaluations: Of the objective, in all stages.
@@ -111,15 +110,16 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations = 0
     for stage in settings.stages:
-        points = points[survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)]
+        entering = survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)
+        points = points[entering.to(objective.device)]
         descent = settings.optimizer(
             objectives[stage.scale],
             points,
-            torch.zeros(len(points), dtype=torch.int32),
+            torch.zeros(len(points), dtype=torch.int32, device=objective.device),
             settings.likelihood.sigma * stage.sigma,
             stage.budget,
         )
-        points, evidence = descent.points, descent.value
+        points, evidence = descent.points, descent.value.cpu()
         view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())

@@ -135,6 +135,7 @@ class Recognizer:
 
     kind = "vig"
     """Which networks this reads, as a weights file's metadata names them."""
+    device = "cpu"
     network: Any
     symmetry, mirror = Symmetry.NONE, True
     """Of the class; without mirror symmetry photos are not flipped."""
@@ -169,7 +170,7 @@ class Recognizer:
             raise ValueError("a standard deviation of the scale is not positive")
 
     @classmethod
-    def of_class(cls, object_class: ObjectClass, weights: Path | None = None) -> Self:
+    def of_class(cls, object_class: ObjectClass, weights: Path | None = None, device: str = "cpu") -> Self:
         """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
         path = weights or (object_class.folder or Path()) / "recognition.safetensors"
         recognizer = cls(path)
@@ -180,6 +181,12 @@ class Recognizer:
                 f" '{path}' has {found}. Train them on a dataset of that class."
             )
         recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
+        recognizer.device, calibration = device, recognizer.calibration
+        recognizer.network.to(device)
+        recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
+        recognizer.calibration = replace(
+            calibration, **{name: held.to(device) for name, held in vars(calibration).items()}
+        )
         return recognizer
 
     def __call__(self, photos: torch.Tensor, batch: int = 32, twice: bool = True) -> Prediction:
@@ -187,11 +194,11 @@ class Recognizer:
 
         Each batch is computed on one core, so that predictions do not depend on how many there are. `twice`
         takes the mean over each photo and its mirror image, which is better and takes twice as long; it does
-        nothing for a class that is not its own mirror image.
+        nothing for a class that is not its own mirror image. The prediction is on the host.
         """
 
         def predict(part: torch.Tensor) -> Prediction:
-            return on_one_core(lambda: self._predict(part, twice)).folded(self.symmetry)
+            return on_one_core(lambda: self._predict(part.to(self.device), twice)).folded(self.symmetry)
 
         return Prediction.joined(list(map_on_threads(predict, photos.float().split(batch))))
 
@@ -208,11 +215,12 @@ class Recognizer:
     def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:
         heads = self.heads(srgb_from_linear(photos).permute(0, 3, 1, 2), twice)
         calibration = self.calibration
-        return Prediction(
-            (heads.azimuth / calibration.azimuth_temperature).softmax(1).clone(),
-            (heads.mean * self.deviation + self.mean).clone(),
-            ((0.5 * heads.log_variance).exp() * self.deviation * calibration.deviation).clone(),
-            mask_at_pixels(heads.mask / calibration.mask_temperature, *photos.shape[1:3]).clone(),
-            heads.roll.clone(),
-            heads.presence.sigmoid().clone(),
+        predicted = (
+            (heads.azimuth / calibration.azimuth_temperature).softmax(1),
+            heads.mean * self.deviation + self.mean,
+            (0.5 * heads.log_variance).exp() * self.deviation * calibration.deviation,
+            mask_at_pixels(heads.mask / calibration.mask_temperature, *photos.shape[1:3]),
+            heads.roll,
+            heads.presence.sigmoid(),
         )
+        return Prediction(*(each.clone().cpu() for each in predicted))

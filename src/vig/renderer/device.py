@@ -56,7 +56,7 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
         count: Threads along each axis.
         arguments: In the kernel's order; a contiguous tensor becomes an array of the annotated type, no copy.
     """
-    device = next(str(given.device) for given in arguments if isinstance(given, torch.Tensor))
+    device = next(given.device for given in arguments if isinstance(given, torch.Tensor))
     kinds = kernel.func.__annotations__.values()
     inputs = [
         # A bare descriptor, faster made than an array; the tensor lives until the kernel has been launched.
@@ -65,7 +65,36 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
         else given
         for given, kind in zip(arguments, kinds, strict=True)
     ]
-    wp.launch(kernel, dim=count, inputs=inputs, device=device)
+    wp.launch(kernel, dim=count, inputs=inputs, device=str(device), stream=current_stream(device))
+
+
+def compute_device(name: str) -> str:
+    """The full name, "cpu" or such as "cuda:0", of a device on which torch and Warp compute.
+
+    Raises:
+        UserError: There is none of this name here.
+    """
+    found = ["cpu"]
+    if name != "cpu":
+        initialise()
+        found += [f"cuda:{n}" for n in range(min(torch.cuda.device_count(), wp.get_cuda_device_count()))]
+    full = "cuda:0" if name == "cuda" else name
+    if full not in found:
+        listed = " or ".join(f"'{each}'" for each in found)
+        raise UserError(f"expected device {listed}; got '{name}'. Leave it out for the CPU.")
+    return full
+
+
+def current_stream(device: torch.device | str) -> wp.Stream | None:
+    """torch's current stream on a GPU, so that kernels and torch's own run in turn; None on the CPU."""
+    if torch.device(device).type == "cpu":
+        return None
+    return _warp_stream(str(device), torch.cuda.current_stream(device).cuda_stream)
+
+
+@functools.cache
+def _warp_stream(device: str, handle: int) -> wp.Stream:
+    return wp.Stream(device, cuda_stream=handle)
 
 
 def kernel_module(part: str, dtype: torch.dtype) -> str:
@@ -181,7 +210,8 @@ class Prepared:
 
     def __init__(self, command: wp.Launch):
         self._command = command
-        self._launch: Callable[[], object] = command.launch
+        device = str(command.device)
+        self._launch: Callable[[], object] = lambda: command.launch(current_stream(device))
         self._packed: Any = None
         if (packed := packed_launch(command)) is not None:
             self._launch, self._packed = packed

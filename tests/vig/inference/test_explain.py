@@ -180,6 +180,7 @@ def test_explain_asks_the_recognizer_and_explains_each_photo(
         asked.append(given)
         return both
 
+    recognizer.device = "cpu"  # as that of a Recognizer
     quick = replace(SETTINGS, stages=(Stage(2, 3),))
     first, second = explain(photos, teapot, recognizer, quick)
     assert len(asked) == 1 and torch.equal(asked[0], photos)
