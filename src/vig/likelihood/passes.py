@@ -73,12 +73,14 @@ class Pass:
             "cull": 1,
             "lines": self._down,
             "curvature": BOUNDARY_CURVATURE,
-            "shadowed": int(geometry.transfer is not None),
+            "shadowed": int(geometry.shadowed),
             "faces": geometry.faces_wp,
             "edges": geometry.edges_wp,
             "ring_start": geometry.ring_start_wp,
             "ring": geometry.ring_wp,
             "basis": geometry.basis_wp,
+            "transfer_mean": geometry.transfer_mean_wp,
+            "transfer_by_shape": geometry.transfer_by_shape_wp,
         }
         # Launches are recorded with no photos in place of the likelihood's, which they would keep alive.
         nothing = {
@@ -101,6 +103,7 @@ class Pass:
             made("level", k.vec2),
             made("intrinsics", k.vec3),
             made("light", k.rest_row),
+            made("coefficients", k.shape_row),
         )
         self.world, self.screen = made("world", k.vec3, vertices), made("screen", k.vec3, vertices)
         self.normals = made("normals", k.vec3, vertices)
@@ -120,7 +123,7 @@ class Pass:
             self._cleared.append(self.rows)
         for source in ("line", "edge"):
             made(f"{source}_values", k.real, self._parts), made(f"{source}_albedo", k.vec3, self._parts)
-        made("sums", k.rest_row, self._parts)
+        made("sums", k.rest_row, self._parts), made("shadow_sums", k.shape_row, self._parts)
         self.shape_gradient = made("shape_gradient", k.real, modes)
         self.products = made("products", k.real, geometry.rows.width, geometry.rows.width)
         self.value = made("value", wp.float64)
@@ -129,11 +132,8 @@ class Pass:
         self.images = [made(name, k.real, height * width) for name in ("posterior", "coverage", "irradiance")]
         self._columns = torch.tensor(geometry.rows.columns(), dtype=torch.int32, device=geometry.device)
         self._arguments["columns"] = warp_array(self._columns, wp.int32)
-        shadowed = vertices if geometry.transfer is not None else 1
-        self.lobe_changes = made("lobe_changes", k.lobe_vector, shadowed)
-        self.shadow_rates = made("shadow_rates", k.real, 1 + modes, shadowed)
-        self.on_light = made("on_light", k.real, shadowed)
-        self._cleared.append(self.on_light)
+        shadowed = vertices if geometry.shadowed else 1
+        made("lobe_changes", k.lobe_vector, shadowed), made("shadow_rates", k.shape_row, shadowed)
         self._look = self._record("look", count)
         self._assemble = self._record("assemble", (count, self.layout.size))
         self._program = functools.cache(self._recorded)
@@ -166,7 +166,6 @@ class Pass:
 
         derivatives: 0 for the value alone, 1 for the gradient, too, 2 for the normal matrix as well.
         """
-        transfer = self.geometry.transfer
         self.points.copy_(points)
         self.albedo.copy_(self._blocks["albedo"])
         self.photo.copy_(photo)
@@ -179,17 +178,11 @@ class Pass:
             cleared.zero_()
         self._look()
         torch.mm(self._with_one, self.geometry.positions, out=self.world.view(self.count, -1))
-        if transfer is not None:
-            light = self._blocks["light"]
-            torch.mm(self._with_one, transfer, out=self.lobe_changes.view(self.count, -1))
-            torch.mm(light, self.geometry.transfer_by_light, out=self.shadow_rates.view(self.count, -1))
         for launch in self._program(derivatives, images):
             launch()
         if derivatives:
             on_world = self.on_world.view(self.count, -1)
             torch.mm(on_world, self.geometry.positions[1:].T, out=self.shape_gradient)
-            if transfer is not None:
-                self.shape_gradient += (self.shadow_rates[:, 1:] @ self.on_light[:, :, None])[:, :, 0]
             if derivatives > 1 and not self._alone:
                 torch.bmm(self.rows.mT, self.rows, out=self.products)
             elif derivatives > 1:

@@ -14,7 +14,7 @@ from vig.likelihood.kernels.edges import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.pixel import mixture
 from vig.scene import Camera, Latents, camera_rotation, irradiance, latent_layout, sh_basis
-from vig.scene.light import COSINE_LOBE, L_COUNT
+from vig.scene.light import COSINE_LOBE
 
 NO_FACE = -1
 
@@ -99,10 +99,11 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     across = torch.linalg.cross(b - a, c - a)
     normals = torch.zeros_like(world).index_add(0, geometry.faces.long().T.reshape(-1), across.repeat(3, 1))
     normals = normals / normals.norm(dim=1, keepdim=True).clamp_min(1e-30)
-    if geometry.transfer is None:
+    if not geometry.shadowed:
         irradiances = irradiance(latents.light, normals)
     else:  # self-shadow and interreflection change the lobes of each vertex
-        change = (with_one @ geometry.transfer).view(-1, L_COUNT)
+        by_shape = geometry.transfer_by_shape[:, :, : geometry.rows.modes]
+        change = geometry.transfer_mean + by_shape @ with_one[1:]
         lobes = torch.tensor(COSINE_LOBE, dtype=point.dtype) * sh_basis(normals)
         irradiances = ((lobes + change) @ latents.light[0]).clamp_min(0.0)
     return Shaded(screen, normals, irradiances, latents.albedo[0], rotation)

@@ -20,7 +20,7 @@ PARTS, CUDA_PARTS = 32, 256
 def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """The kernels for one scalar type and number of shape components."""
     t = kernel_types(dtype, modes)
-    real, vec3, rest_row = t.real, t.vec3, t.rest_row
+    real, vec3, shape_row, rest_row = t.real, t.vec3, t.shape_row, t.rest_row
     point = RowLayout(modes).point
     shape_columns, albedo_from, shape_from = t.rows.shape, point.at("albedo"), point.at("shape")
     module = module_name(dtype, modes)
@@ -46,6 +46,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         columns: wp.array(dtype=wp.int32),
         shape_gradient: wp.array2d(dtype=real),
         sums: wp.array2d(dtype=rest_row),
+        shadow_sums: wp.array2d(dtype=shape_row),
         line_albedo: wp.array2d(dtype=vec3),
         edge_albedo: wp.array2d(dtype=vec3),
         albedo: wp.array(dtype=vec3),
@@ -66,6 +67,8 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         slope = real(0.0)
         if i >= shape_from and i < shape_from + modes:
             slope = shape_gradient[image, i - shape_from]
+            for part in range(shadow_sums.shape[1]):
+                slope = slope + shadow_sums[image, part][i - shape_from]
         elif painted:
             for part in range(line_albedo.shape[1]):
                 slope = slope + line_albedo[image, part][channel]

@@ -23,8 +23,9 @@ class Geometry:
         positions: (K + 1, V * 3) mean and components: (1, coefficients) @ positions are the vertices.
         faces, edges, ring_start, ring: (F, 3), (E, 5), (V + 1,), (R, 3) int32, see `edges_of`, `rings_of`.
         basis: (V, 3, padded K) the components again, one row per vertex and axis.
-        transfer: (K + 1, V * 9) or None: what self-shadowing and interreflection add to the lobes A_l Y_lm of
-            each vertex, see `ObjectClass.transfer`.
+        shadowed: Whether there is a transfer: what self-shadowing and interreflection add to the lobes
+            A_l Y_lm of each vertex, see `ObjectClass.transfer`.
+        transfer_mean, transfer_by_shape: (V, 9) of the mean shape and (V, 9, padded K) per component.
         kept: Passes and the like that may be used again for as long as the geometry lives.
     """
 
@@ -44,20 +45,24 @@ class Geometry:
         padded = np.zeros((len(model.mean), 3, self.rows.shape))
         padded[:, :, : model.modes] = model.basis.transpose(1, 2, 0)
         self.basis = torch.from_numpy(padded).to(device, dtype)
-        self.transfer: torch.Tensor | None = None
-        if transfer is not None:
-            expected = (model.modes + 1, len(model.mean), L_COUNT)
-            if transfer.shape != expected:
-                raise ValueError(f"transfer must be {expected} like the shape model; got {transfer.shape}")
-            table = torch.from_numpy(transfer).to(device, dtype)
-            self.transfer = table.reshape(len(table), -1)
-            self.transfer_by_light = table.reshape(-1, L_COUNT).T.contiguous()
+        self.shadowed = transfer is not None
+        if transfer is None:
+            transfer = np.zeros((model.modes + 1, 1, L_COUNT))  # read by nobody
+        elif transfer.shape != (expected := (model.modes + 1, len(model.mean), L_COUNT)):
+            raise ValueError(f"transfer must be {expected} like the shape model; got {transfer.shape}")
+        by_shape = np.zeros((*transfer.shape[1:], self.rows.shape))
+        by_shape[:, :, : model.modes] = transfer[1:].transpose(1, 2, 0)
+        self.transfer_mean = torch.from_numpy(transfer[0]).to(device, dtype).contiguous()
+        self.transfer_by_shape = torch.from_numpy(by_shape).to(device, dtype)
         faces = np.ascontiguousarray(model.faces, np.int32)
         start, ring = rings_of(faces, len(model.mean))
         self.faces, self.edges, self.ring_start, self.ring = (
             torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
         )
-        self.basis_wp = warp_array(self.basis, kernel_types(dtype, model.modes).shape_row)
+        types = kernel_types(dtype, model.modes)
+        self.basis_wp = warp_array(self.basis, types.shape_row)
+        self.transfer_mean_wp = warp_array(self.transfer_mean, types.lobe_vector)
+        self.transfer_by_shape_wp = warp_array(self.transfer_by_shape, types.shape_row)
         self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
         self.ring_start_wp = warp_array(self.ring_start, wp.int32)
         self.ring_wp = warp_array(self.ring, wp.int32)

@@ -141,13 +141,16 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
 
     @wp.struct
     class Lighting:
-        """Light (B,) in a row's columns; with `shadowed`, changes of the vertices' lobes (B, V), and the
-        irradiances' derivatives with respect to shape through them (B, K + 1, V)."""
+        """Light (B,) in a row's columns, shape coefficients (B,); with `shadowed`, `Geometry`'s transfer, the
+        changes of the vertices' lobes (B, V), and the irradiances' derivatives by shape through them."""
 
         light: wp.array(dtype=rest_row)
+        coefficients: wp.array(dtype=shape_row)
         shadowed: wp.int32
+        transfer_mean: wp.array(dtype=lobe_vector)
+        transfer_by_shape: wp.array2d(dtype=shape_row)
         lobe_changes: wp.array2d(dtype=lobe_vector)
-        shadow_rates: wp.array3d(dtype=real)
+        shadow_rates: wp.array2d(dtype=shape_row)
 
     @wp.struct
     class Photos:
@@ -162,12 +165,11 @@ def argument_groups(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     @wp.struct
     class Cotangents:
         """Derivatives (B, V) of Eq. 4 by each vertex's screen point and irradiance (x, y, q, irradiance), its
-        normal in the camera's frame, its place in the world, and, with self-shadow, its irradiance alone."""
+        normal in the camera's frame, and its place in the world."""
 
         on_corner: wp.array2d(dtype=vec4)
         on_normal: wp.array2d(dtype=vec3)
         on_world: wp.array2d(dtype=vec3)
-        on_light: wp.array2d(dtype=real)
 
     @wp.struct
     class Totals:

@@ -58,7 +58,8 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     """
     t, groups = kernel_types(dtype, modes), argument_groups(dtype, modes)
     c, r = camera_functions(dtype, modes), row_functions(dtype, modes)
-    real, vec2, vec3, mat33, rest_row = t.real, t.vec2, t.vec3, t.mat33, t.rest_row
+    real, vec2, vec3, mat33 = t.real, t.vec2, t.vec3, t.mat33
+    shape_row, rest_row = t.shape_row, t.rest_row
     Mesh, View, Vertices, VertexRows = groups.mesh, groups.view, groups.vertices, groups.vertex_rows
     Lighting, Cotangents = groups.lighting, groups.cotangents
     eye_of, camera_cotangent, turned = c.eye_of, c.camera_cotangent, c.turned
@@ -71,13 +72,14 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
     framing = REST.at("framing")
     irradiance_at = REST.at("irradiance")
     point = RowLayout(modes).point
+    shape_from = 1 + point.at("shape")
     azimuth_from, elevation_from = 1 + point.at("azimuth"), 1 + point.at("elevation")
     light_from, framing_from = 1 + point.at("light"), 1 + point.at("framing")
     module = module_name(dtype, modes)
 
     @wp.kernel(module=module)
     def look(points: wp.array2d(dtype=real), camera: vec3, view: View, lighting: Lighting):
-        """The camera (focal length, cx, cy of the image as it is) and the light of each point."""
+        """The camera (focal length, cx, cy of the image as it is), light and shape of each point."""
         image = wp.tid()
         sa = wp.sin(points[image, azimuth_from])
         ca = wp.cos(points[image, azimuth_from])
@@ -99,6 +101,10 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         for i in range(L_COUNT):
             row[light_at + i] = points[image, light_from + i]
         lighting.light[image] = row
+        coefficients = shape_row()
+        for mode in range(modes_):
+            coefficients[mode] = points[image, shape_from + mode]
+        lighting.coefficients[image] = coefficients
 
     @wp.kernel(module=module)
     def place(view: View, target: vec3, chunk: int, vertices: Vertices):
@@ -138,11 +144,26 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
             row = rest_row()
         ring_row(image, vertex, tangent, mesh, vertices, vertex_rows)
         if lighting.shadowed != 0 and total > real(0.0):
-            by_shape = vertex_rows.shape_rows[image, vertex]
-            for mode in range(modes_):
-                by_shape[mode] = by_shape[mode] + lighting.shadow_rates[image, mode + 1, vertex]
+            by_shape = vertex_rows.shape_rows[image, vertex] + lighting.shadow_rates[image, vertex]
             vertex_rows.shape_rows[image, vertex] = by_shape
         vertex_rows.rest_rows[image, vertex] = row
+
+    @wp.func
+    def shadow(image: int, vertex: int, differentiate: int, lighting: Lighting):
+        """Change of a vertex's lobes, c_l = T_0l + sum_k T_kl shape_k; keeps it, and sum_l T_kl light_l."""
+        shape = lighting.coefficients[image]
+        light = lighting.light[image]
+        change = lighting.transfer_mean[vertex]
+        rates = shape_row()
+        for lobe in range(L_COUNT):
+            by_shape = lighting.transfer_by_shape[vertex, lobe]
+            change[lobe] = change[lobe] + wp.dot(by_shape, shape)
+            if differentiate > 0:
+                rates = rates + by_shape * light[light_at + lobe]
+        lighting.lobe_changes[image, vertex] = change
+        if differentiate > 0:
+            lighting.shadow_rates[image, vertex] = rates
+        return change
 
     @wp.kernel(module=module)
     def shade(
@@ -166,7 +187,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                 normal = normal * inverse
                 row = lobes(normal)
                 if lighting.shadowed != 0:
-                    row = add_lobes(row, lighting.lobe_changes[image, vertex])
+                    row = add_lobes(row, shadow(image, vertex, differentiate, lighting))
                 total = wp.dot(row, lighting.light[image])
                 vertices.normals[image, vertex] = normal
                 vertices.inverse_lengths[image, vertex] = inverse
@@ -183,14 +204,17 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
         chunk: int,
         cotangents: Cotangents,
         sums: wp.array2d(dtype=rest_row),
+        shadow_sums: wp.array2d(dtype=shape_row),
     ):
         """Backward pass: cotangents on the screen, irradiance and camera-frame normals of the vertices become
-        those on world places and on pose, light and framing (sums, one per chunk)."""
+        those on world places, on pose, light and framing (sums, one per chunk), and on shape through the
+        transfer (shadow_sums)."""
         image, part = wp.tid()
         shining = lighting.light[image]
         eye = eye_of(image, view)
         back = wp.transpose(eye.rotation)
         total = rest_row()
+        by_shape = shape_row()
         first = part * chunk
         for vertex in range(first, wp.min(first + chunk, vertices.used.shape[1])):
             if vertices.used[image, vertex] != wp.uint8(0):
@@ -206,7 +230,7 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                     row = lobes(normal)
                     if lighting.shadowed != 0:
                         row = add_lobes(row, lighting.lobe_changes[image, vertex])
-                        cotangents.on_light[image, vertex] = strength
+                        by_shape = by_shape + lighting.shadow_rates[image, vertex] * strength
                     total = total + row * strength
                     by_normal = light_slope(shining, normal) * strength
                 turning = cotangents.on_normal[image, vertex]
@@ -220,5 +244,6 @@ def vertex_kernels(dtype: torch.dtype, modes: int) -> SimpleNamespace:
                 tangent = tangent * vertices.inverse_lengths[image, vertex]
                 ring_pull(image, vertex, tangent, in_world, mesh, vertices, cotangents)
         sums[image, part] = total
+        shadow_sums[image, part] = by_shape
 
     return SimpleNamespace(look=look, place=place, shade=shade, unshade=unshade)
