@@ -80,19 +80,18 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     `face` holds the edge as a to b; the face beyond holds it as b to a, `corner beyond` being that face's
     third vertex; both are -1 at a border. Edges of more than two faces are listed once per pair.
     """
-    directed: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for face, corners in enumerate(faces.tolist()):
-        for i in range(3):
-            directed.setdefault((corners[i], corners[(i + 1) % 3]), []).append((face, corners[(i + 2) % 3]))
-    rows = []
-    for (a, b), here in directed.items():
-        beyond = directed.get((b, a), [])
-        for index, (face, _) in enumerate(here):
-            if not beyond:
-                rows.append((a, b, face, -1, -1))
-            elif a < b:
-                rows.append((a, b, face, *beyond[min(index, len(beyond) - 1)]))
-    return np.array(rows, np.int32).reshape(-1, 5)
+    a, b, opposite = (np.roll(faces, -i, axis=1).reshape(-1).astype(np.int64) for i in range(3))
+    size = int(faces.max(initial=0)) + 1
+    here, there = _Grouped(a * size + b), _Grouped(b * size + a)
+    found, count = here.find(there.keys)
+    beyond = here.order[(found + np.minimum(here.rank, count - 1)).clip(0)]
+    face, across = beyond // 3, opposite[beyond]
+    face[count == 0] = across[count == 0] = -1
+    rows = np.stack([a, b, np.arange(len(a)) // 3, face, across], axis=1)
+    listed = np.lexsort((here.rank, here.first))
+    listed = listed[((count == 0) | (a < b))[listed]]
+    edges: np.ndarray = rows[listed].astype(np.int32)
+    return edges
 
 
 def rings_of(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -103,20 +102,41 @@ def rings_of(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     sum of cross(neighbour - v, next - v) is the area-weighted normal of any mesh, and its derivative with
     respect to a neighbour is cross(next - previous, .), whether or not the faces close round v.
     """
-    following: list[list[tuple[int, int]]] = [[] for _ in range(count)]
-    for a, b, c in faces.tolist():
-        following[a].append((b, c))
-        following[b].append((c, a))
-        following[c].append((a, b))
-    start, rows = [0], []
-    for vertex, pairs in enumerate(following):
-        before: dict[int, list[int]] = {}
-        for first, then in pairs:
-            before.setdefault(then, []).append(first)
-        for first, then in pairs:
-            previous = before.get(first)
-            rows.append((first, then, previous.pop() if previous else vertex))
-        for then, left in before.items():
-            rows += [(then, vertex, first) for first in left]
-        start.append(len(rows))
-    return np.array(start, np.int32), np.array(rows, np.int32).reshape(-1, 3)
+    at, neighbour, following = (np.roll(faces, -i, axis=1).reshape(-1).astype(np.int64) for i in range(3))
+    leaving, arriving = _Grouped(at * count + neighbour), _Grouped(at * count + following)
+    # The last of the faces that arrive at a neighbour goes with the first that leaves from it, and so on.
+    found, arrivals = arriving.find(leaving.keys)
+    matched = leaving.rank < arrivals
+    last = arriving.order[np.where(matched, found + arrivals - 1 - leaving.rank, 0)]
+    previous = np.where(matched, neighbour[last], at) if len(at) else at
+    _, departures = leaving.find(arriving.keys)
+    _, arrived = arriving.find(arriving.keys)
+    left = np.flatnonzero(arriving.rank < arrived - departures)
+    left = left[np.lexsort((arriving.rank[left], arriving.first[left]))]
+    rows = np.concatenate(
+        [
+            np.stack([neighbour, following, previous], axis=1),
+            np.stack([following[left], at[left], neighbour[left]], axis=1),
+        ]
+    )
+    of = np.concatenate([at, at[left]])
+    start = np.concatenate([[0], np.bincount(of, minlength=count).cumsum()])
+    return start.astype(np.int32), rows[np.argsort(of, kind="stable")].astype(np.int32)
+
+
+class _Grouped:
+    """Keys (N,), and of each the index of the first like it and its rank among those, in their order."""
+
+    def __init__(self, keys: np.ndarray):
+        self.keys = keys
+        self.order = np.argsort(keys, kind="stable")
+        self._sorted = keys[self.order]
+        place, _ = self.find(keys)
+        self.rank = np.empty(len(keys), np.int64)
+        self.rank[self.order] = np.arange(len(keys)) - place[self.order]
+        self.first = self.order[place]
+
+    def find(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where in `order` those like each of `keys` begin, and how many they are."""
+        begin = np.searchsorted(self._sorted, keys, "left")
+        return begin, np.searchsorted(self._sorted, keys, "right") - begin
