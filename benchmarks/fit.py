@@ -16,14 +16,14 @@ from typing import Any
 
 import torch
 
-from benchmarks import photos
+from benchmarks import inputs
 from benchmarks.measuring import Time, metric, report, timed, write
 from benchmarks.throughput import BATCHES, QUICK_BATCHES, Fits, descent_budget, table, throughput
 from vig.inference import explain_one, objective_of
 from vig.scene import ObjectClass
 
-BAR_MS, AIM_MS = 50.0, 5.0
-"""Bar and aim for one start on one core."""
+BAR_MS, AIM_MS = 50.0, 25.0
+"""Bar and aim for a whole fit on one core."""
 
 
 @dataclass
@@ -91,17 +91,16 @@ def printed(found: Samples, starts: int) -> str:
             beside = metric(name, [time.processor_ms for time in processor[name]], "ms")
             line += f"; processor {beside['value']} ms ({beside['iqr']})"
         lines.append(line)
-    one, whole = rows["fit_ms_per_core"]["value"], rows["whole_fit_ms_per_core"]["value"]
+    whole = rows["whole_fit_ms_per_core"]["value"]
     lines += [
         f"{sum(found.converged)} of {len(found.converged)} descents from one start converged",
-        f"one start, {one} ms: {against(one)}",
-        f"a whole fit by its {starts} starts, {whole / starts:.4g} ms each: {against(whole / starts)}",
+        f"a whole fit by its {starts} starts, {whole} ms: {against(whole)}",
     ]
     return "\n".join(lines)
 
 
 def against(milliseconds: float) -> str:
-    """How a start's time compares with the bar and the aim."""
+    """How a whole fit's time compares with the bar and the aim."""
     met = "within" if milliseconds <= BAR_MS else "over"
     return (
         f"{met} the bar of {BAR_MS:g} ms ({milliseconds / BAR_MS:.2f} of it),"
@@ -112,13 +111,13 @@ def against(milliseconds: float) -> str:
 def main() -> None:
     """Measure, print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    photos.add_arguments(parser, count=24)
+    inputs.add_arguments(parser, count=24)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
     teapot = ObjectClass.load("teapot")
-    fits = Fits(teapot, photos.chosen(arguments, teapot)[0])
+    fits = Fits(teapot, inputs.chosen(arguments, teapot)[0])
     samples = measure(fits, arguments.repeats)
     print(f"{len(fits.photos)} photos, {arguments.repeats} times each, one thread")
     print(printed(samples, fits.settings.stages[0].starts), flush=True)

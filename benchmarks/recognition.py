@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 
-from benchmarks import photos
+from benchmarks import inputs
 from benchmarks.measuring import metric, report, timed, write
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
@@ -33,12 +33,12 @@ def rates(recognizer: Recognizer, linear: torch.Tensor, threads: int, repeats: i
 def main() -> None:
     """Measure, print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    photos.add_arguments(parser, count=320)
+    inputs.add_arguments(parser, count=320)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--repeats", type=int, default=5)
     arguments = parser.parse_args()
     teapot = ObjectClass.load("teapot")
-    recognizer, linear = Recognizer.of_class(teapot), photos.chosen(arguments, teapot)[0]
+    recognizer, linear = Recognizer.of_class(teapot), inputs.chosen(arguments, teapot)[0]
     metrics = []
     for threads in THREADS:
         found = rates(recognizer, linear, threads, arguments.repeats)

@@ -1,7 +1,7 @@
 """Mitsuba 3 (Jakob et al., 2022) on the same problem, on the CPU: `direct_projective` in `llvm_ad_rgb`.
 
 One sample per pixel for the interior and one for the primary silhouettes, a box filter, a constant and a
-directional light, and a squared pixel error differentiated with respect to vertex positions and both photos.
+directional light, and a squared pixel error differentiated with respect to vertex positions and both lights.
 The derivative of cast shadows' edges (`sppi`) is off: the other renderers have none, and it costs seconds.
 """
 
@@ -87,7 +87,7 @@ class Mitsuba:
         dr.sync_thread()
 
     def gradient(self, index: int) -> dict[str, np.ndarray]:
-        """The squared error's gradient with respect to vertex positions and photos."""
+        """The squared error's gradient with respect to vertex positions and lights."""
         self._place(index, differentiable=True)
         dr.backward(self._loss(index))
         found = {name: dr.grad(self.parameters[name]) for name in (VERTICES, *LIGHTS)}
@@ -107,7 +107,7 @@ class Mitsuba:
     def _place(self, index: int, differentiable: bool) -> None:
         """Move the mesh to a guess, which rebuilds its normals and its search tree."""
         self.parameters[VERTICES] = mi.Float(self.points[index % len(self.points)])
-        for name, value in self.photos.items():
+        for name, value in self.lights.items():
             self.parameters[name] = type(value)(value)
         if differentiable:
             for name in (VERTICES, *LIGHTS):

@@ -6,7 +6,7 @@ import time
 import pytest
 import torch
 
-from benchmarks import fit, photos, throughput
+from benchmarks import fit, inputs, throughput
 from benchmarks.measuring import Time, timed
 from benchmarks.throughput import Fits, Rate, descent_budget, members, runs, table
 from vig.inference import ExplainSettings, objective_of
@@ -18,7 +18,7 @@ SIGMA = ExplainSettings().likelihood.sigma
 @pytest.fixture(scope="module")
 def fits() -> Fits:
     teapot = ObjectClass.load("teapot")
-    images, _ = photos.made(teapot, 2, seed=12)
+    images, _ = inputs.made(teapot, 2, seed=12)
     return Fits(teapot, torch.from_numpy(linear_from_srgb(images / 255)).float())
 
 
