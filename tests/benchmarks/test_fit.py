@@ -47,8 +47,8 @@ def test_the_table_has_a_row_of_each_number_of_threads_and_batch() -> None:
     ]
 
 
-def test_the_bar_is_50_ms_and_the_aim_5() -> None:
-    assert fit.against(25.0) == "within the bar of 50 ms (0.50 of it), 5.00 times the aim of 5 ms"
+def test_the_bar_is_50_ms_and_the_aim_25() -> None:
+    assert fit.against(25.0) == "within the bar of 50 ms (0.50 of it), 1.00 times the aim of 25 ms"
     assert fit.against(100.0).startswith("over the bar of 50 ms (2.00 of it)")
 
 
@@ -110,5 +110,5 @@ def test_processor_time_is_printed_beside_the_wall_clock() -> None:
     found = fit.Samples(times, [Time(320.0, 300.0)], [Time(2.0, 1.5)], [30], [200], [True])
     lines = fit.printed(found, starts=16).splitlines()
     assert lines[0] == "fit_ms_per_core: 60.0 ms (interquartile range 0.0); processor 40.0 ms (0.0)"
-    assert lines[-3] == "1 of 1 descents from one start converged"
-    assert lines[-1].startswith("a whole fit by its 16 starts, 20 ms each: within the bar")
+    assert lines[-2] == "1 of 1 descents from one start converged"
+    assert lines[-1].startswith("a whole fit by its 16 starts, 320.0 ms: over the bar")

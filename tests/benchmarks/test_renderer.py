@@ -36,7 +36,8 @@ def test_where_we_lose_is_listed() -> None:
     ]
     assert renderer.losses(rows) == [
         "slower than the peer: forward_vs_mitsuba = 0.5",
-        "below the bar of 5 x: full_evaluation_vs_deodr = 4.0",
+        "below the bar of 12 x: full_evaluation_vs_deodr = 4.0",
+        "below the bar of 150 x: full_evaluation_vs_mitsuba = 120.0",
         "slower on 2 threads than on one: full_evaluation_ms_2_threads = 0.7 against 0.5",
     ]
 
