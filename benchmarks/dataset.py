@@ -19,9 +19,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measuring import metric, report, write
+from vig.errors import UserError
 from vig_world.dataset.format import image_paths
 from vig_world.generation.write import make_dataset
 from vig_world.names import WORLDS, World
+from vig_world.renderers.cycles.renderer import find_python
 
 RASTER_COUNT, CYCLES_COUNT = 6000, 40
 RUNS = 1
@@ -36,6 +38,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--world", choices=WORLDS, default="paper", help="what scenes are like")
     arguments = parser.parse_args()
+    if arguments.cycles:
+        try:
+            find_python()
+        except UserError as error:
+            parser.error(f"{error}, or pass --cycles 0")
 
     metrics: list[dict[str, Any]] = []
     world = arguments.world
