@@ -16,7 +16,7 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.explanation import Explanation
-from vig.inference import ExplainSettings, Fit, Verdict, explain
+from vig.inference import ExplainSettings, Fit, Verdict, View, explain
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import Halved, Window, focal_of
 from vig.photo.images import coded_photo
@@ -26,6 +26,8 @@ from vig.scene import Latents, ObjectClass
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
+Focal = tuple[float, str]
+"""A focal length in pixels, and where it is from; see `Explanation.focal_from`."""
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
 SURELY_FOUND = 0.75
@@ -84,10 +86,11 @@ class Explainer:
         """
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
-        return on_one_core(partial(self._explained, photo, box, window, focal))
+        known = _focal(photo, None if focal is None else checked_focal(focal))
+        return on_one_core(partial(self._explained, photo, box, window, known))
 
     def _explained(
-        self, photo: Photo, box: Box | None, window: Window | None, focal: float | None
+        self, photo: Photo, box: Box | None, window: Window | None, focal: Focal | None
     ) -> Explanation:
         coded = coded_photo(photo)
         seen, (height, width) = Halved(coded), coded.shape[:2]
@@ -96,21 +99,23 @@ class Explainer:
             window = upright(seen, Window.of(width, height, checked_box(box)), self.recognizer)
         if window is None:
             window, found = (best := find(seen, self.recognizer)).window, best.score
-        if self.settings.farther is None:
-            focal = checked_focal(focal) if focal is not None else focal_of(photo)
-            settings = replace(settings, farther=window.farther(focal)) if focal else settings
+        focal_from = "assumed"
+        if self.settings.farther is not None:
+            focal_from = "given"
+        elif focal is not None:
+            settings, focal_from = replace(settings, farther=window.farther(focal[0])), focal[1]
         cut, known = window.cut(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid))
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
-            fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternative=None)
+            fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternatives=())
         elif found < SURELY_FOUND and fit.verdict is Verdict.TRUSTED:
             reason = (
                 f"what was found in the photo may be no {self.object_class.name}; give a box if it is one"
             )
             fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
-        return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0)
+        return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0, focal_from)
 
     def explain_many(
         self,
@@ -139,7 +144,7 @@ class Explainer:
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
         focal = None if focal is None else checked_focal(focal)
-        items = ((photo, box, focal or focal_of(photo)) for photo, box in _pairs(photos, boxes))
+        items = ((photo, box, _focal(photo, focal)) for photo, box in _pairs(photos, boxes))
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
         else:
@@ -159,17 +164,18 @@ class Explainer:
             else:
                 skip(number, result)
 
-    def _tried(self, item: tuple[Photo, Box | None, float | None]) -> Explanation | UserError:
+    def _tried(self, item: tuple[Photo, Box | None, Focal | None]) -> Explanation | UserError:
+        photo, box, focal = item
         try:
-            return self.explain(item[0], item[1], focal=item[2])
+            return on_one_core(partial(self._explained, photo, box, None, focal))
         except UserError as error:
             return error
 
     def _received(self, answer: Any) -> Explanation | UserError:
         if isinstance(answer, UserError):
             return answer
-        picture, window, fit, farther = answer
-        return Explanation(picture, window, _unpacked(fit), self.object_class, farther)
+        picture, window, fit, farther, focal_from = answer
+        return Explanation(picture, window, _unpacked(fit), self.object_class, farther, focal_from)
 
 
 def checked_box(box: Any) -> Box:
@@ -190,6 +196,14 @@ def checked_focal(focal: float) -> float:
     if not isinstance(focal, int | float) or not 0 < focal < math.inf:
         raise UserError(f"expected a focal length in pixels, above 0; got {focal!r}. Leave it out.")
     return float(focal)
+
+
+def _focal(photo: Photo, given: float | None) -> Focal | None:
+    """A focal length, the one given or else that of the EXIF data; None where neither is known."""
+    if given is not None:
+        return given, "given"
+    told = focal_of(photo)
+    return None if told is None else (told, "exif")
 
 
 def _pairs(photos: Iterable[Photo], boxes: Iterable[Box | None] | None) -> Iterator[tuple[Photo, Box | None]]:
@@ -214,20 +228,22 @@ def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
     """The work of a process of `Explainer.explain_many`."""
     explainer = Explainer(*shared)
 
-    def work(item: tuple[str | np.ndarray, Box | None, float | None]) -> Any:
+    def work(item: tuple[str | np.ndarray, Box | None, Focal | None]) -> Any:
         found = explainer._tried(item)
         if isinstance(found, UserError):
             return found
-        return found.picture, found.window, _packed(found.fit), found.farther
+        return found.picture, found.window, _packed(found.fit), found.farther, found.focal_from
 
     return work
 
 
 def _packed(fit: Fit) -> dict[str, Any]:
     """A fit's fields as arrays and plain values, to go to another process."""
-    fields = vars(fit) | {"latents": fit.latents.to_vector()}
-    if fit.alternative is not None:
-        fields["alternative"] = fit.alternative.to_vector()
+    views = [
+        (view.latents.to_vector().numpy(), view.framing.numpy(), view.probability)
+        for view in fit.alternatives
+    ]
+    fields = vars(fit) | {"latents": fit.latents.to_vector(), "alternatives": views}
     return {name: each.numpy() if isinstance(each, torch.Tensor) else each for name, each in fields.items()}
 
 
@@ -237,5 +253,9 @@ def _unpacked(fields: dict[str, Any]) -> Fit:
     for name, each in fields.items():
         if isinstance(each, np.ndarray):
             tensor = torch.from_numpy(each)
-            given[name] = Latents.from_vector(tensor) if name in ("latents", "alternative") else tensor
+            given[name] = Latents.from_vector(tensor) if name == "latents" else tensor
+    given["alternatives"] = tuple(
+        View(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), probability)
+        for latents, framing, probability in fields["alternatives"]
+    )
     return Fit(**given)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,48 @@ import torch
 from PIL import Image
 
 from vig.errors import UserError
-from vig.inference import Fit, Verdict, family_of
-from vig.photo import Window
-from vig.photo.images import linear_photo
+from vig.inference import Fit, Verdict
+from vig.parallel import on_one_core
+from vig.photo import Window, outline_distance
+from vig.photo.images import linear_photo, write_png
 from vig.renderer import render_latents
-from vig.report import describe, overlay, write_explanation
-from vig.scene import Camera, Latents, ObjectClass, srgb8_from_linear
+from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
+from vig.report.pictures import PANEL
+from vig.scene import Camera, Latents, ObjectClass, latent_layout, srgb8_from_linear
+from vig.scene.camera import FOCAL_OVER_WIDTH
+
+DIFFERENCE = 1e-4
+"""Step of the numerical derivatives of a pose."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another view of the object that may be the right one.
+
+    Attributes:
+        latents: All numbers (B = 1).
+        camera: Of the whole photo.
+        probability: That it is the right view; NaN for a class without calibration.
+    """
+
+    latents: Latents
+    camera: Camera
+    probability: float
+
+    @property
+    def azimuth_deg(self) -> float:
+        """As `Explanation.azimuth_deg`."""
+        return math.degrees(float(self.latents.azimuth)) % 360
+
+    @property
+    def elevation_deg(self) -> float:
+        """As `Explanation.elevation_deg`."""
+        return math.degrees(float(self.latents.elevation))
+
+    @property
+    def camera_from_object(self) -> np.ndarray:
+        """As `Explanation.camera_from_object`."""
+        return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +69,7 @@ class Explanation:
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
         object_class: What the photo was explained as.
         farther: Distance of the eye and focal length of the fit, of the standard camera's.
+        focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
     """
 
     picture: np.ndarray
@@ -39,6 +77,7 @@ class Explanation:
     fit: Fit
     object_class: ObjectClass
     farther: float = 1.0
+    focal_from: str = "assumed"
 
     @property
     def photo(self) -> np.ndarray:
@@ -65,10 +104,16 @@ class Explanation:
         """All numbers of the explanation (B = 1)."""
         return self.fit.latents
 
-    @property
-    def alternatives(self) -> tuple[Latents, ...]:
-        """Other explanations within reach, none unless the verdict is `AMBIGUOUS`."""
-        return () if self.fit.alternative is None else (self.fit.alternative,)
+    @cached_property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Other views that the search tried, two at most.
+
+        Where one makes the verdict `AMBIGUOUS` it comes first.
+        """
+        return tuple(
+            Alternative(view.latents, self._camera(view.framing), view.probability)
+            for view in self.fit.alternatives
+        )
 
     @property
     def azimuth_deg(self) -> float:
@@ -95,9 +140,12 @@ class Explanation:
         A focal length that the photo does not tell is a guess, see `Explainer.explain`; distance follows from
         it, as an object's size and distance are only known as their ratio.
         """
+        return self._camera(self.fit.framing)
+
+    def _camera(self, framing: torch.Tensor) -> Camera:
         height, width = self.picture.shape[:2]
         window = self.object_class.camera(farther=self.farther)
-        return self.window.camera(window.framed(*self.fit.framing.tolist()), width, height)
+        return self.window.camera(window.framed(*framing.tolist()), width, height)
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
@@ -107,14 +155,25 @@ class Explanation:
     @cached_property
     def amodal(self) -> np.ndarray:
         """All pixels (H, W) bool that the object covers, hidden ones included."""
-        return self.window.back(self.fit.amodal.float().numpy(), *self.picture.shape[1::-1]) > 0.5
+        return self._inside(self._outlines[0])
 
     @cached_property
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
-        seen = self.window.back(self.fit.mask.float().numpy(), *self.picture.shape[1::-1]) > 0.5
-        visible: np.ndarray = seen & self.amodal
+        visible: np.ndarray = self._inside(self._outlines[1]) & self.amodal
         return visible
+
+    @cached_property
+    def _outlines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Distances to the outlines of what the object covers and of what of it is seen."""
+        return outline_distance(self.fit.coverage.numpy()), outline_distance(self.fit.visible.numpy())
+
+    def _inside(self, distance: np.ndarray) -> np.ndarray:
+        """The photo's pixels (H, W) bool that lie within an outline of the window."""
+        inside = np.zeros(self.picture.shape[:2], bool)
+        for tile in self.window.tiles(*self.picture.shape[1::-1]):
+            inside[tile] = self.window.back(distance, *tile, outside=1.0) < 0
+        return inside
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
@@ -168,36 +227,137 @@ class Explanation:
         for name, angle in (("azimuth", azimuth_deg), ("elevation", elevation_deg)):
             if angle is not None:
                 changed[name] = torch.deg2rad(_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
-        drawn = render_latents(
-            replace(self.latents, **changed), self.object_class, camera or self.camera, samples=2
-        )
+        latents, seen_by = replace(self.latents, **changed), camera or self.camera
+        drawn = on_one_core(partial(render_latents, latents, self.object_class, seen_by, samples=2))
         return torch.cat([drawn.rgb[0], drawn.coverage[0, :, :, None]], dim=-1).numpy()
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
         coded = self.picture if self.picture.dtype == np.uint8 else srgb8_from_linear(self.picture)
-        return overlay(coded, self.amodal, self.mask)
+        return overlay(coded, self.window, *self._outlines)
+
+    def panels(self) -> np.ndarray:
+        """Photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3) uint8."""
+        return panels(self._close_up)
+
+    @property
+    def part_albedo(self) -> np.ndarray:
+        """Linear RGB (parts, 3) of each of the class's parts, see `vig.report.part_colours`."""
+        names = self.object_class.shape_model.part_names
+        return part_colours(self._close_up, self.latents.albedo[0].numpy(), len(names))
+
+    @cached_property
+    def _close_up(self) -> CloseUp:
+        """The window beside its re-rendering."""
+        camera = self.object_class.camera(farther=self.farther).framed(*self.fit.framing.tolist())
+        camera = camera.scaled(PANEL / camera.width)
+        drawn = on_one_core(partial(render_latents, self.latents, self.object_class, camera))
+        pose = camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
+        model, triangle = self.object_class.shape_model, drawn.triangle_id[0].numpy()
+        part = np.where(triangle < 0, -1, model.parts[model.faces[triangle, 0]])
+        upright = Window(0, 0, PANEL)
+        everything = slice(0, PANEL), slice(0, PANEL)
+        return CloseUp(
+            photo=self.window.cut(self.picture, PANEL)[0],
+            rendering=drawn.rgb[0].numpy(),
+            coverage=drawn.coverage[0].numpy(),
+            normals=drawn.normals[0].numpy() @ pose[:3, :3].T,
+            part=part,
+            seen=upright.back(self._outlines[1], *everything) < 0,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """What `explanation.json` holds."""
-        whole = describe(self.fit, self.object_class, self.window, self.camera, self.hidden_fraction)
-        family = family_of(self.latents.shape[0], self.object_class)
-        return whole | {"family": family, "box": self.box and list(self.box)}
+        cameras = [self.camera, *(view.camera for view in self.alternatives)]
+        return describe(
+            self.fit, self.object_class, self.window, cameras, self.focal_from, self.hidden_fraction, self.box
+        )
 
     def save(self, folder: str | Path) -> Path:
-        """Write explanation.json, overlay.png, mask.png and object.glb, as `vig fit`; returns the folder.
+        """Write explanation.json, overlay.png, mask.png, render.png and object.glb; returns the folder.
 
         Raises:
             UserError: The folder cannot be written.
         """
         if not isinstance(folder, str | Path):
             raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
-        folder = Path(folder)
-        described, latents = self.to_dict(), self.latents
-        write_explanation(
-            folder, described, self.overlay(), self.amodal, self.mask, latents, self.object_class
+        folder, angles = Path(folder), (float(self.latents.azimuth), float(self.latents.elevation))
+        write_png(folder / "overlay.png", self.overlay())
+        write_png(folder / "mask.png", mask_picture(self.amodal, self.mask))
+        write_png(folder / "render.png", self.panels())
+        write_glb(
+            folder / "object.glb", self.vertices, self.part_albedo, self.object_class, self.camera, *angles
         )
+        write_json(folder, self.to_dict())
         return folder
+
+    def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
+        """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
+
+        Args:
+            folder: That of `save`, as some formats name its mask.
+            formats: Any of "bop", "coco", "nerfstudio", "ros" and "usd".
+            photo: What the photo is called in them.
+
+        Raises:
+            UserError: There is no such format, its library is not installed, or the folder cannot be written.
+        """
+        from vig.report.export import WRITERS, Exported
+
+        if isinstance(formats, str) or (unknown := [name for name in formats if name not in WRITERS]):
+            came = f"'{formats}'" if isinstance(formats, str) else f"'{unknown[0]}'"
+            raise UserError(
+                f"expected a list of formats out of {', '.join(WRITERS)}; got {came}. Name these."
+            )
+        if not formats:
+            return Path(folder)
+        pinhole, pose, covariance = self.pinhole_pose()
+        exported = Exported(
+            photo, self.object_class, self.vertices, self.part_albedo, self.camera, self.camera_from_object,
+            pinhole, pose, covariance, self.amodal, self.mask, self.confidence,
+        )  # fmt: skip
+        for name in formats:
+            WRITERS[name](Path(folder), exported)
+        return Path(folder)
+
+    def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The pose before the camera that took the photo, its principal point in the photo's middle.
+
+        `camera` looks straight at the object, as if a larger photo had been cut; a robot's camera does not.
+        See `vig.report.export.upright_pinhole`, which is exact for objects that are small in the photo.
+
+        Returns:
+            Intrinsics (3, 3); camera_from_object (4, 4), metres; its covariance (6, 6): x, y, z in metres,
+            then turns about these axes in radians. Distances are as true as the class's usual size, which
+            the covariance does not count.
+        """
+        from scipy.spatial.transform import Rotation
+
+        from vig.report.export import upright_pinhole
+
+        focal = None
+        if self.focal_from != "assumed":
+            focal = self.farther * FOCAL_OVER_WIDTH * self.window.side
+        angles = self.latents.azimuth, self.latents.elevation
+        at = torch.cat([*angles, self.fit.framing]).double()
+
+        def pose(numbers: torch.Tensor) -> tuple[np.ndarray, np.ndarray]:
+            camera = self._camera(numbers[2:])
+            seen = camera.camera_from_world(float(numbers[0]), float(numbers[1]))
+            return upright_pinhole(camera, seen, focal)
+
+        intrinsics, found = pose(at)
+        layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
+        deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation]).double()
+        columns = []
+        for index in range(len(at)):
+            moved = at.clone()
+            moved[index] += DIFFERENCE
+            other = pose(moved)[1]
+            turn = Rotation.from_matrix(other[:3, :3] @ found[:3, :3].T).as_rotvec()
+            columns.append(np.concatenate([other[:3, 3] - found[:3, 3], turn]) / DIFFERENCE)
+        spread = np.stack(columns, axis=1) * deviation.numpy()
+        return intrinsics, found, spread @ spread.T
 
     def __repr__(self) -> str:
         height, width = self.picture.shape[:2]

@@ -12,15 +12,22 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from PIL import Image
+from PIL import Image, ImageDraw
+from scipy.ndimage import distance_transform_edt
 
-from vig import Explanation
+from vig import Camera, Explainer, Explanation
 from vig.errors import UserError
-from vig.inference import Fit, Verdict
+from vig.inference import Fit, Verdict, View
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.photo.window import Window
-from vig.report.files import write_glb
+from vig.report import glb_from_object, write_glb
 from vig.scene import Latents, ObjectClass
+from vig_lab.examples import example_photos
+
+
+@pytest.fixture(scope="module")
+def explainer() -> Explainer:
+    return Explainer("teapot")
 
 
 def latents() -> Latents:
@@ -49,10 +56,11 @@ def fit() -> Fit:
         latents=latents(),
         framing=torch.tensor([0.01, 0.02, 0.1, 0.03]),
         deviation=torch.arange(1, 25) / 100,
+        framing_deviation=torch.tensor([0.01, 0.01, 0.02, 0.03]),
         visible=mask.float(),
         mask=mask,
         mask_by_pixel=mask,
-        amodal=amodal,
+        coverage=amodal.float(),
         verdict=Verdict.TRUSTED,
         reason=Verdict.TRUSTED.value,
         confidence=0.9,
@@ -60,11 +68,11 @@ def fit() -> Fit:
         evidence=123.456789,
         start_evidence=-1.0,
         evaluations=77,
-        alternative=None,
+        alternatives=(),
     )
 
 
-def test_four_files_are_written_and_the_json_says_what_was_returned(
+def test_five_files_are_written_and_the_json_says_what_was_returned(
     fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
@@ -74,6 +82,7 @@ def test_four_files_are_written_and_the_json_says_what_was_returned(
         "explanation.json",
         "overlay.png",
         "mask.png",
+        "render.png",
         "object.glb",
     }
     assert json.loads((folder / "explanation.json").read_text()) == said
@@ -86,6 +95,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), fit, teapot)
     assert set(said) == {
+        *("format", "frames", "glb_from_object"),
         *(
             "vig",
             "class",
@@ -98,7 +108,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
             "light",
             "shape",
         ),
-        *("alternative", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
+        *("alternatives", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
         *("evaluations", "window", "framing", "camera", "roll_deg", "family", "box", "front"),
     }
     assert (said["class"], said["verdict"]) == ("teapot", "trusted")
@@ -116,17 +126,25 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     assert said["hidden_fraction"] == 0.5
     assert said["window"] == {"left": 0, "top": 0, "side": 150}
     assert said["framing"]["magnification"] == pytest.approx(math.exp(0.1), abs=1e-4)
-    assert said["alternative"] is None
+    assert said["alternatives"] == [] and said["format"] == 2
+    assert said["camera"]["focal_from"] == "assumed" and "ratio" in said["camera"]["scale"]
+    assert said["frames"]["object"].startswith("right-handed, metres, Z up")
 
 
 def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     other = replace(latents(), azimuth=torch.tensor([2.0]))
-    ambiguous = replace(fit, verdict=Verdict.AMBIGUOUS, reason="two", alternative=other)
+    view = View(other, torch.zeros(4), 0.3)
+    ambiguous = replace(fit, verdict=Verdict.AMBIGUOUS, reason="two", alternatives=(view,))
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), ambiguous, teapot)
     assert said["verdict"] == "ambiguous" and said["reason"] == "two"
-    assert said["alternative"]["azimuth_deg"] == pytest.approx(math.degrees(2.0), abs=1e-4)
-    assert set(said["alternative"]) == {"azimuth_deg", "elevation_deg", "albedo", "light", "shape"}
+    (told,) = said["alternatives"]
+    assert told["azimuth_deg"] == pytest.approx(math.degrees(2.0), abs=1e-4)
+    assert (told["probability"], told["roll_deg"]) == (0.3, 0.0)
+    assert set(told) == {
+        *("azimuth_deg", "elevation_deg", "albedo", "light", "shape", "roll_deg"),
+        *("probability", "K", "camera_from_object"),
+    }
 
 
 def test_the_mask_has_three_values_in_the_photos_own_frame(
@@ -152,31 +170,118 @@ def test_what_lies_beyond_the_photo_is_not_called_hidden(
 
 def test_nothing_covered_is_not_a_fraction(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     nothing = torch.zeros(150, 150, dtype=torch.bool)
-    empty = replace(fit, amodal=nothing, mask=nothing)
+    empty = replace(fit, coverage=nothing.float(), mask=nothing, visible=nothing.float())
     said = written(tmp_path, np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150), empty, teapot)
     assert said["hidden_fraction"] is None
     assert not np.asarray(Image.open(tmp_path / "mask.png")).any()
 
 
-def test_the_object_is_in_metres_with_y_up_and_its_albedo(teapot: ObjectClass, tmp_path: Path) -> None:
-    write_glb(tmp_path / "object.glb", latents(), teapot)
+def test_the_object_stands_upright_and_is_seen_from_the_front(teapot: ObjectClass, tmp_path: Path) -> None:
+    """Y up, metres; what was towards the eye is towards +Z; positions as stored are in the object's frame."""
+    one, model = latents(), teapot.shape_model
+    z_up = model.vertices(one.shape)[0].numpy()
+    colours = np.linspace(0.1, 0.9, 3 * len(model.part_names)).reshape(-1, 3)
+    azimuth, elevation = float(one.azimuth), float(one.elevation)
+    camera = Camera(640, 480, 900.0, 300.0, 250.0, distance=0.5, target_height=0.08)
+    write_glb(tmp_path / "object.glb", z_up, colours, teapot, camera, azimuth, elevation)
     scene = trimesh.load(tmp_path / "object.glb")
-    (mesh,) = scene.geometry.values()
-    z_up = teapot.shape_model.vertices(latents().shape)[0].numpy()
-    x, y, z = np.ptp(z_up, axis=0)
-    np.testing.assert_allclose(scene.extents, (x, z, y), rtol=1e-5)
-    assert 0.2 < scene.extents[0] < 0.4  # metres
-    assert scene.bounds[0][1] == pytest.approx(z_up[:, 2].min(), abs=1e-6)  # it stands on y = 0
-    assert len(mesh.faces) == len(teapot.shape_model.faces)
-    assert mesh.volume > 0  # outward faces: turned, not mirrored
-    # Spout towards +x: the mesh's farthest point in x is the class's.
-    tip = z_up[z_up[:, 0].argmax()]
-    np.testing.assert_allclose(
-        mesh.vertices[mesh.vertices[:, 0].argmax()], (tip[0], tip[2], -tip[1]), atol=1e-4
+    assert set(scene.geometry) and len(scene.geometry) == len(np.unique(model.parts))
+    assert sum(len(mesh.faces) for mesh in scene.geometry.values()) == len(model.faces)
+    whole = scene.to_geometry()
+    assert whole.bounds[0][1] == pytest.approx(z_up[:, 2].min(), abs=1e-6)  # it stands on y = 0
+    assert whole.volume > 0  # outward faces: turned, not mirrored
+    # The eye of the photo is in the plane x = 0, before the object and above it.
+    eye = (
+        glb_from_object(azimuth) @ np.linalg.inv(camera.camera_from_world(azimuth, elevation)) @ [0, 0, 0, 1]
     )
-    colour = np.asarray(mesh.visual.material.baseColorFactor) / 255
-    np.testing.assert_allclose(colour, [0.8, 0.4, 0.1, 1.0], atol=1 / 255)
-    assert mesh.visual.material.metallicFactor == 0 and mesh.visual.material.roughnessFactor == 1
+    assert eye[0] == pytest.approx(0, abs=1e-9) and eye[2] > 0.3
+    assert eye[1] == pytest.approx(0.08 + 0.5 * math.sin(elevation))
+    for mesh in scene.geometry.values():
+        (part,) = [n for n, name in enumerate(model.part_names) if name == mesh.visual.material.name]
+        found = np.asarray(mesh.visual.material.baseColorFactor) / 255
+        np.testing.assert_allclose(found[:3], colours[part], atol=1 / 255)
+        assert mesh.visual.material.metallicFactor == 0 and mesh.visual.material.roughnessFactor == 1
+        assert (np.einsum("ij,ij->i", mesh.vertex_normals, mesh.vertex_normals) > 0.99).all()
+
+
+def test_the_cameras_node_sees_the_photo(teapot: ObjectClass, tmp_path: Path) -> None:
+    """Through glTF's own camera a vertex comes to lie where K and camera_from_object put it."""
+    one = latents()
+    vertices = teapot.shape_model.vertices(one.shape)[0].numpy()
+    camera = Camera(640, 480, 900.0, 300.0, 250.0, distance=0.5, target_height=0.08, roll=0.2)
+    azimuth, elevation = float(one.azimuth), float(one.elevation)
+    colours = np.full((len(teapot.shape_model.part_names), 3), 0.5)
+    write_glb(tmp_path / "object.glb", vertices, colours, teapot, camera, azimuth, elevation)
+    data = (tmp_path / "object.glb").read_bytes()
+    described = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    stands, eye = (np.array(node["matrix"]).reshape(4, 4).T for node in described["nodes"])
+    perspective = described["cameras"][0]["perspective"]
+    homogeneous = np.c_[vertices, np.ones(len(vertices))].T
+    seen = np.linalg.inv(eye) @ stands @ homogeneous
+    half = math.tan(perspective["yfov"] / 2)
+    # Of the frame of glTF, whose middle is the principal point, in pixels of the photo.
+    x = 300 + 640 * (340 / 320) / 2 * seen[0] / -seen[2] / half / perspective["aspectRatio"]
+    y = 250 - 250 * seen[1] / -seen[2] / half
+    put = camera.K @ (camera.camera_from_world(azimuth, elevation) @ homogeneous)[:3]
+    np.testing.assert_allclose(np.stack([x, y]), put[:2] / put[2], atol=1e-6)
+
+
+def as_others_take_it(photo: Image.Image, how: str) -> Image.Image:
+    """The photo itself, or in a larger picture: enlarged and off its middle, or turned."""
+    if how == "as it is":
+        return photo
+    large = Image.new("RGB", (900, 700), (120, 120, 120))
+    picture = photo.resize((480, 480), Image.Resampling.BICUBIC)
+    if how == "turned":
+        picture = picture.rotate(-18, Image.Resampling.BICUBIC, expand=True, fillcolor=(120, 120, 120))
+    large.paste(picture, (280, 60))
+    return large
+
+
+@pytest.mark.parametrize("how", ["as it is", "enlarged", "turned"])
+@pytest.mark.parametrize("number", range(8))
+def test_numpy_alone_puts_the_object_on_the_photo(
+    number: int, how: str, tmp_path: Path, explainer: Explainer
+) -> None:
+    """What the JSON and the GLB hold, and nothing of vig: the projected faces cover what the mask does."""
+    photo = as_others_take_it(Image.open(example_photos()[number].photo).convert("RGB"), how)
+    explanation = explainer.explain(photo)
+    explanation.save(tmp_path)
+    said = json.loads((tmp_path / "explanation.json").read_text())
+    data = (tmp_path / "object.glb").read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    described, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+
+    def read(number: int, kind: str, width: int) -> np.ndarray:
+        view = described["bufferViews"][described["accessors"][number]["bufferView"]]
+        return np.frombuffer(binary, kind, view["byteLength"] // 4, view["byteOffset"]).reshape(-1, width)
+
+    points = np.c_[read(0, "<f4", 3), np.ones(len(read(0, "<f4", 3)))]
+    pose, k = np.array(said["camera"]["camera_from_object"]), np.array(said["camera"]["K"])
+    seen = k @ (pose @ points.T)[:3]
+    pixels = (seen[:2] / seen[2]).T
+    size = said["camera"]["width"], said["camera"]["height"]
+    drawn = Image.new("1", (4 * size[0], 4 * size[1]))
+    pen = ImageDraw.Draw(drawn)
+    for primitive in described["meshes"][0]["primitives"]:
+        for face in read(primitive["indices"], "<u4", 3):
+            pen.polygon([tuple(4 * pixels[corner]) for corner in face], fill=1)
+    outline = np.asarray(drawn).reshape(size[1], 4, size[0], 4).mean((1, 3)) > 0.5
+    within(outline, explanation.render()[..., 3] > 0.5, 1)
+    # The mask has the resolution of the fit, thin tips and sharp corners less, and ends with the window.
+    window = explanation.window
+    inside = np.zeros_like(outline)
+    for tile in window.tiles(*size):
+        inside[tile] = window.back(np.ones((150, 150)), *tile) > 0.5
+    amodal = np.asarray(Image.open(tmp_path / "mask.png")) > 0
+    within(outline & inside, amodal, window.side / 150 + 1, 0.004)
+
+
+def within(one: np.ndarray, other: np.ndarray, pixels: float, left: float = 0.0) -> None:
+    """Each covers what the other does but for pixels so near its edge, and a share of its pixels."""
+    for here, there in ((one, other), (other, one)):
+        far = here & (distance_transform_edt(~there) > pixels)
+        assert far.sum() <= left * here.sum(), (far.sum(), here.sum())
 
 
 def test_a_file_where_the_folder_should_be_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
@@ -194,6 +299,9 @@ def test_a_verdict_prints_as_the_json_has_it() -> None:
 def test_an_ambiguous_fit_has_its_other_explanation(fit: Fit, teapot: ObjectClass) -> None:
     photo, window = np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150)
     assert Explanation(photo, window, fit, teapot).alternatives == ()
-    other = replace(latents(), azimuth=torch.tensor([2.0]))
-    found = Explanation(photo, window, replace(fit, alternative=other), teapot)
-    assert found.alternatives == (other,)
+    other = View(replace(latents(), azimuth=torch.tensor([2.0])), torch.zeros(4), 0.25)
+    found = Explanation(photo, window, replace(fit, alternatives=(other,)), teapot)
+    (told,) = found.alternatives
+    assert told.latents is other.latents and told.probability == 0.25
+    assert told.azimuth_deg == pytest.approx(math.degrees(2.0), abs=1e-4)
+    assert told.camera.roll == 0 and told.camera_from_object.shape == (4, 4)

@@ -85,7 +85,7 @@ def test_without_calibration_the_symmetry_makes_nothing_ambiguous(pack: Path, ph
         if symmetry is Symmetry.ANY_TURN:
             assert explanation.verdict is not Verdict.AMBIGUOUS
         for other in explanation.alternatives:
-            turned = symmetry.difference(other.azimuth, explanation.latents.azimuth)
+            turned = symmetry.difference(other.latents.azimuth, explanation.latents.azimuth)
             assert abs(float(turned)) > 0.3
 
 

@@ -15,7 +15,7 @@ from vig.names import LikelihoodName, OptimizerName
 
 @dataclass(frozen=True)
 class Fit:
-    """Explain photos of one object each: explanation.json, overlay.png, mask.png and object.glb per photo."""
+    """Explain photos of one object each: a folder of numbers, pictures and the object per photo."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
     """Photos, or folders of them: any size, any format that pillow reads."""
@@ -44,6 +44,8 @@ class Fit:
     """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/devices.md."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
+    export: tuple[Literal["bop", "coco", "nerfstudio", "ros", "usd"], ...] = ()
+    """Write these formats into each photo's folder, too; docs/explanation.md."""
     json: bool = False
     """Print one JSON object instead of lines."""
 

@@ -47,6 +47,7 @@ def fit(settings: Fit) -> int:
             number += 1
         try:
             explanation.save(folders[number])
+            explanation.export(folders[number], settings.export, photos[number].name)
         except UserError as error:
             fail(number, error)
             continue
@@ -106,7 +107,7 @@ def _line(name: str, explanation: Explanation, seconds: float) -> str:
     colour = ", ".join(f"{c:.2f}" for c in explanation.latents.albedo[0].tolist())
     seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden"
     return (
-        f"{name}: {explanation.verdict.name.lower()}, azimuth {explanation.azimuth_deg:.1f}, elevation"
+        f"{explanation.verdict.name.lower()}: {name}, azimuth {explanation.azimuth_deg:.1f}, elevation"
         f" {explanation.elevation_deg:.1f} degrees, albedo ({colour}),"
         f" {seen}; {explanation.reason} ({seconds:.1f} s)"
     )

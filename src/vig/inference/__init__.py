@@ -6,7 +6,7 @@ from vig.inference.families import family_of
 from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
-from vig.inference.settings import ExplainSettings, Fit, Stage, Verdict
+from vig.inference.settings import ExplainSettings, Fit, Stage, Verdict, View
 
 __all__ = [
     "CONFIDENCE_FEATURES",
@@ -18,6 +18,7 @@ __all__ = [
     "Stage",
     "Valuation",
     "Verdict",
+    "View",
     "calibration_of",
     "explain",
     "explain_one",

@@ -10,7 +10,7 @@ import torch
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
-from vig.inference.settings import ExplainSettings, Fit, Verdict
+from vig.inference.settings import ExplainSettings, Fit, Verdict, View
 from vig.likelihood import PixelModel, SpatialModel, spatial_posterior
 from vig.recognition import Prediction
 from vig.scene import Latents
@@ -45,18 +45,19 @@ def assess(
     shown = _show(objective, selection.point, latents, settings.likelihood)
     features = _features(latents, shown, prediction, selection)
     confidence, verdict, reason = _verdict(selection, features, calibration, bool(shown.mask.any()))
-    deviation = _deviation(objective, at_fit.normal[0].cpu())
+    deviations = _deviation(objective, at_fit.normal[0].cpu())
+    deviation = objective.latents(deviations).to_vector()[0]
     if calibration is not None:
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
-    ambiguous = verdict is Verdict.AMBIGUOUS and selection.elsewhere
     return Fit(
         latents=latents,
         framing=objective.framing(selection.point)[0],
         deviation=deviation,
+        framing_deviation=objective.framing(deviations)[0],
         visible=shown.visible,
         mask=shown.mask,
         mask_by_pixel=shown.by_pixel > 0.5,
-        amodal=shown.amodal,
+        coverage=shown.coverage,
         verdict=verdict,
         reason=reason,
         confidence=confidence,
@@ -64,7 +65,28 @@ def assess(
         evidence=float(at_fit.value),
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
-        alternative=symmetry.canonical(selection.alternative) if ambiguous else None,
+        alternatives=_views(objective, selection, prediction, latents, confidence),
+    )
+
+
+def _views(
+    objective: Objective, selection: Selection, prediction: Prediction, latents: Latents, confidence: float
+) -> tuple[View, ...]:
+    """The other views of a selection.
+
+    What the fit's confidence leaves is shared out among them, and all that was not tried, as the recognition
+    model's probabilities of azimuth are.
+    """
+    if not len(selection.others):
+        return ()
+    found = objective.object_class.symmetry.canonical(objective.latents(selection.others))
+    framings = objective.framing(selection.others)
+    mass = prediction.log_mass(torch.cat([latents.azimuth, found.azimuth])).exp()
+    rest = mass[1:] / (1 - mass[0]).clamp_min(mass[1:].sum())
+    vectors = found.to_vector()
+    return tuple(
+        View(Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]))
+        for i in range(len(vectors))
     )
 
 
@@ -74,9 +96,13 @@ class _Shown:
 
     observed: torch.Tensor
     rendered: torch.Tensor
-    amodal: torch.Tensor
+    coverage: torch.Tensor
     by_pixel: torch.Tensor
     visible: torch.Tensor
+
+    @property
+    def amodal(self) -> torch.Tensor:
+        return self.coverage >= 0.5
 
     @property
     def mask(self) -> torch.Tensor:
@@ -99,7 +125,7 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
     by_pixel = visible = torch.where(amodal, posterior, 0.0)
     if isinstance(model, SpatialModel):
         visible = spatial_posterior(observed, rendered, log_prior, amodal, model, decorated)
-    images = (observed, rendered, amodal, by_pixel, visible)
+    images = (observed, rendered, coverage, by_pixel, visible)
     return _Shown(*(image[0] for image in images))
 
 
@@ -174,10 +200,10 @@ def _verdict(
 
 
 def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:
-    """Standard deviations (P,) from the inverse normal matrix (P', P') of the numbers that are free."""
+    """Standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that are free."""
     free = (objective.lower < objective.upper).cpu()
     matrix = normal[free][:, free].double()
     matrix = matrix + 1e-9 * matrix.diagonal().max() * torch.eye(len(matrix), dtype=torch.float64)
     deviation = torch.zeros(1, len(normal), dtype=torch.float64)
     deviation[0, free] = torch.linalg.inv(matrix).diagonal().clamp_min(0.0).sqrt()
-    return objective.latents(deviation).to_vector()[0]
+    return deviation

@@ -32,8 +32,9 @@ class Selection:
         evaluations: Of the objective, by all starts together.
         gap: Nats by which the best end of another view lies behind; infinite when there is none.
         close: Whether that is less than `AMBIGUOUS_NATS`.
-        alternative: That end when it is close, else the recognition model's guess.
-        turned_deg: By how far the alternative is turned about the vertical, 0 to where it looks the same.
+        turned_deg: By how far that end (when it is not close, the recognition model's guess) is turned about
+            the vertical, 0 to where it looks the same.
+        others: Points (n, P') of other views, at most `OTHER_VIEWS`, the one of `turned_deg` first.
     """
 
     point: torch.Tensor
@@ -42,12 +43,12 @@ class Selection:
     evaluations: int
     gap: float
     close: bool
-    alternative: Latents
     turned_deg: float
+    others: torch.Tensor
 
     @property
     def elsewhere(self) -> bool:
-        """Whether the alternative is another view."""
+        """Whether it is another view that `turned_deg` tells."""
         return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
@@ -63,10 +64,31 @@ def select(objective: Objective, ends: Ends, guess: Latents, sigma: float) -> Se
     gaps = torch.where(other_view, ends.scores[best] - ends.scores, math.inf)
     gap, rival = float(gaps.min()), int(gaps.argmin())
     close = gap < AMBIGUOUS_NATS
-    alternative = objective.latents(ends.points[rival : rival + 1] if close else start)
-    turned = abs(float(symmetry.difference(alternative.azimuth, objective.latents(point).azimuth)))
+    nearest = ends.points[rival : rival + 1]
+    # Where descents of other views ended, then where those were that were given up, then the guess.
+    candidates = torch.cat(
+        [nearest, start, ends.points, ends.given_up]
+        if close
+        else [start, nearest, ends.points, ends.given_up]
+    )
+    azimuths, seen = objective.latents(candidates).azimuth, [objective.latents(point).azimuth]
+    turned = abs(float(symmetry.difference(azimuths[:1], seen[0])))
+    others: list[int] = []
+    for index, angle in enumerate(azimuths):
+        if len(others) < OTHER_VIEWS and all(
+            abs(float(symmetry.difference(angle, each))) > DISTINCT_AZIMUTH for each in seen
+        ):
+            others.append(index)
+            seen.append(angle)
     return Selection(
-        point, reverted, start_evidence, ends.evaluations, gap, close, alternative, math.degrees(turned)
+        point,
+        reverted,
+        start_evidence,
+        ends.evaluations,
+        gap,
+        close,
+        math.degrees(turned),
+        candidates[others],
     )
 
 
@@ -79,6 +101,8 @@ RELATIVE_SPREAD = 0.7
 FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06, 0.0])
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
+OTHER_VIEWS = 2
+"""So many views beside the chosen one are kept."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +114,14 @@ class Ends:
         evidence: (S,) float64, log posterior in nats.
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
         evaluations: Of the objective, in all stages.
+        given_up: (M, P') points that did not enter a later stage, the last ones and the best first.
     """
 
     points: torch.Tensor
     evidence: torch.Tensor
     scores: torch.Tensor
     evaluations: int
+    given_up: torch.Tensor
 
 
 def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: ExplainSettings) -> Ends:
@@ -108,9 +134,12 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
     framing = framings(begin, prediction, objective) if settings.free_framing else None
     points = objective.point(begin, framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
-    evaluations = 0
+    evaluations, given_up = 0, points[:0]
     for stage in settings.stages:
         entering = survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)
+        order = scores.argsort(descending=True, stable=True)
+        left = order[~torch.isin(order, entering)].to(objective.device)
+        given_up = torch.cat([points[left], given_up])
         points = points[entering.to(objective.device)]
         descent = settings.optimizer(
             objectives[stage.scale],
@@ -123,7 +152,7 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
         view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
-    return Ends(points, evidence, scores, evaluations)
+    return Ends(points, evidence, scores, evaluations, given_up)
 
 
 def survivors(

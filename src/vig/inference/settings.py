@@ -29,6 +29,21 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
+class View:
+    """Another explanation of a photo, of the object seen from another side.
+
+    Attributes:
+        latents: One (B = 1).
+        framing: (4,), as in `Fit`.
+        probability: That it is the right view; NaN without a calibration.
+    """
+
+    latents: Latents
+    framing: torch.Tensor
+    probability: float
+
+
+@dataclass(frozen=True)
 class Fit:
     """One photo (H, W) explained.
 
@@ -38,10 +53,11 @@ class Fit:
         deviation: (P,) standard deviations, from the curvature at the fit, widened by a calibration;
             without one too small, as the noise of neighbouring pixels is taken as independent. Of azimuth
             it says nothing where any turn looks the same.
+        framing_deviation: (4,) of the framing, from the curvature alone; 0 where it was held.
         visible: (H, W) posterior probability that a pixel shows the object.
         mask: (H, W) bool, the object's visible pixels.
         mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.
-        amodal: (H, W) bool, all pixels that the object covers.
+        coverage: (H, W) share of each pixel that the object covers, hidden or not.
         verdict: How far to believe it.
         reason: One sentence why.
         confidence: Probability that the view is right; NaN without a calibration.
@@ -49,16 +65,18 @@ class Fit:
         evidence: Log posterior at the fit, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
         evaluations: Of the objective, by all starts together.
-        alternative: The other explanation (B = 1) when ambiguous.
+        alternatives: Other views that were tried, at most `refinement.OTHER_VIEWS`; where the verdict is
+            ambiguous because of one, that one first.
     """
 
     latents: Latents
     framing: torch.Tensor
     deviation: torch.Tensor
+    framing_deviation: torch.Tensor
     visible: torch.Tensor
     mask: torch.Tensor
     mask_by_pixel: torch.Tensor
-    amodal: torch.Tensor
+    coverage: torch.Tensor
     verdict: Verdict
     reason: str
     confidence: float
@@ -66,7 +84,12 @@ class Fit:
     evidence: float
     start_evidence: float
     evaluations: int
-    alternative: Latents | None
+    alternatives: tuple[View, ...]
+
+    @property
+    def amodal(self) -> torch.Tensor:
+        """(H, W) bool, all pixels that the object covers."""
+        return self.coverage >= 0.5
 
 
 @dataclass(frozen=True)

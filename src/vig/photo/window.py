@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,8 @@ BOX_BELOW_CENTRE = 0.033
 SMALLEST_BOX = 8
 LEFT = 4
 """Pixels of a half over those of the window cut from it: with 2, fits turn by a degree or two."""
+LINES = 256
+"""Lines of a photo that are drawn at a time."""
 STRIP = 32
 """Lines of a half that are made at a time."""
 FARTHER = (0.75, 25.0)
@@ -171,16 +174,34 @@ class Window:
         camera = camera.scaled(scale)
         return replace(camera, width=width, height=height, cx=cx, cy=cy, roll=camera.roll + self.roll)
 
-    def back(self, image: np.ndarray, width: int, height: int) -> np.ndarray:
-        """A map (S, S) of the window, in [0, 1], drawn into the photo's frame: (height, width) float32.
+    def back(self, image: np.ndarray, rows: slice, columns: slice, outside: float = 0.0) -> np.ndarray:
+        """A map (S, S) of the window drawn into rows and columns of the photo, float32.
 
-        Outside the window it is 0.
+        Beyond the window it is `outside`.
         """
         scale, half = len(image) / self.side, len(image) / 2
         cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
-        x, y = self.centre
+        x, y = self.centre[0] - columns.start, self.centre[1] - rows.start
         transform = (cos, sin, half - cos * x - sin * y, -sin, cos, half + sin * x - cos * y)
         source = Image.fromarray(np.ascontiguousarray(image, np.float32))
+        size = columns.stop - columns.start, rows.stop - rows.start
+        method = Image.Resampling.BILINEAR
         return np.asarray(
-            source.transform((width, height), Image.Transform.AFFINE, transform, Image.Resampling.BILINEAR)
+            source.transform(size, Image.Transform.AFFINE, transform, method, fillcolor=outside)
         )
+
+    def tiles(self, width: int, height: int) -> Iterator[tuple[slice, slice]]:
+        """The part of a photo that the window touches, as rows and columns of a few lines at a time."""
+        half = self.side / 2 * (abs(math.cos(self.roll)) + abs(math.sin(self.roll)))
+        left, right, top, bottom = (
+            min(max(edge, 0), length)
+            for edge, length in (
+                (math.floor(self.centre[0] - half), width),
+                (math.ceil(self.centre[0] + half), width),
+                (math.floor(self.centre[1] - half), height),
+                (math.ceil(self.centre[1] + half), height),
+            )
+        )
+        if left < right:
+            for line in range(top, bottom, LINES):
+                yield slice(line, min(line + LINES, bottom)), slice(left, right)

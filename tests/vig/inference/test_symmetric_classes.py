@@ -103,7 +103,7 @@ OPPOSITE = {3: 0.5, 39: 0.5}
 def test_a_class_that_looks_the_same_from_behind_is_ambiguous_only_where_it_does_not_say_so() -> None:
     undeclared, declared = fitted("fins", "none", OPPOSITE), fitted("fins", "half-turn", OPPOSITE)
     assert undeclared.verdict is Verdict.AMBIGUOUS and "turned by 180 degrees" in undeclared.reason
-    assert declared.verdict is Verdict.TRUSTED and declared.alternative is None
+    assert declared.verdict is Verdict.TRUSTED and not declared.alternatives
     assert math.degrees(declared.latents.azimuth) == pytest.approx(17.5, abs=2)
     assert math.degrees(declared.latents.elevation) == pytest.approx(math.degrees(0.4), abs=2)
 

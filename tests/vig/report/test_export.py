@@ -1,0 +1,173 @@
+"""Explanations in the formats of other tools, read as those tools do."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+import vig
+from vig.errors import UserError
+from vig.report.export import box_of, run_lengths, upright_pinhole
+from vig.scene import Camera
+from vig_lab.examples import example_photos
+
+ALL = ("bop", "coco", "nerfstudio", "ros", "usd")
+
+
+@pytest.fixture(scope="module")
+def explanation() -> vig.Explanation:
+    example = example_photos()[1]
+    return vig.Explainer("teapot").explain(example.photo, focal=400.0)
+
+
+@pytest.fixture(scope="module")
+def folder(explanation: vig.Explanation, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("pxr")
+    return explanation.export(explanation.save(tmp_path_factory.mktemp("out")), ALL, "02_egg_cup.png")
+
+
+def told(path: Path) -> dict:
+    found: dict = json.loads(path.read_text())
+    return found
+
+
+def projected(k: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    seen = k @ (pose[:3, :3] @ points.T + pose[:3, 3:])
+    return (seen[:2] / seen[2]).T
+
+
+def test_bops_model_pose_and_camera_put_the_object_on_the_photo(
+    folder: Path, explanation: vig.Explanation
+) -> None:
+    (one,) = told(folder / "bop/scene_gt.json")["0"]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = np.reshape(one["cam_R_m2c"], (3, 3)), one["cam_t_m2c"]
+    k = np.reshape(told(folder / "bop/scene_camera.json")["0"]["cam_K"], (3, 3))
+    model = trimesh.load(folder / "bop/models/obj_000001.ply", process=False)
+    expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
+    np.testing.assert_allclose(projected(k, pose, np.asarray(model.vertices)), expected, atol=1e-2)
+    (info,) = told(folder / "bop/scene_gt_info.json")["0"]
+    assert tuple(info["bbox_obj"]) == explanation.box
+    assert info["visib_fract"] == pytest.approx(1 - explanation.hidden_fraction)
+
+
+def test_cocos_run_lengths_are_the_masks(folder: Path, explanation: vig.Explanation) -> None:
+    described = told(folder / "coco.json")
+    (annotation,) = described["annotations"]
+    for name, mask in (("segmentation", explanation.amodal), ("visible_segmentation", explanation.mask)):
+        counts, size = annotation[name]["counts"], annotation[name]["size"]
+        flat = np.repeat(np.arange(len(counts)) % 2, counts).astype(bool)
+        assert np.array_equal(flat.reshape(size, order="F"), mask)
+    assert described["images"][0]["file_name"] == "02_egg_cup.png"
+
+
+def test_nerfstudios_camera_is_that_of_the_photo(folder: Path, explanation: vig.Explanation) -> None:
+    said = told(folder / "transforms.json")
+    k = np.array([[said["fl_x"], 0, said["cx"]], [0, said["fl_y"], said["cy"]], [0, 0, 1]])
+    pose = np.linalg.inv(np.array(said["frames"][0]["transform_matrix"]) @ np.diag([1, -1, -1, 1]))
+    expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
+    np.testing.assert_allclose(projected(k, pose, explanation.vertices), expected, atol=1e-6)
+    assert (folder / said["frames"][0]["mask_path"]).is_file()
+
+
+def test_a_robots_camera_sees_the_object_where_it_is(folder: Path, explanation: vig.Explanation) -> None:
+    """With the true focal length and the principal point in the middle: within a few pixels of the fit's."""
+    said, info = told(folder / "pose.yaml"), told(folder / "camera_info.yaml")
+    from scipy.spatial.transform import Rotation
+
+    place, turned = (said["pose"]["pose"][name] for name in ("position", "orientation"))
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat([turned[axis] for axis in "xyzw"]).as_matrix()
+    pose[:3, 3] = [place[axis] for axis in "xyz"]
+    k = np.reshape(info["k"], (3, 3))
+    assert k[0, 0] == pytest.approx(400) and tuple(k[:2, 2]) == (75, 75)
+    found = projected(k, pose, explanation.vertices)
+    expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
+    assert np.abs(found - expected).max() < 4 and np.abs((found - expected).mean(0)).max() < 1
+    covariance = np.reshape(said["pose"]["covariance"], (6, 6))
+    np.testing.assert_allclose(covariance, covariance.T)
+    assert (np.linalg.eigvalsh(covariance) > -1e-12).all() and covariance.any()
+
+
+def test_a_covariance_is_that_of_many_poses_drawn(explanation: vig.Explanation) -> None:
+    """Latents drawn from their deviations, small ones: the spread of the positions is the covariance's."""
+    fit, rng = explanation.fit, np.random.default_rng(0)
+    layout = vig.scene.latent_layout(explanation.object_class.shape_model.modes)
+    deviation = torch.zeros_like(fit.deviation)
+    deviation[layout.indices("azimuth", "elevation")] = torch.tensor([0.02, 0.01]).to(deviation)
+    framing = torch.tensor([0.005, 0.003, 0.01, 0.02])
+    narrow = replace(explanation, fit=replace(fit, deviation=deviation, framing_deviation=framing))
+    _, pose, covariance = narrow.pinhole_pose()
+    places = []
+    for _ in range(800):
+        step = torch.from_numpy(rng.standard_normal(6)).float()
+        latents = replace(
+            fit.latents,
+            azimuth=fit.latents.azimuth + 0.02 * step[0],
+            elevation=fit.latents.elevation + 0.01 * step[1],
+        )
+        moved = replace(fit, latents=latents, framing=fit.framing + framing * step[2:])
+        places.append(replace(explanation, fit=moved).pinhole_pose()[1][:3, 3])
+    spread = np.cov(np.array(places).T)
+    np.testing.assert_allclose(np.sqrt(np.diag(spread)), np.sqrt(np.diag(covariance)[:3]), rtol=0.1)
+
+
+def test_an_object_off_the_middle_is_turned_with_its_ray() -> None:
+    """A point-like object: the true pinhole sees its centre where the cut one does, at the same size."""
+    cut = Camera(1000, 800, 2000.0, 900.0, 100.0, distance=2.0)
+    pose = cut.camera_from_world(0.3, 0.2)
+    k, turned = upright_pinhole(cut, pose, 1600.0)
+    points = 0.01 * np.random.default_rng(0).standard_normal((50, 3))
+    here, there = projected(cut.K, pose, points), projected(k, turned, points)
+    np.testing.assert_allclose(there.mean(0), here.mean(0), atol=0.3)
+    assert np.ptp(there, 0) == pytest.approx(np.ptp(here, 0), rel=0.15)
+    assert np.linalg.norm(turned[:3, 3]) == pytest.approx(
+        2.0 * 1600 / 2000 * math.hypot(0.25, 0.1875, 1), rel=1e-6
+    )
+
+
+def test_usd_has_parts_materials_and_the_camera(folder: Path, explanation: vig.Explanation) -> None:
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(folder / "object.usdc"))
+    assert UsdGeom.GetStageUpAxis(stage) == "Z" and UsdGeom.GetStageMetersPerUnit(stage) == 1
+    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert [mesh.GetPrim().GetName() for mesh in meshes] == ["body", "lid", "knob", "foot", "spout", "handle"]
+    points = np.concatenate([np.array(mesh.GetPointsAttr().Get()) for mesh in meshes])
+    np.testing.assert_allclose(points.min(0), explanation.vertices.min(0), atol=1e-6)
+    assert sum(len(mesh.GetFaceVertexCountsAttr().Get()) for mesh in meshes) == len(
+        explanation.object_class.shape_model.faces
+    )
+    (eye,) = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Camera)]
+    camera = UsdGeom.Camera(eye).GetCamera(Usd.TimeCode.Default())
+    seen = camera.frustum.ComputeViewMatrix() * camera.frustum.ComputeProjectionMatrix()
+    homogeneous = np.c_[explanation.vertices, np.ones(len(explanation.vertices))] @ np.array(seen)
+    normalised = homogeneous[:, :2] / homogeneous[:, 3:]
+    pixels = (normalised * [1, -1] + 1) / 2 * [explanation.camera.width, explanation.camera.height]
+    expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
+    np.testing.assert_allclose(pixels, expected, atol=0.01)
+
+
+def test_unknown_formats_are_refused(explanation: vig.Explanation, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="expected a list of formats out of bop, coco"):
+        explanation.export(tmp_path, ["obj"])
+    with pytest.raises(UserError, match="got 'bop'"):
+        explanation.export(tmp_path, "bop")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_run_lengths_begin_with_zeros(first: bool) -> None:
+    mask = np.array([[first, True], [False, True]])
+    assert run_lengths(mask)["counts"] == ([0, 1, 1, 2] if first else [2, 2])
+
+
+def test_the_box_of_nothing() -> None:
+    assert box_of(np.zeros((3, 3), bool)) == [-1] * 4
