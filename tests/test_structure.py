@@ -35,6 +35,7 @@ BELOW = {
     "vig.report": {"vig.scene", "vig.photo", "vig.renderer", "vig.inference"},
 }
 MAY_IMPORT |= {subpackage: below | HELPERS for subpackage, below in BELOW.items()}
+MAY_IMPORT["vig.hints"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.explanation"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.explainer"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.cli"] = set(MAY_IMPORT)

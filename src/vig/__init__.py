@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from vig.errors import UserError as UserError
     from vig.explainer import Explainer as Explainer
     from vig.explanation import Explanation as Explanation
+    from vig.hints import Hints as Hints
     from vig.inference.settings import Verdict as Verdict
     from vig.renderer.rendering import render as render
     from vig.scene.camera import Camera as Camera
@@ -25,6 +26,7 @@ _HOMES = {
     "Camera": "vig.scene",
     "Explainer": "vig.explainer",
     "Explanation": "vig.explanation",
+    "Hints": "vig.hints",
     "Latents": "vig.scene",
     "ObjectClass": "vig.scene",
     "UserError": "vig.errors",

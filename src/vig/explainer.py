@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import zip_longest
+from itertools import repeat, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.explanation import Explanation
+from vig.hints import Hints
 from vig.inference import ExplainSettings, Fit, Verdict, View, explain
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import Halved, Window, focal_of
@@ -28,6 +29,7 @@ Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
 Focal = tuple[float, str]
 """A focal length in pixels, and where it is from; see `Explanation.focal_from`."""
+Item = tuple[Photo, Box | None, Focal | None, Hints | None]
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
 SURELY_FOUND = 0.75
@@ -68,7 +70,12 @@ class Explainer:
         self.recognizer = on_one_core(partial(Recognizer.of_class, object_class, device=device))
 
     def explain(
-        self, photo: Photo, box: Box | None = None, window: Window | None = None, focal: float | None = None
+        self,
+        photo: Photo,
+        box: Box | None = None,
+        window: Window | None = None,
+        focal: float | None = None,
+        hints: Hints | None = None,
     ) -> Explanation:
         """Explain one photo.
 
@@ -80,25 +87,32 @@ class Explainer:
             window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
             focal: Focal length in pixels of the photo; by default a file's EXIF data tell, else it is
                 that of a telephoto lens, and with a window that of the standard camera.
+            hints: What is known of the object in this photo.
 
         Raises:
-            UserError: The photo, the box, the window or the focal length cannot be used.
+            UserError: The photo, the box, the window, the focal length or a hint cannot be used.
         """
+        if hints is not None and not isinstance(hints, Hints):
+            raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
         known = _focal(photo, None if focal is None else checked_focal(focal))
-        return on_one_core(partial(self._explained, photo, box, window, known))
+        return on_one_core(partial(self._explained, photo, box, window, known, hints))
 
     def _explained(
-        self, photo: Photo, box: Box | None, window: Window | None, focal: Focal | None
+        self, photo: Photo, box: Box | None, window: Window | None, focal: Focal | None, hints: Hints | None
     ) -> Explanation:
         coded = coded_photo(photo)
         seen, (height, width) = Halved(coded), coded.shape[:2]
         settings, found = self.settings.filled(photo=window is None), 1.0
+        hints = hints.checked(width, height, self.object_class) if hints else None
+        roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
-            window = upright(seen, Window.of(width, height, checked_box(box)), self.recognizer)
+            window = Window.of(width, height, checked_box(box))
+            window = upright(seen, window, self.recognizer) if roll is None else replace(window, roll=roll)
         if window is None:
             window, found = (best := find(seen, self.recognizer)).window, best.score
+            window = window if roll is None else replace(window, roll=roll)
         focal_from = "assumed"
         if self.settings.farther is not None:
             focal_from = "given"
@@ -106,7 +120,8 @@ class Explainer:
             settings, focal_from = replace(settings, farther=window.farther(focal[0])), focal[1]
         cut, known = window.cut(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
-        fit = next(explain(photos, self.object_class, self.recognizer, settings, valid))
+        told = None if hints is None else hints.in_window(window, self.object_class)
+        fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, told))
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
             fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternatives=())
@@ -115,7 +130,7 @@ class Explainer:
                 f"what was found in the photo may be no {self.object_class.name}; give a box if it is one"
             )
             fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
-        return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0, focal_from)
+        return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0, focal_from, hints)
 
     def explain_many(
         self,
@@ -124,6 +139,7 @@ class Explainer:
         workers: int = 1,
         skip: Callable[[int, UserError], None] | None = None,
         focal: float | None = None,
+        hints: Iterable[Hints | None] | None = None,
     ) -> Iterator[Explanation]:
         """Explain photos in their order; see `explain`.
 
@@ -134,6 +150,7 @@ class Explainer:
             skip: Is called with the number of a photo that cannot be used, and why; the others go on. Without
                 it the first such photo raises.
             focal: Of all photos; see `explain`.
+            hints: One for each photo, None where nothing is known.
 
         Raises:
             UserError: As `explain`, for workers below 1, for more or fewer boxes than photos, or when a
@@ -144,7 +161,11 @@ class Explainer:
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
         focal = None if focal is None else checked_focal(focal)
-        items = ((photo, box, _focal(photo, focal)) for photo, box in _pairs(photos, boxes))
+        known = repeat(None) if hints is None else hints
+        items = (
+            (photo, box, _focal(photo, focal), told)
+            for (photo, box), told in zip(_pairs(photos, boxes), known, strict=False)
+        )
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
         else:
@@ -152,7 +173,7 @@ class Explainer:
                 raise UserError(
                     "expected a class from a pack, for worker processes; got one from memory. Save it first."
                 )
-            sent = ((_sendable(photo), box, focal) for photo, box, focal in items)
+            sent = ((_sendable(photo), *others) for photo, *others in items)
             shared = folder, self.settings, self.recognizer.device
             answers = map_in_processes(_prepare, shared, sent, workers)
             found = map(self._received, answers)
@@ -164,18 +185,18 @@ class Explainer:
             else:
                 skip(number, result)
 
-    def _tried(self, item: tuple[Photo, Box | None, Focal | None]) -> Explanation | UserError:
-        photo, box, focal = item
+    def _tried(self, item: Item) -> Explanation | UserError:
+        photo, box, focal, hints = item
         try:
-            return on_one_core(partial(self._explained, photo, box, None, focal))
+            return on_one_core(partial(self._explained, photo, box, None, focal, hints))
         except UserError as error:
             return error
 
     def _received(self, answer: Any) -> Explanation | UserError:
         if isinstance(answer, UserError):
             return answer
-        picture, window, fit, farther, focal_from = answer
-        return Explanation(picture, window, _unpacked(fit), self.object_class, farther, focal_from)
+        picture, window, fit, *others = answer
+        return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
 
 
 def checked_box(box: Any) -> Box:
@@ -228,11 +249,11 @@ def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
     """The work of a process of `Explainer.explain_many`."""
     explainer = Explainer(*shared)
 
-    def work(item: tuple[str | np.ndarray, Box | None, Focal | None]) -> Any:
+    def work(item: Item) -> Any:
         found = explainer._tried(item)
         if isinstance(found, UserError):
             return found
-        return found.picture, found.window, _packed(found.fit), found.farther, found.focal_from
+        return found.picture, found.window, _packed(found.fit), found.farther, found.focal_from, found.hints
 
     return work
 

@@ -15,6 +15,7 @@ import torch
 from PIL import Image
 
 from vig.errors import UserError
+from vig.hints import Hints
 from vig.inference import Fit, Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
@@ -70,6 +71,7 @@ class Explanation:
         object_class: What the photo was explained as.
         farther: Distance of the eye and focal length of the fit, of the standard camera's.
         focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
+        hints: What was known of the object beforehand.
     """
 
     picture: np.ndarray
@@ -78,6 +80,7 @@ class Explanation:
     object_class: ObjectClass
     farther: float = 1.0
     focal_from: str = "assumed"
+    hints: Hints | None = None
 
     @property
     def photo(self) -> np.ndarray:
@@ -269,9 +272,10 @@ class Explanation:
     def to_dict(self) -> dict[str, Any]:
         """What `explanation.json` holds."""
         cameras = [self.camera, *(view.camera for view in self.alternatives)]
-        return describe(
+        described = describe(
             self.fit, self.object_class, self.window, cameras, self.focal_from, self.hidden_fraction, self.box
         )
+        return described | {"hints": self.hints.described() if self.hints else {}}
 
     def save(self, folder: str | Path) -> Path:
         """Write explanation.json, overlay.png, mask.png, render.png and object.glb; returns the folder.

@@ -95,7 +95,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), fit, teapot)
     assert set(said) == {
-        *("format", "frames", "glb_from_object"),
+        *("format", "frames", "glb_from_object", "hints"),
         *(
             "vig",
             "class",

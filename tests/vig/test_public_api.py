@@ -25,6 +25,7 @@ from vig.recognition.find import Candidate
 from vig.scene import srgb8_from_linear
 
 PUBLIC = {
+    "Hints",
     "Camera",
     "Explainer",
     "Explanation",
@@ -130,7 +131,7 @@ def test_the_framing_is_free_unless_a_window_is_given(
     """A photo cut by hand does not have the object where the paper's photos have it."""
     asked = []
 
-    def explained(photos, object_class, recognizer, settings, valid):
+    def explained(photos, object_class, recognizer, settings, valid, hints):
         asked.append(settings.free_framing)
         raise vig.UserError("enough")
 
@@ -154,7 +155,7 @@ def test_the_eye_is_as_far_away_as_the_focal_length_says(
 ) -> None:
     asked = []
 
-    def explained(photos, object_class, recognizer, settings, valid):
+    def explained(photos, object_class, recognizer, settings, valid, hints):
         asked.append(settings.farther)
         raise vig.UserError("enough")
 

@@ -28,6 +28,24 @@ class Fit:
     """A packaged class or the folder of a class pack."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
+    mask: Path | None = None
+    """A mask of where the object is seen, of the photo's size: white there, black elsewhere; or a folder with
+    one for each photo, by its name with .png."""
+    marks: Path | None = None
+    """Scribbles on one photo, a PNG of its size: green where the object is seen, red where something else is,
+    blue where the object is not even hidden."""
+    visible: bool = False
+    """Nothing hides any of the object."""
+    points: tuple[str, ...] = ()
+    """Where in one photo points are that the class names, hidden ones too: spout=120,80 handle=300,95."""
+    azimuth: float | None = None
+    """The eye's azimuth in degrees, to some 8 degrees: one of explanation.json's alternatives, say."""
+    elevation: float | None = None
+    """The eye's elevation in degrees, which is then held."""
+    roll: float | None = None
+    """By how far the photos are turned clockwise, degrees, which is then held."""
+    pose: Path | None = None
+    """Another tool's pose of the object in one photo: a JSON file with a 4 x 4 camera_from_object."""
     likelihood: LikelihoodName = "spatial"
     """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
     hidden or visible together; gaussian takes all of the object as visible."""

@@ -12,6 +12,7 @@ from PIL import Image
 
 from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
+from vig.cli.hints import hints_of
 from vig.errors import UserError
 from vig.explainer import Box, Explainer, checked_box
 from vig.explanation import Explanation
@@ -26,6 +27,7 @@ def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
     photos = photos_of(settings.images)
     boxes = boxes_of(settings, photos)
+    hints = hints_of(settings, photos)
     folders = result_folders(photos, settings.out)
     how = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
@@ -41,7 +43,7 @@ def fit(settings: Fit) -> int:
         failed.add(number)
 
     number = -1
-    for explanation in explainer.explain_many(photos, boxes, settings.workers, fail, settings.focal):
+    for explanation in explainer.explain_many(photos, boxes, settings.workers, fail, settings.focal, hints):
         number += 1
         while number in failed:
             number += 1

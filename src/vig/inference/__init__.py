@@ -3,6 +3,7 @@
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one, load_fit_kernels
 from vig.inference.families import family_of
+from vig.inference.hints import PointTerm, Said, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
@@ -14,11 +15,14 @@ __all__ = [
     "Fit",
     "FitCalibration",
     "Objective",
+    "PointTerm",
     "RecognitionPrior",
+    "Said",
     "Stage",
     "Valuation",
     "Verdict",
     "View",
+    "WindowHints",
     "calibration_of",
     "explain",
     "explain_one",

@@ -10,6 +10,7 @@ import warp as wp
 
 from vig.inference.calibration import calibration_of
 from vig.inference.confidence import assess
+from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import refine, select
@@ -35,11 +36,12 @@ def explain(
     recognizer: Recognizer,
     settings: ExplainSettings | None = None,
     valid: torch.Tensor | None = None,
+    hints: WindowHints | None = None,
 ) -> Iterator[Fit]:
     """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
 
-    Pixels outside `valid` (N, 150, 150) bool are padding and do not count. Searches run on the recognizer's
-    device; photos and fits are on the host.
+    Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. Searches
+    run on the recognizer's device; photos and fits are on the host.
     """
     chosen = settings or ExplainSettings()
     prediction = recognizer(photos)
@@ -48,7 +50,7 @@ def explain(
     def one(index: int) -> Fit:
         here = None if valid is None else valid[index]
         of_one = photos[index], prediction[index : index + 1]
-        return explain_one(*of_one, object_class, chosen, here, recognizer.device)
+        return explain_one(*of_one, object_class, chosen, here, recognizer.device, hints)
 
     yield from map_on_threads(one, range(len(photos)))
 
@@ -60,12 +62,16 @@ def explain_one(
     settings: ExplainSettings,
     valid: torch.Tensor | None = None,
     device: str = "cpu",
+    hints: WindowHints | None = None,
 ) -> Fit:
     """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`."""
+    if hints is not None:
+        unit, farther = object_class.at_unit_scale, settings.filled().farther
+        prediction = hints.corrected(prediction, unit, unit.camera(photo.shape[1], farther or 1.0))
 
     def fit() -> Fit:
         scales = {stage.scale for stage in settings.stages} | {1.0}
-        objectives = objectives_of(photo, prediction, object_class, settings, scales, valid, device)
+        objectives = objectives_of(photo, prediction, object_class, settings, scales, valid, device, hints)
         ends = refine(objectives, prediction, settings)
         selection = select(objectives[1.0], ends, prediction.best(), settings.likelihood.sigma)
         # Learned from fits with an outlier model: without one the evidence has another scale.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import torch
 
+from vig.inference.hints import PointTerm
 from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Evaluation, Likelihood
 from vig.renderer.device import launch
@@ -109,7 +112,8 @@ class Objective:
 
     The likelihood's `layout` defines a point's numbers and their bounds. The framing is held at 0 unless
     `free_framing`, azimuth where any turn looks the same. For `recognition` and `prior_weight` see `Prior`,
-    for `decorated` `pixel_prior`.
+    for `decorated` `pixel_prior`. `points` is a term of named points' places; `held` are single numbers, by
+    name, and where they are held.
     """
 
     def __init__(
@@ -120,6 +124,8 @@ class Objective:
         recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
         decorated: torch.Tensor | None = None,
+        points: PointTerm | None = None,
+        held: Mapping[str, float] = MappingProxyType({}),
     ):
         self.likelihood, self.object_class, self.decorated = likelihood, object_class, decorated
         layout = likelihood.layout
@@ -134,6 +140,11 @@ class Objective:
         place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
         self.prior = Prior(layout, object_class, recognition, place, prior_weight)
         self.lower, self.upper = (torch.tensor(bound, **place) for bound in layout.bounds())
+        for name, number in held.items():
+            in_framing = layout["framing"].start + FRAMING.labels.index(name) if name == "roll" else None
+            index = layout.at(name) if in_framing is None else in_framing
+            self.lower[index] = self.upper[index] = number
+        self.points = points
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
         """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
@@ -169,6 +180,11 @@ class Objective:
         """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         if evaluation.gradient is None or evaluation.normal is None:
-            return Valuation(evaluation.value + self.prior.value(points), None, None, evaluation)
+            value = evaluation.value + self.prior.value(points)
+            if self.points is not None:
+                value = value + self.points.value(points).to(value)
+            return Valuation(value, None, None, evaluation)
         self.prior.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
+        if self.points is not None:
+            self.points.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
         return Valuation(evaluation.value, evaluation.gradient, evaluation.normal, evaluation)

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import torch
 
 from vig.inference.families import shape_deviation
+from vig.inference.hints import PointTerm, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.refinement import AZIMUTH_SPREAD, PEAKS
 from vig.inference.settings import ExplainSettings
@@ -47,16 +48,18 @@ def objectives_of(
     scales: Iterable[float],
     valid: torch.Tensor | None = None,
     device: str = "cpu",
+    hints: WindowHints | None = None,
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale.
 
-    It is valued on `device`; photo and prediction are on the host, where its pixels' prior is made.
+    With hints the prediction is the one that they corrected. It is valued on `device`; photo and prediction
+    are on the host, where its pixels' prior is made.
     """
     settings = settings.filled()
     assert settings.farther is not None and settings.prior_weight is not None
     object_class = object_class.at_unit_scale
     camera = object_class.camera(photo.shape[1], settings.farther)
-    log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid)
+    log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid, hints)
     if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(valid[:, :, None], log_prior, unknown)
@@ -68,8 +71,11 @@ def objectives_of(
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
         free = bool(settings.free_framing)
+        points, held = None, {} if hints is None else hints.held
+        if hints is not None and len(hints.vertices):
+            points = PointTerm(hints, object_class, likelihood.camera, likelihood.layout)
         objectives[scale] = Objective(
-            likelihood, object_class, free, predicted, settings.prior_weight, decorated
+            likelihood, object_class, free, predicted, settings.prior_weight, decorated, points, held
         )
     return objectives
 
@@ -103,7 +109,11 @@ def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
 
 
 def pixel_prior(
-    photo: torch.Tensor, mask: torch.Tensor, settings: ExplainSettings, valid: torch.Tensor | None = None
+    photo: torch.Tensor,
+    mask: torch.Tensor,
+    settings: ExplainSettings,
+    valid: torch.Tensor | None = None,
+    hints: WindowHints | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """The pixel model's prior, made the photo's own, and how much of the second component is decoration.
 
@@ -111,8 +121,8 @@ def pixel_prior(
     is decided beforehand. With `surroundings` the uniform density of what is not the object becomes that of
     the photo's colours outside the predicted object, where the photo is `valid`. With `decoration` d, a
     visible pixel has the rendered colour with probability 1 - d, else one of the photo's colours inside the
-    predicted object. As that does not depend on the latents, it joins the hidden component. The Gaussian
-    model, without outliers, stays as it is.
+    predicted object. As that does not depend on the latents, it joins the hidden component. What hints
+    exclude loses `SURE` nats. The Gaussian model, without outliers, stays as it is.
 
     Returns:
         Log prior (H, W, 3) of: visible with the rendered colour; hidden or decorated; background. And the
@@ -126,6 +136,8 @@ def pixel_prior(
     known = torch.ones_like(decorated) if valid is None else valid.double()
     outside, inside = log_colour_density(photo, torch.stack([1 - mask[..., 0], mask[..., 0]]) * known)
     prior[..., 1:] += settings.surroundings * outside[..., None]
+    if hints is not None:
+        hints.exclude(prior)
     if share := settings.filled().decoration:
         own = prior[..., 0] + math.log(share) + inside
         both = torch.logaddexp(prior[..., 1], own)

@@ -166,6 +166,11 @@ class Window:
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
+    def to_window(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of the photo is in the window: pixels of the photo from its middle."""
+        cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
+        return cos * x + sin * y, cos * y - sin * x
+
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
         """The camera of the whole photo of width x height from that of its window."""
         scale = self.side / camera.width

@@ -12,7 +12,7 @@ from vig.cli.main import main
 from vig_lab.examples import example_photos
 
 pytestmark = pytest.mark.slow
-FILES = {"explanation.json", "overlay.png", "mask.png", "object.glb"}
+FILES = {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb"}
 
 
 def run(capsys, *arguments: object) -> str:

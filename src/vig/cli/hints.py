@@ -1,0 +1,100 @@
+"""What the user of `vig fit` says of the objects in the photos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vig.checks import read_json, reading
+from vig.cli.common import Fit
+from vig.errors import UserError
+from vig.hints import Hints
+from vig.inference import Said
+from vig.photo.images import coded_photo, refuse
+
+CHANNELS = ((0, Said.IN_FRONT), (1, Said.SEEN), (2, Said.NOTHING))
+"""What a pixel of marks says whose red, green or blue is far above the others."""
+FAR = 80
+ONE_PHOTO = ("marks", "points", "azimuth", "pose")
+
+
+def hints_of(settings: Fit, photos: list[Path]) -> list[Hints | None]:
+    """Hints for each photo, None where nothing is said; UserError where it cannot be read or used."""
+    if len(photos) > 1:
+        for name in ONE_PHOTO:
+            if getattr(settings, name) not in (None, ()):
+                raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
+        if settings.mask is not None and not settings.mask.is_dir():
+            raise UserError(
+                f"expected --mask FOLDER for {len(photos)} photos; got '{settings.mask}'. Name one."
+            )
+    said = Hints(
+        marks=None if settings.marks is None else read_marks(settings.marks),
+        visible=settings.visible,
+        points=dict(map(parse_point, settings.points)),
+        azimuth_deg=settings.azimuth,
+        elevation_deg=settings.elevation,
+        roll_deg=settings.roll,
+        pose=None if settings.pose is None else read_pose(settings.pose),
+    )
+    found: list[Hints | None] = []
+    for photo in photos:
+        one = said
+        if (mask := settings.mask) is not None:
+            one = Hints(
+                **(vars(said) | {"mask": read_mask(mask / f"{photo.stem}.png" if mask.is_dir() else mask)})
+            )
+        found.append(one or None)
+    return found
+
+
+def parse_point(text: str) -> tuple[str, tuple[float, float]]:
+    """ "spout=120,80" as a name and a place; UserError when it is not."""
+    name, equals, place = text.partition("=")
+    try:
+        x, y = (float(number) for number in place.split(","))
+    except ValueError:
+        name = ""
+    if not name or not equals:
+        raise UserError(f"expected --points NAME=x,y in pixels, such as spout=120,80; got '{text}'") from None
+    return name, (x, y)
+
+
+def read_mask(path: Path) -> np.ndarray:
+    """A mask (H, W) bool from a picture: True where it is brighter than half."""
+    seen: np.ndarray = _bytes(path).mean(-1) > 127
+    return seen
+
+
+def read_marks(path: Path) -> np.ndarray:
+    """Marks (H, W) uint8, `Said`, from a picture."""
+    colours = _bytes(path).astype(int)
+    marks = np.zeros(colours.shape[:2], np.uint8)
+    for channel, kind in CHANNELS:
+        others = np.delete(colours, channel, axis=-1).max(-1)
+        marks[colours[..., channel] - others > FAR] = kind
+    if not marks.any():
+        refuse(path, "pure red, green or blue marks", "none", "Draw on a black or grey copy of the photo.")
+    return marks
+
+
+def read_pose(path: Path) -> np.ndarray:
+    """A pose from JSON: four lists of four numbers, or an object that has them as `camera_from_object`."""
+    with reading(path, "a 4 x 4 camera_from_object", "Write four lists of four numbers."):
+        found: Any = read_json(path)
+        if isinstance(found, dict):
+            found = found.get("camera_from_object", found.get("camera", {}).get("camera_from_object"))
+        pose = np.array(found, float)
+        if pose.shape != (4, 4):
+            raise ValueError(f"its shape is {pose.shape}")
+    return pose
+
+
+def _bytes(path: Path) -> np.ndarray:
+    """A picture (H, W, 3) uint8."""
+    coded = coded_photo(path)
+    if coded.dtype != np.uint8:
+        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
+    return coded

@@ -1,0 +1,170 @@
+"""What a user says of the object in a photo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.errors import UserError
+from vig.inference import Said, WindowHints
+from vig.photo import Window
+from vig.scene import IMAGE_SIZE, ObjectClass
+
+
+@dataclass(frozen=True, eq=False)
+class Hints:
+    """What a user knows of the object in a photo of H x W pixels; whatever is not known is left out.
+
+    Attributes:
+        mask: (H, W) bool, all pixels in which the object is seen.
+        marks: (H, W) uint8, `Said` of each pixel, such as scribbles.
+        visible: Nothing hides any of the object.
+        points: Places x, y in pixels of points that the class names, such as {"spout": (120, 80)}; hidden
+            ones, too. Their standard deviation is `POINT_NOISE` of the window's side.
+        azimuth_deg: Of the eye, to some 8 degrees; one of `Explanation.alternatives`, say.
+        elevation_deg: Of the eye; it is held.
+        roll_deg: By how far the photo is turned clockwise; it is held.
+        pose: (4, 4) camera_from_object of another tool, with which the search begins; for what it says of
+            azimuth, elevation and roll.
+    """
+
+    mask: np.ndarray | None = None
+    marks: np.ndarray | None = None
+    visible: bool = False
+    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    azimuth_deg: float | None = None
+    elevation_deg: float | None = None
+    roll_deg: float | None = None
+    pose: np.ndarray | None = None
+
+    def __bool__(self) -> bool:
+        return self.visible or bool(self.points) or any(
+            getattr(self, name) is not None
+            for name in ("mask", "marks", "azimuth_deg", "elevation_deg", "roll_deg", "pose")
+        )  # fmt: skip
+
+    def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
+        """The same with arrays of their types; UserError where something does not suit the photo or class."""
+        changed: dict[str, Any] = {}
+        for name, kind in (("mask", bool), ("marks", np.uint8)):
+            if (given := getattr(self, name)) is not None:
+                array = np.asarray(given)
+                if array.shape != (height, width) or array.dtype not in (bool, np.uint8):
+                    raise UserError(
+                        f"expected {name} of {width} x {height} pixels, bool or uint8; got {array.dtype} of"
+                        f" shape {array.shape}. Draw it on the photo itself."
+                    )
+                if name == "marks" and array.max(initial=0) > max(Said):
+                    raise UserError(f"expected marks of 0 to {max(Said):d}; got {array.max()}. See Hints.")
+                changed[name] = array.astype(kind)
+        if self.mask is not None and not changed["mask"].any():
+            raise UserError(
+                "expected a mask with the object; got an empty one. Mark where the object is seen."
+            )
+        points: dict[str, tuple[float, float]] = {}
+        for name, place in self.points.items():
+            if name not in object_class.points:
+                known = ", ".join(object_class.points) or "none"
+                raise UserError(
+                    f"expected points that the class '{object_class.name}' names ({known}); got '{name}'."
+                    " Use these."
+                )
+            points[name] = _finite(f"the point '{name}'", place, 2)
+        changed["points"] = points
+        for name, most in (("azimuth_deg", 1e6), ("elevation_deg", 90.0), ("roll_deg", 180.0)):
+            if (given := getattr(self, name)) is not None:
+                (number,) = _finite(name, (given,), 1)
+                if abs(number) > most:
+                    raise UserError(f"expected {name} within {most:g} degrees; got {number:g}. Give degrees.")
+                changed[name] = number
+        if self.pose is not None:
+            pose = np.asarray(self.pose, float)
+            turn = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
+            if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
+                raise UserError(
+                    "expected a pose as a rigid (4, 4) camera_from_object, OpenCV axes; got something else."
+                    " Its upper left (3, 3) must be a rotation."
+                )
+            changed["pose"] = pose
+        return replace(self, **changed)
+
+    def described(self) -> dict[str, Any]:
+        """What was said, in plain values: for masks and marks the number of pixels."""
+        told: dict[str, Any] = {}
+        for one in fields(self):
+            given = getattr(self, one.name)
+            if isinstance(given, np.ndarray):
+                told[one.name] = given.tolist() if one.name == "pose" else int(np.count_nonzero(given))
+            elif given not in (None, False) and given != {}:
+                told[one.name] = {n: list(p) for n, p in given.items()} if one.name == "points" else given
+        return told
+
+    def views(self) -> tuple[float | None, float | None, float | None]:
+        """Azimuth, elevation and roll in radians as they are given, those of the pose where they are not."""
+        given = [self.azimuth_deg, self.elevation_deg, self.roll_deg]
+        from_pose: tuple[float | None, ...] = (None, None, None) if self.pose is None else view_of(self.pose)
+        azimuth, elevation, roll = (
+            other if one is None else math.radians(one) for one, other in zip(given, from_pose, strict=True)
+        )
+        return azimuth, elevation, roll
+
+    def in_window(self, window: Window, object_class: ObjectClass) -> WindowHints:
+        """The hints as the window shows them."""
+        said = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
+        if self.mask is not None:
+            seen = _share(self.mask, window)
+            said[seen > 0.9] = Said.SEEN
+            said[seen < 0.1] = Said.NOTHING if self.visible else Said.IN_FRONT
+        if self.marks is not None:
+            for kind in (Said.NOTHING, Said.IN_FRONT, Said.SEEN):
+                said[_share(self.marks == kind, window) > 0.2] = kind
+        places = []
+        for place in self.points.values():
+            x, y = window.to_window(*place)
+            places.append((x / window.side + 0.5, y / window.side + 0.5))
+        azimuth, elevation, _ = self.views()
+        held = {} if self.elevation_deg is None else {"elevation": math.radians(self.elevation_deg)}
+        if self.roll_deg is not None:
+            held["roll"] = 0.0  # the window is turned by it
+        return WindowHints(
+            said,
+            self.visible,
+            torch.tensor([object_class.points[name] for name in self.points], dtype=torch.long),
+            torch.tensor(places, dtype=torch.float32).view(-1, 2),
+            azimuth,
+            elevation,
+            held,
+        )
+
+
+def view_of(pose: np.ndarray) -> tuple[float, float, float]:
+    """Azimuth, elevation and roll, radians, of a pose (4, 4) camera_from_object."""
+    rotation = pose[:3, :3]
+    forward, up = rotation[2], rotation[:, 2]  # the optical axis in the object's frame; its Z in the camera's
+    elevation = math.asin(float(np.clip(-forward[2], -1, 1)))
+    azimuth = math.atan2(-forward[0], forward[1])
+    return azimuth, elevation, math.atan2(up[0], -up[1])
+
+
+def _share(mask: np.ndarray, window: Window) -> torch.Tensor:
+    """Share (S, S) of each of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
+    grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
+    cut, inside = window.cut(grey)
+    return torch.from_numpy(cut[..., 0] * inside)
+
+
+def _finite(what: str, given: Any, count: int) -> tuple[Any, ...]:
+    try:
+        numbers = tuple(float(number) for number in given)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise UserError(
+            f"expected {what} as {count} finite number(s); got {str(given)[:60]}. Give pixels or degrees."
+        )
+    return numbers

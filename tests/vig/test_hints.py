@@ -1,0 +1,263 @@
+"""What a user says of the object, and that it makes wrong fits right."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+import vig
+from vig.cli.hints import parse_point, read_marks, read_mask, read_pose
+from vig.cli.main import main
+from vig.errors import UserError
+from vig.hints import Hints, view_of
+from vig.inference import Objective, PointTerm, Said, objective_of
+from vig.photo import Window
+from vig.recognition import Prediction
+from vig_lab.examples import Example, example_photos
+
+HIDDEN = 3
+
+
+@pytest.fixture(scope="module")
+def explainer() -> vig.Explainer:
+    return vig.Explainer("teapot")
+
+
+@pytest.fixture(scope="module")
+def example() -> Example:
+    return example_photos()[HIDDEN]
+
+
+def turned(a: float, b: float) -> float:
+    return abs((a - b + 180) % 360 - 180)
+
+
+def point_of(explanation: vig.Explanation, name: str) -> tuple[float, float]:
+    """Where an explanation has a named point in the photo."""
+    place = explanation.vertices[explanation.object_class.points[name]]
+    x, y, z = explanation.camera.K @ (explanation.camera_from_object @ [*place, 1.0])[:3]
+    return float(x / z), float(y / z)
+
+
+def blind(explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the network see nothing of the view: every azimuth is as likely."""
+    whole = type(explainer.recognizer).__call__
+
+    def predict(self: object, photos: torch.Tensor, **settings: bool) -> Prediction:
+        found: Prediction = whole(self, photos, **settings)  # type: ignore[arg-type]
+        return replace(found, azimuth=torch.full_like(found.azimuth, 1 / found.azimuth.shape[1]))
+
+    monkeypatch.setattr(type(explainer.recognizer), "__call__", predict)
+
+
+def test_two_points_tell_the_view_where_the_network_does_not(
+    explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = 0
+    truths = [explainer.explain(each.photo) for each in example_photos()]
+    blind(explainer, monkeypatch)
+    for truth in truths:
+        points = {name: point_of(truth, name) for name in ("spout", "handle")}
+        found = explainer.explain(truth.picture, window=truth.window, hints=Hints(points=points))
+        right += turned(found.azimuth_deg, truth.azimuth_deg) < 15
+        for name, place in points.items():
+            assert math.dist(point_of(found, name), place) < 0.1 * truth.window.side
+    assert right >= 7
+
+
+def test_the_view_that_a_user_chooses_is_taken(
+    explainer: vig.Explainer, example: Example, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth = explainer.explain(example.photo)
+    blind(explainer, monkeypatch)
+    for asked in (truth.azimuth_deg + 6, truth.azimuth_deg + 120):
+        found = explainer.explain(truth.picture, window=truth.window, hints=Hints(azimuth_deg=asked))
+        assert turned(found.azimuth_deg, asked) < 25
+    pose = truth.camera_from_object
+    found = explainer.explain(truth.picture, window=truth.window, hints=Hints(pose=pose))
+    assert turned(found.azimuth_deg, truth.azimuth_deg) < 5
+
+
+def test_a_given_mask_is_the_answers_mask(explainer: vig.Explainer, example: Example) -> None:
+    """Whatever is given, here the true mask without its left half: that half is then hidden."""
+    plain = explainer.explain(example.photo)
+    mask = plain.mask.copy()
+    middle = int(np.flatnonzero(plain.amodal.any(0)).mean())
+    mask[:, :middle] = False
+    found = explainer.explain(example.photo, hints=Hints(mask=mask))
+    assert (found.mask & mask).sum() > 0.95 * mask.sum()
+    assert found.mask[:, : middle - 2].sum() < 0.03 * found.amodal[:, : middle - 2].sum()
+    assert found.to_dict()["hints"] == {"mask": int(mask.sum())}
+
+
+def test_marks_say_it_of_single_places(explainer: vig.Explainer, example: Example) -> None:
+    plain = explainer.explain(example.photo)
+    rows, columns = np.nonzero(plain.mask)
+    at = (
+        slice(int(np.median(rows)) - 6, int(np.median(rows)) + 6),
+        slice(int(np.median(columns)) - 6, int(np.median(columns)) + 6),
+    )
+    marks = np.zeros(plain.mask.shape, np.uint8)
+    marks[at] = Said.IN_FRONT
+    found = explainer.explain(example.photo, hints=Hints(marks=marks))
+    assert plain.mask[at].mean() > 0.9 and found.mask[at].mean() < 0.3 and found.amodal[at].all()
+
+
+def test_nothing_hidden_is_nothing_hidden(explainer: vig.Explainer, example: Example) -> None:
+    assert (explainer.explain(example.photo).hidden_fraction or 0) > 0.1
+    found = explainer.explain(example.photo, hints=Hints(visible=True))
+    assert found.hidden_fraction is not None and found.hidden_fraction < 0.1
+
+
+def test_held_angles_come_out_as_given(explainer: vig.Explainer, example: Example) -> None:
+    hints = Hints(elevation_deg=21.0, roll_deg=4.0)
+    found = explainer.explain(example.photo, hints=hints)
+    assert found.elevation_deg == pytest.approx(21.0, abs=1e-3)
+    assert found.roll_deg == pytest.approx(4.0, abs=1e-3)
+    assert found.to_dict()["hints"] == {"elevation_deg": 21.0, "roll_deg": 4.0}
+
+
+def test_several_processes_take_the_same_hints(explainer: vig.Explainer) -> None:
+    photos = [each.photo for each in example_photos()[:2]]
+    hints = [Hints(elevation_deg=30.0), None]
+    alone, shared = (list(explainer.explain_many(photos, workers=n, hints=hints)) for n in (1, 2))
+    for one, other in zip(alone, shared, strict=True):
+        assert one.elevation_deg == other.elevation_deg and one.to_dict() == other.to_dict()
+
+
+@pytest.mark.parametrize("azimuth", [-3.0, -1.0, 0.0, 0.7, 3.1])
+@pytest.mark.parametrize(("elevation", "roll"), [(0.3, 0.0), (-0.2, 0.4), (1.3, -2.0)])
+def test_a_pose_tells_its_view(azimuth: float, elevation: float, roll: float) -> None:
+    camera = vig.Camera(100, 100, 100.0, 50.0, 50.0, 0.5, 0.1, roll)
+    found = view_of(camera.camera_from_world(azimuth, elevation))
+    assert found == pytest.approx((azimuth, elevation, roll), abs=1e-6)
+
+
+def points_objective(explainer: vig.Explainer, example: Example) -> tuple[Objective, PointTerm, torch.Tensor]:
+    """An objective, a term of all named points, and a point some way from where they are."""
+    truth, unit = explainer.explain(example.photo), explainer.object_class.at_unit_scale
+    cut = torch.from_numpy(truth.window.cut(truth.picture)[0])
+    settings = explainer.settings.filled(photo=True)
+    objective = objective_of(cut, explainer.recognizer(cut[None]), explainer.object_class, settings)
+    hints = Hints(points={name: point_of(truth, name) for name in unit.points})
+    told = hints.in_window(truth.window, explainer.object_class)
+    camera = unit.camera(150, truth.farther)
+    return (
+        objective,
+        PointTerm(told, unit, camera, objective.layout),
+        objective.point(truth.latents, truth.fit.framing[None]),
+    )
+
+
+def test_the_points_of_a_fit_are_where_it_puts_them(explainer: vig.Explainer, example: Example) -> None:
+    """The term's projection is that of the answer: at the fit itself it costs nothing."""
+    _, term, at = points_objective(explainer, example)
+    assert float(term.value(at)[0]) > -1e-3
+
+
+def test_the_terms_derivatives_are_those_of_its_value(explainer: vig.Explainer, example: Example) -> None:
+    _, term, at = points_objective(explainer, example)
+    generator = torch.Generator().manual_seed(0)
+    points = (at + 0.05 * torch.randn(2, at.shape[1], generator=generator)).double()
+    value, gradient = torch.zeros(2, dtype=torch.float64), torch.zeros(points.shape, dtype=torch.float64)
+    normal = torch.zeros(2, points.shape[1], points.shape[1], dtype=torch.float64)
+    term.add_to(points, value, gradient, normal)
+    torch.testing.assert_close(value, term.value(points))
+    moved = points.clone().requires_grad_()
+    (expected,) = torch.autograd.grad(term.value(moved).sum(), moved)
+    torch.testing.assert_close(gradient, expected)
+    slopes = torch.func.vmap(torch.func.jacfwd(term.residuals))(points)
+    torch.testing.assert_close(normal, slopes.mT @ slopes)
+    assert (gradient[:, term.layout["framing"]] != 0).all()
+
+
+@pytest.mark.parametrize(
+    ("hints", "told"),
+    [
+        (Hints(mask=np.ones((3, 3), bool)), "expected mask of 150 x 150 pixels"),
+        (Hints(mask=np.zeros((150, 150), bool)), "got an empty one"),
+        (Hints(marks=np.full((150, 150), 9, np.uint8)), "expected marks of 0 to 3; got 9"),
+        (Hints(points={"nose": (1, 2)}), "names (spout, handle, knob); got 'nose'"),
+        (Hints(points={"spout": (1, math.nan)}), "the point 'spout' as 2 finite"),
+        (Hints(elevation_deg=99.0), "elevation_deg within 90 degrees"),
+        (Hints(azimuth_deg="left"), "azimuth_deg as 1 finite"),  # type: ignore[arg-type]
+        (Hints(pose=np.ones((4, 4))), "a rigid (4, 4) camera_from_object"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    explainer: vig.Explainer, example: Example, hints: Hints, told: str
+) -> None:
+    with pytest.raises(UserError) as raised:
+        explainer.explain(example.photo, hints=hints)
+    assert told in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_hints_are_asked_for_by_their_type(explainer: vig.Explainer, example: Example) -> None:
+    with pytest.raises(UserError, match="expected vig.Hints; got a dict"):
+        explainer.explain(example.photo, hints={"visible": True})  # type: ignore[arg-type]
+
+
+def test_a_window_that_is_turned_shows_points_and_masks_upright() -> None:
+    window = Window(100, 50, 200, roll=0.6)
+    x, y = window.to_photo(*window.to_window(130.0, 90.0))
+    assert (x, y) == pytest.approx((130.0, 90.0))
+
+
+def test_marks_and_masks_are_read_from_pictures(tmp_path: Path) -> None:
+    picture = np.zeros((20, 30, 3), np.uint8)
+    picture[2:4, :, 1], picture[5:7, :, 0], picture[8:10, :, 2], picture[12:] = 255, 255, 255, 200
+    Image.fromarray(picture).save(tmp_path / "marks.png")
+    marks = read_marks(tmp_path / "marks.png")
+    assert [marks[row, 0] for row in (0, 3, 6, 9, 15)] == [0, Said.SEEN, Said.IN_FRONT, Said.NOTHING, 0]
+    assert read_mask(tmp_path / "marks.png")[12:].all() and not read_mask(tmp_path / "marks.png")[:12].any()
+    Image.new("RGB", (20, 20), (90, 90, 90)).save(tmp_path / "grey.png")
+    with pytest.raises(UserError, match="pure red, green or blue marks"):
+        read_marks(tmp_path / "grey.png")
+
+
+def test_a_pose_is_read_from_what_vig_and_others_write(tmp_path: Path) -> None:
+    pose = np.eye(4)
+    for content in (pose.tolist(), {"camera_from_object": pose.tolist()},
+                    {"camera": {"camera_from_object": pose.tolist()}}):  # fmt: skip
+        (tmp_path / "pose.json").write_text(json.dumps(content))
+        np.testing.assert_array_equal(read_pose(tmp_path / "pose.json"), pose)
+    for wrong in ([1, 2], {"camera": 3}, {}):
+        (tmp_path / "pose.json").write_text(json.dumps(wrong))
+        with pytest.raises(UserError, match="4 x 4 camera_from_object"):
+            read_pose(tmp_path / "pose.json")
+
+
+@pytest.mark.parametrize("text", ["spout", "spout=1", "=1,2", "spout=1,b", "spout=1,2,3"])
+def test_a_point_without_a_place_is_refused(text: str) -> None:
+    assert parse_point("spout=1.5,2") == ("spout", (1.5, 2.0))
+    with pytest.raises(UserError, match="expected --points NAME=x,y"):
+        parse_point(text)
+
+
+def test_the_command_line_takes_hints(
+    example: Example, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Image.new("L", (150, 150), 255).save(tmp_path / "mask.png")
+    photo = str(example.photo)
+    arguments = ["--out", str(tmp_path / "out"), "--elevation", "25", "--visible"]
+    with pytest.raises(SystemExit) as ended:
+        main(["fit", photo, *arguments, "--points", "spout=40,60"])
+    assert not ended.value.code
+    said = json.loads((tmp_path / "out" / example.photo.stem / "explanation.json").read_text())
+    assert said["hints"] == {"visible": True, "points": {"spout": [40.0, 60.0]}, "elevation_deg": 25.0}
+    for more, told in (
+        (["--points", "nose=1,2"], "got 'nose'"),
+        ([photo, "--azimuth", "3"], "expected one photo with --azimuth; got 2"),
+        ([photo, "--mask", str(tmp_path / "mask.png")], "expected --mask FOLDER for 2 photos"),
+    ):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main(["fit", photo, *more, *arguments])
+        assert ended.value.code == 2 and told in capsys.readouterr().err
