@@ -16,9 +16,11 @@ from vig.cli.hints import hints_of
 from vig.errors import UserError
 from vig.explainer import Box, Explainer, checked_box
 from vig.explanation import Explanation
+from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
+from vig.report.page import Entry, folder_html, thumbnail
 
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
@@ -37,6 +39,7 @@ def fit(settings: Fit) -> int:
     )
     explainer = Explainer(settings.object_class, how, settings.device)
     results, failed, started = {}, set(), time.monotonic()
+    entries: list[Entry] = []
 
     def fail(number: int, error: UserError) -> None:
         print(f"vig: {error}", file=sys.stderr, flush=True)
@@ -48,15 +51,21 @@ def fit(settings: Fit) -> int:
         while number in failed:
             number += 1
         try:
-            explanation.save(folders[number])
+            explanation.save(folders[number], photos[number].name)
             explanation.export(folders[number], settings.export, photos[number].name)
         except UserError as error:
             fail(number, error)
             continue
+        if len(photos) > 1:
+            name, picture = photos[number].name, thumbnail(explanation.overlay())
+            entries.append(Entry(name, folders[number].name, explanation.to_dict(), picture))
         results[str(photos[number])] = explanation.to_dict() | {"folder": str(folders[number])}
         if not settings.json:
             seconds, started = time.monotonic() - started, time.monotonic()
             print(_line(photos[number].name, explanation, seconds), flush=True)
+    if entries:
+        with atomic_write(settings.out / "report.html") as temporary:
+            temporary.write_text(folder_html(entries), encoding="utf-8", errors="replace")
     if settings.json:
         print(json.dumps({"results": results, "folder": str(settings.out)}, indent=2))
     elif results:

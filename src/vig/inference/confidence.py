@@ -21,6 +21,8 @@ LEAST_VISIBLE = 0.3
 """Predicted probability from which a pixel may well show the object."""
 LEAST_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
+MUCH_HIDDEN = 0.3
+"""Hidden share from which that is given as the reason for doubt."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
@@ -194,8 +196,10 @@ def _verdict(
         reason = f"turned by {turned:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
     elif selection.elsewhere:
         reason = f"the recognition model sees it turned by {selection.turned_deg:.0f} degrees"
-    else:
+    elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > MUCH_HIDDEN:
         reason = "too little of the object is seen to be sure of its view"
+    else:
+        reason = f"its view is right with a probability of {confidence:.0%} only"
     return confidence, Verdict.AMBIGUOUS, reason
 
 

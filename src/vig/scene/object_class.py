@@ -75,6 +75,7 @@ class _Description:
     points: dict[str, int] = field(default_factory=dict)
     viewing_distance_m: float = DISTANCE
     places: dict[str, float] = field(default_factory=dict)
+    self_shadow: bool = False
     held_out_designs: tuple[Any, ...] = ()
 
 
@@ -197,6 +198,7 @@ class ObjectClass:
             "points": {name: int(index) for name, index in self.points.items()},
             "viewing_distance_m": self.viewing_distance,
             "places": dict(self.places),
+            "self_shadow": (Path(folder) / TRANSFER_FILE).exists(),
         }
         if self.families:
             description["families"] = [asdict(family) for family in self.families]
@@ -229,6 +231,11 @@ class ObjectClass:
             check_arrays(arrays, _SHAPE)
             model = ShapeModel(part_names=described.part_names, **{name: arrays[name] for name in _SHAPE})
         transfer = None
+        if described.self_shadow and not (folder / TRANSFER_FILE).exists():
+            raise UserError(
+                f"{folder}: expected {TRANSFER_FILE}, which class.json tells of; got no such file. Copy the"
+                " whole pack again: without it fits are shaded differently."
+            )
         if (folder / TRANSFER_FILE).exists():
             with reading(folder / TRANSFER_FILE, "a class's transfer of light", _DAMAGED):
                 held, _ = read_tensors(folder / TRANSFER_FILE)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import time
+import webbrowser
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +19,24 @@ from rich.table import Table
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
+from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.photo import Window
 from vig.photo.images import write_png
+from vig.report.page import Entry, folder_html, thumbnail
 from vig.scene import IMAGE_SIZE
 from vig_lab.cli.settings import Demo
 from vig_lab.evaluation.metrics import angle_error_deg, appearance_error, segmentation_iou, shape_error_mm
 from vig_lab.examples import Example, example_photos
 from vig_world.assets.target import shape_vertices
+
+HARD = 3
+NEXT = (
+    "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
+    "vig fit {photo} --elevation 25     # tell what you know; docs/hints.md",
+    "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
+)
+"""Commands to try after the demo."""
 
 
 def demo(settings: Demo) -> int:
@@ -33,15 +45,20 @@ def demo(settings: Demo) -> int:
     console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
     explainer = Explainer("teapot", ExplainSettings(free_framing=False))
-    rows = []
+    rows, entries = [], []
     for example in example_photos():
         explanation = explainer.explain(example.photo, window=Window(0, 0, IMAGE_SIZE))
-        explanation.save(out / example.name)
+        explanation.save(out / example.name, example.photo.name)
+        picture = thumbnail(explanation.overlay())
+        entries.append(Entry(example.photo.name, example.name, explanation.to_dict(), picture))
         rows.append(_compared(example, explanation))
         if not as_json:
             console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)
     seconds = time.monotonic() - started
     write_overview(out, [example.photo for example in example_photos()], [row["photo"] for row in rows])
+    page = out / "report.html"
+    with atomic_write(page) as temporary:
+        temporary.write_text(folder_html(entries), encoding="utf-8")
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
@@ -66,8 +83,21 @@ def demo(settings: Demo) -> int:
         f" {np.median([row['segmentation_iou'] for row in rows]):.2f}",
         highlight=False,
     )
+    photo = example_photos()[HARD].photo
+    lines = ["Try next:", *(f"    {line.format(photo=photo)}" for line in NEXT)]
+    console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
+    if not settings.no_open and has_screen():
+        webbrowser.open(page.resolve().as_uri())
     print(out)
     return 0
+
+
+def has_screen() -> bool:
+    """Whether somebody sits before it: a terminal, and a display where the system has such."""
+    displays = sys.platform in ("win32", "darwin") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    return sys.stdout.isatty() and displays
 
 
 def write_overview(

@@ -18,6 +18,8 @@ class Demo:
 
     out: Path = Path("vig-demo")
     """Folder for the results."""
+    no_open: bool = False
+    """Do not open the page of results in a browser, where there is a screen."""
     json: bool = False
     """Print one JSON object instead of a table."""
 

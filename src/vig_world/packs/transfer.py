@@ -9,10 +9,12 @@ nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the tab
 that. The ground is not in T: L is the light that arrives at the object's place, light reflected by the ground
 included.
 
-`python -m vig_world.packs.transfer` computes and writes the packaged teapot's.
+`python -m vig_world.packs.transfer FOLDER` computes and writes a class pack's.
 """
 
+import argparse
 import functools
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -272,20 +274,29 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
 
 
 def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
-    """Compute a class's table and write it, in half precision, into a class pack's folder; returns it."""
+    """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
+
+    class.json then tells of it, so that it cannot go missing unnoticed.
+    """
     table = transfer_model(object_class.at_unit_scale.shape_model)
     with atomic_write(folder / TRANSFER_FILE) as temporary:
         save_file({"transfer": table.astype(np.float16)}, temporary)
+    if (folder / "class.json").is_file():
+        described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}
+        with atomic_write(folder / "class.json") as temporary:
+            temporary.write_text(json.dumps(described, indent=1) + "\n")
     return table
 
 
 def main() -> None:
-    """Compute and save the packaged teapot's table; print how well it predicts."""
-    teapot = ObjectClass.load("teapot")
-    folder = teapot.folder or Path()
-    table = write_transfer(teapot, folder)
+    """Compute and save a class pack's table; print how well it predicts."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("folder", type=Path, help="of the class pack, whose table is replaced")
+    folder = parser.parse_args().folder
+    one = ObjectClass.load(folder)
+    table = write_transfer(one, folder)
     mean_only = np.concatenate([table[:1], np.zeros_like(table[1:])])
-    errors = [relative_error(each, teapot.shape_model) for each in (table, mean_only)]
+    errors = [relative_error(each, one.shape_model) for each in (table, mean_only)]
     print(f"relative error on other shapes: {errors[0]:.3f}; of the mean alone: {errors[1]:.3f}")
     print(f"{table.shape}, {(folder / TRANSFER_FILE).stat().st_size} bytes: {folder / TRANSFER_FILE}")
 

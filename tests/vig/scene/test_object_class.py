@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from tests.toys import toy
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, Symmetry
+from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_world.mesh import face_normals
 
 FINGERPRINT = "de30279b73603cfd"
@@ -195,3 +197,15 @@ def test_an_unknown_class_is_answered_with_those_there_are(name: str) -> None:
     with pytest.raises(UserError, match="one of .*teapot.*; got") as caught:
         ObjectClass.load(name)
     assert "\n" not in str(caught.value)
+
+
+def test_a_pack_without_the_table_that_it_tells_of_is_refused(teapot: ObjectClass, tmp_path: Path) -> None:
+    """It would answer otherwise in silence."""
+    pack = tmp_path / "pack"
+    shutil.copytree(PACKAGED / "teapot", pack)
+    assert ObjectClass.load(pack).transfer is not None
+    (pack / TRANSFER_FILE).unlink()
+    with pytest.raises(UserError, match="expected transfer.safetensors, which class.json tells of"):
+        ObjectClass.load(pack)
+    ObjectClass.load("teapot").save(pack)  # what has no table does not tell of one
+    assert ObjectClass.load(pack).transfer is None

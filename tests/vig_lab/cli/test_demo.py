@@ -9,10 +9,11 @@ import pytest
 from PIL import Image
 
 from vig.cli.main import main
+from vig_lab.cli.demo import has_screen
 from vig_lab.examples import example_photos
 
 pytestmark = pytest.mark.slow
-FILES = {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb"}
+FILES = {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb", "report.html"}
 
 
 def run(capsys, *arguments: object) -> str:
@@ -27,13 +28,15 @@ def test_every_example_is_explained_and_the_folder_printed_last(capsys, tmp_path
     lines = run(capsys, "--out", out).splitlines()
     names = [example.name for example in example_photos()]
     assert lines[-1] == str(out)
-    assert {path.name for path in out.iterdir()} == {*names, "overview.png"}
+    assert {path.name for path in out.iterdir()} == {*names, "overview.png", "report.html"}
     for example in example_photos():
         assert {path.name for path in (out / example.name).iterdir()} == FILES
         with Image.open(out / example.name / "overlay.png") as overlay, Image.open(example.photo) as photo:
             assert overlay.size == photo.size
     table = [line.split()[1] for line in lines if line.startswith("│")]
     assert table == names  # one line a photo, nothing cut off
+    told = [line.split()[:2] for line in lines[lines.index("Try next:") + 1 : -1]]
+    assert told == [["vig", "fit"], ["vig", "fit"], ["vig", "class"]]
 
     before = (out / names[0] / "explanation.json").read_bytes()
     said = json.loads(run(capsys, "--out", out, "--json"))  # again into the same folder
@@ -55,3 +58,16 @@ def test_a_file_in_the_way_is_told(capsys, tmp_path: Path) -> None:
     assert ended.value.code == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "is a file" in error
+
+
+@pytest.mark.parametrize(
+    ("terminal", "display", "opens"), [(True, ":0", True), (True, "", False), (False, ":0", False)]
+)
+def test_the_page_opens_where_somebody_sits(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, display: str, opens: bool
+) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal, raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", display)
+    assert has_screen() is opens

@@ -1,0 +1,214 @@
+"""report.html: one file that shows an explanation in a browser, without a server or the network."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from vig.scene.light import srgb8_from_linear
+
+QUALITY = 88
+THUMBNAIL = 320
+"""Pixels of the longer side of a folder's pictures."""
+INTERVAL = 1.645
+"""Standard deviations to either side that hold 90 % of a Gaussian."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A view and its picture: `words` say which, picture (H, W, 3) uint8 shows it."""
+
+    words: str
+    azimuth: float
+    elevation: float
+    picture: np.ndarray
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page shows.
+
+    Attributes:
+        name: The photo's file name, whatever is in it.
+        described: What explanation.json holds.
+        photo: (H, W, 3) uint8, with `whole` and `outline` of one size.
+        whole: The photo with the hidden part of the object drawn in.
+        outline: The overlay.
+        panels: (h, w, 3) uint8.
+        views: The fit and its alternatives.
+        vertices: (V, 3) metres, in the object's frame.
+        normals: (V, 3).
+        faces: (F, 3).
+        colours: (F, 3) linear RGB of each face.
+        parts: Names and colours (3,) of the parts.
+    """
+
+    name: str
+    described: dict[str, Any]
+    photo: np.ndarray
+    whole: np.ndarray
+    outline: np.ndarray
+    panels: np.ndarray
+    views: tuple[Seen, ...]
+    vertices: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+    colours: np.ndarray
+    parts: tuple[tuple[str, np.ndarray], ...]
+
+
+def html(page: Page) -> str:
+    """The page. Whatever it shows is data: no text of a photo's name or class becomes markup or script."""
+    described, spread = page.described, np.ptp(page.vertices, axis=0)
+    corners = page.faces.ravel()
+    data = {
+        "name": page.name,
+        "verdict": described["verdict"],
+        "reason": described["reason"],
+        "summary": _summary(described),
+        "views_note": _views_note(described),
+        "pictures": {
+            "photo": _jpeg(page.photo),
+            "whole": _jpeg(page.whole),
+            "outline": _jpeg(page.outline),
+            "panels": _jpeg(page.panels),
+        },
+        "views": [
+            {
+                "words": view.words,
+                "azimuth": view.azimuth,
+                "elevation": view.elevation,
+                "picture": _jpeg(view.picture),
+            }
+            for view in page.views
+        ],
+        "rows": rows(described, page.parts),
+        "model": {
+            "place": _floats(page.vertices[corners]),
+            "normal": _floats(page.normals[corners]),
+            "colour": _floats(np.repeat(page.colours, 3, axis=0)),
+            "count": len(corners),
+            "target": (page.vertices.min(0) + spread / 2).tolist(),
+            "size": float(spread.max()),
+            "light": described["light"],
+            "azimuth": page.views[0].azimuth,
+            "elevation": page.views[0].elevation,
+        },
+    }
+    return _filled("page.html", data)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A photo of a folder's page: its name, its results' folder beside the page, numbers and a picture."""
+
+    name: str
+    folder: str
+    described: dict[str, Any]
+    picture: np.ndarray
+
+
+def thumbnail(picture: np.ndarray) -> np.ndarray:
+    """A picture (H, W, 3) uint8 as small as a folder's page shows it."""
+    small = Image.fromarray(picture)
+    small.thumbnail((THUMBNAIL, THUMBNAIL), Image.Resampling.BICUBIC, reducing_gap=2.0)
+    return np.asarray(small)
+
+
+def folder_html(entries: Sequence[Entry]) -> str:
+    """A page of several photos, each with a link to its own; what is least sure comes first."""
+    data = []
+    for entry in entries:
+        said = entry.described
+        confidence, hidden = said["confidence"], said["hidden_fraction"]
+        words = [f"azimuth {said['azimuth_deg']:.0f}°"]
+        words += [] if hidden is None else [f"{hidden:.0%} hidden"]
+        words += [] if confidence is None else [f"right with {confidence:.0%}"]
+        sure = 0.5 if confidence is None else confidence
+        data.append(
+            {
+                "name": entry.name,
+                "folder": entry.folder,
+                "verdict": said["verdict"],
+                "words": ", ".join(words),
+                "sure": sure + (said["verdict"] == "trusted"),
+                "hidden": hidden,
+                "azimuth": said["azimuth_deg"],
+                "picture": _jpeg(entry.picture),
+            }
+        )
+    return _filled("folder.html", data)
+
+
+def _filled(template: str, data: Any) -> str:
+    """A page with its data, within which only "<" could end the script element or begin a comment."""
+    text = json.dumps(data).replace("<", "\\u003c")
+    return (resources.files("vig.report") / template).read_text(encoding="utf-8").replace("@DATA@", text)
+
+
+def rows(described: dict[str, Any], parts: tuple[tuple[str, np.ndarray], ...]) -> list[list[Any]]:
+    """Name, words, and named colours of each line of the page's table."""
+    deviation, camera = described["deviation"], described["camera"]
+    hidden = described["hidden_fraction"]
+    lines: list[tuple[str, str]] = []
+    for name, key in (("azimuth of the eye", "azimuth_deg"), ("its elevation", "elevation_deg")):
+        known = deviation[key]
+        wide = None if known is None else INTERVAL * known
+        interval = "" if wide is None else f", 90 % interval ±{wide:.0f}°" if wide < 90 else ", hardly known"
+        lines.append((name, f"{described[key]:.0f}°{interval}"))
+    lines += [
+        ("roll of the photo", f"{described['roll_deg']:.0f}°"),
+        ("hidden", "nothing of it is in the photo" if hidden is None else f"{hidden:.0%} of the object"),
+        ("kind", f"{described['class']}" + (f", {described['family']}" if described["family"] else "")),
+        ("light", _light(described["light"])),
+        ("focal length", f"{camera['K'][0][0]:.0f} pixels, {camera['focal_from']}"),
+        ("scale", camera["scale"]),
+    ]
+    colours = [[name, _css(colour)] for name, colour in parts]
+    table: list[list[Any]] = [[name, value, []] for name, value in lines]
+    return [*table, ["colours", "", colours]]
+
+
+def _summary(described: dict[str, Any]) -> str:
+    confidence, hidden = described["confidence"], described["hidden_fraction"]
+    sure = "how sure was not learned" if confidence is None else f"the view is right with {confidence:.0%}"
+    seen = "" if hidden is None else f"; {hidden:.0%} of it is hidden"
+    return f"{described['class']}: {sure}{seen}"
+
+
+def _views_note(described: dict[str, Any]) -> str:
+    if described["alternatives"]:
+        return "The search tried these; vig fit --azimuth takes another one than the first."
+    return "The search found no other view worth telling."
+
+
+def _light(light: list[float]) -> str:
+    """Where most light comes from, by the first order of its SH coefficients, in the object's frame."""
+    y, z, x = light[1:4]
+    above = "from above" if z > 0.5 * float(np.hypot(x, y)) else "from the side"
+    strength = float(np.linalg.norm([x, y, z])) / max(abs(light[0]), 1e-6)
+    kind = "soft" if strength < 0.4 else "directed" if strength < 0.9 else "strongly directed"
+    return f"{kind}, most of it {above}"
+
+
+def _css(colour: np.ndarray) -> str:
+    red, green, blue = srgb8_from_linear(np.asarray(colour, np.float32)).tolist()
+    return f"rgb({red}, {green}, {blue})"
+
+
+def _floats(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, "<f4").tobytes()).decode()
+
+
+def _jpeg(picture: np.ndarray) -> str:
+    data = io.BytesIO()
+    Image.fromarray(picture).save(data, "JPEG", quality=QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(data.getvalue()).decode()
