@@ -64,6 +64,8 @@ class Fit:
     """Folder for the results, one folder per photo."""
     export: tuple[Literal["bop", "coco", "nerfstudio", "ros", "usd"], ...] = ()
     """Write these formats into each photo's folder, too; docs/explanation.md."""
+    quiet: bool = False
+    """Print the folder alone, and what went wrong."""
     json: bool = False
     """Print one JSON object instead of lines."""
 

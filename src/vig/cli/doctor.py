@@ -23,13 +23,34 @@ PACKAGES = (*CORE, "pyarrow", "OpenImageIO", "matplotlib")
 def doctor() -> dict[str, Any]:
     """Collect versions and devices, and draw one triangle with the renderer's kernels.
 
-    Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "kernels": {"ok",
-    "detail"}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the place of its result
-    ("cuda" entries are then `["failed: ..."]`).
+    Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "classes": {name: "ok" or
+    what is wrong with its pack}, "kernels": {"ok", "detail"}, "ok"}`, ready for JSON. Nothing is raised: what
+    fails is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
     """
     kernels = check_kernels()
     cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}
-    return machine() | {"cuda": cuda, "kernels": kernels, "ok": kernels["ok"]}
+    classes = check_classes()
+    ok = kernels["ok"] and set(classes.values()) == {"ok"}
+    return machine() | {"cuda": cuda, "classes": classes, "kernels": kernels, "ok": ok}
+
+
+def check_classes() -> dict[str, str]:
+    """Each packaged class's name with "ok", or with what is missing or damaged of its pack."""
+    from vig.inference import calibration_of
+    from vig.recognition import Recognizer
+    from vig.scene import ObjectClass
+    from vig.scene.object_class import PACKAGED
+
+    found = {}
+    for path in sorted(PACKAGED.glob("*/class.json")):
+        try:
+            one = ObjectClass.load(path.parent)
+            Recognizer.of_class(one)
+            told = "ok" if calibration_of(one) else "no calibration"
+        except Exception as error:  # whatever is wrong with a file, saying so is what doctor is for
+            told = f"failed: {_line(error)}"
+        found[path.parent.name] = told
+    return found or {"none": "no class is packaged with this installation"}
 
 
 def machine() -> dict[str, Any]:
@@ -85,7 +106,7 @@ def check_kernels() -> dict[str, Any]:
 
 
 def run_doctor(settings: Doctor) -> int:
-    """Print the report, for people or as JSON; the exit code: 0, or 1 when the kernels do not work."""
+    """Print the report, for people or as JSON; returns 0, or 1 when a class or the kernels do not work."""
     report = doctor()
     print(json.dumps(report, indent=2) if settings.json else report_lines(report))
     return 0 if report["ok"] else 1
@@ -100,6 +121,7 @@ def report_lines(report: dict[str, Any]) -> str:
         ("processor", f"{report['cpus']} x {report['processor']}"),
         *((name, version or "not installed") for name, version in report["packages"].items()),
         *((f"cuda in {name}", ", ".join(found) or "none") for name, found in report["cuda"].items()),
+        *((f"class {name}", told) for name, told in report["classes"].items()),
         ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
     ]
     width = max(len(name) for name, _ in rows) + 2

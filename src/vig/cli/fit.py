@@ -60,7 +60,7 @@ def fit(settings: Fit) -> int:
             name, picture = photos[number].name, thumbnail(explanation.overlay())
             entries.append(Entry(name, folders[number].name, explanation.to_dict(), picture))
         results[str(photos[number])] = explanation.to_dict() | {"folder": str(folders[number])}
-        if not settings.json:
+        if not settings.json and not settings.quiet:
             seconds, started = time.monotonic() - started, time.monotonic()
             print(_line(photos[number].name, explanation, seconds), flush=True)
     if entries:

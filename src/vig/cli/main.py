@@ -8,6 +8,7 @@ from typing import Any
 
 import tyro
 
+from vig import __version__
 from vig.cli.common import Doctor, Fit, Verb, verbs_of_packages
 from vig.errors import UserError
 
@@ -21,6 +22,9 @@ GROUPS = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits 0, 2 for a user's mistake, 1 for a failed check, 130 when interrupted."""
+    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+        print(f"vig {__version__}")
+        sys.exit(0)
     verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
     chosen = _parsed(list(verbs.values()), arguments)
     if isinstance(chosen, Fit):  # whose matrices are small: numpy's further threads would only spin

@@ -13,6 +13,10 @@ SECONDS, SHARE = 30.0, 0.1
 """A log gets a line after this many seconds or this share of the run, whichever comes first."""
 
 
+BETWEEN_MARKS = 1.0
+"""Seconds between the times that a meter remembers, at least."""
+
+
 class Meter:
     """Counts the samples of a run and reports on standard error; a context manager.
 
@@ -31,6 +35,8 @@ class Meter:
         self.total, self.done, self.before = total, done, done
         self.started = self.reported_at = time.monotonic()
         self.reported = done
+        # Times and counts since the first samples came: what begins a run is not its rate.
+        self.marks: list[tuple[float, int]] = []
         self.bar: Progress | None = None
         self.show = show
         if show and sys.stderr.isatty():
@@ -54,6 +60,9 @@ class Meter:
     def advance(self, count: int) -> None:
         """Count `count` more samples."""
         self.done += count
+        now = time.monotonic()
+        if not self.marks or now - self.marks[-1][0] >= BETWEEN_MARKS:
+            self.marks.append((now, self.done))
         if self.bar is not None:
             self.bar.update(self.task, completed=self.done, pace=self.pace())
         elif self.show:
@@ -62,9 +71,13 @@ class Meter:
                 self._report()
 
     def pace(self) -> str:
-        """Rate since the start of this run and the time left at that rate."""
-        elapsed = time.monotonic() - self.started
-        rate = (self.done - self.before) / elapsed if elapsed > 0 else 0.0
+        """Rate in the later half of this run so far, and the time left at that rate."""
+        now = time.monotonic()
+        since, then = self.started, self.before
+        for when, done in self.marks:
+            if (when - self.started <= (now - self.started) / 2 or then == self.before) and done < self.done:
+                since, then = when, done
+        rate = (self.done - then) / (now - since) if now > since else 0.0
         if rate == 0:
             return ""
         speed = f"{rate:.1f}/s" if rate >= 1 else f"{1 / rate:.1f} s each"

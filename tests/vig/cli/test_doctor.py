@@ -1,4 +1,6 @@
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -7,6 +9,7 @@ import vig.renderer
 from vig.cli import doctor as module
 from vig.cli.common import Doctor
 from vig.cli.doctor import doctor, report_lines, run_doctor
+from vig.scene.object_class import PACKAGED
 
 
 def test_the_report_is_ready_for_json_and_the_kernels_draw_the_triangle() -> None:
@@ -47,3 +50,15 @@ def test_a_broken_driver_and_a_missing_package_are_lines(monkeypatch: pytest.Mon
     assert report["cuda"]["torch"] == ["failed: OSError: driver too old"]
     assert report["packages"]["no-such-package"] is None
     assert "not installed" in report_lines(report)
+
+
+def test_missing_weights_are_a_line_and_an_exit_code(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert module.check_classes() == {"mug": "ok", "teapot": "ok"}
+    shutil.copytree(PACKAGED / "teapot", tmp_path / "teapot")
+    (tmp_path / "teapot" / "recognition.safetensors").unlink()
+    monkeypatch.setattr("vig.scene.object_class.PACKAGED", tmp_path)
+    assert run_doctor(Doctor()) == 1
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("class teapot")]
+    assert "failed: UserError" in line and "recognition.safetensors" in line

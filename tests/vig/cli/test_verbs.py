@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import vig
 from vig.cli.common import Fit
 from vig.cli.main import main
 from vig.likelihood import LIKELIHOODS
@@ -194,3 +195,15 @@ def test_boxes_that_cannot_be_used_are_refused(written, why, capsys, tmp_path):
 def test_a_folder_without_photos_is_refused(capsys, tmp_path):
     (tmp_path / "empty").mkdir()
     assert "got none" in refused(capsys, "fit", tmp_path / "empty", "--out", tmp_path / "out")
+
+
+def test_the_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert not ended.value.code and capsys.readouterr().out == f"vig {vig.__version__}\n"
+
+
+def test_a_quiet_fit_prints_its_folder_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["fit", str(example_photos()[0].photo), "--quiet", "--out", str(tmp_path / "out")])
+    assert capsys.readouterr().out == f"{tmp_path / 'out'}\n"

@@ -35,3 +35,18 @@ def test_nothing_is_said_when_not_wanted(capsys: pytest.CaptureFixture[str]) -> 
     with Meter(10, 0, show=False) as meter:
         meter.advance(10)
     assert lines(capsys) == []
+
+
+def test_the_time_left_is_not_that_of_the_runs_beginning(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twenty seconds until the first samples come, then ten a second."""
+    clock = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    with Meter(1000, 0) as meter:
+        clock[0] += 20
+        meter.advance(10)
+        for _ in range(9):
+            clock[0] += 1
+            meter.advance(10)
+    assert lines(capsys) == ["100 of 1000 samples, 10.0/s, 1:30 left"]
