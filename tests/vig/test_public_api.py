@@ -107,7 +107,7 @@ def test_importing_vig_loads_no_heavy_library() -> None:
 def test_a_photo_of_any_size_in_and_a_folder_out_as_vig_fit_writes_it(
     explanation: vig.Explanation, photo: np.ndarray, tmp_path: Path
 ) -> None:
-    folder = explanation.save(tmp_path / "result")
+    folder = explanation.save(tmp_path / "result", "photo.png")
     assert json.loads((folder / "explanation.json").read_text()) == explanation.to_dict()
     Image.fromarray(photo).save(tmp_path / "photo.png")
     box = ",".join(f"{number:g}" for number in BOX)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,16 @@ import pytest
 from tests.support import TEAPOT
 from vig.errors import UserError
 from vig.scene import ObjectClass
+from vig.scene.object_class import TRANSFER_FILE
 from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of
 
 
 @pytest.fixture
 def pack(teapot: ObjectClass, tmp_path: Path) -> Path:
-    """The teapot's pack, saved again with its designs."""
+    """The teapot's pack, saved again with its designs beside its table of self-shadow."""
     designs = held_out_designs_of(teapot)
     assert designs is not None
+    shutil.copy(TEAPOT / TRANSFER_FILE, tmp_path)
     teapot.save(tmp_path)
     designs.save(tmp_path)
     return tmp_path
