@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import repeat, zip_longest
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -92,8 +92,8 @@ class Explainer:
         Raises:
             UserError: The photo, the box, the window, the focal length or a hint cannot be used.
         """
-        if hints is not None and not isinstance(hints, Hints):
-            raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
+        if window is not None and isinstance(hints, Hints) and hints.roll_deg is not None:
+            raise UserError("expected a window or a roll among the hints; got both. Turn the window by it.")
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
         known = _focal(photo, None if focal is None else checked_focal(focal))
@@ -102,6 +102,8 @@ class Explainer:
     def _explained(
         self, photo: Photo, box: Box | None, window: Window | None, focal: Focal | None, hints: Hints | None
     ) -> Explanation:
+        if hints is not None and not isinstance(hints, Hints):
+            raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
         seen, (height, width) = Halved(coded), coded.shape[:2]
         settings, found = self.settings.filled(photo=window is None), 1.0
@@ -161,10 +163,9 @@ class Explainer:
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
         focal = None if focal is None else checked_focal(focal)
-        known = repeat(None) if hints is None else hints
         items = (
             (photo, box, _focal(photo, focal), told)
-            for (photo, box), told in zip(_pairs(photos, boxes), known, strict=False)
+            for photo, box, told in _matched(photos, box=boxes, hint=hints)
         )
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
@@ -227,17 +228,23 @@ def _focal(photo: Photo, given: float | None) -> Focal | None:
     return None if told is None else (told, "exif")
 
 
-def _pairs(photos: Iterable[Photo], boxes: Iterable[Box | None] | None) -> Iterator[tuple[Photo, Box | None]]:
-    """Each photo with its box. UserError where one of the two ends before the other."""
-    if boxes is None:
-        yield from ((photo, None) for photo in photos)
-        return
+def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:
+    """Each photo with its own of the others, None of those that are not given.
+
+    UserError where photos and others are not as many.
+    """
+    given = {name: each for name, each in others.items() if each is not None}
     missing = object()
-    for number, (photo, box) in enumerate(zip_longest(photos, boxes, fillvalue=missing)):
-        if photo is missing or box is missing:
-            got = f"more boxes for {number} photos" if photo is missing else f"{number} boxes for more photos"
-            raise UserError(f"expected a box (or None) for each photo; got {got}. Give as many.")
-        yield photo, box  # type: ignore[misc]
+    for number, row in enumerate(zip_longest(photos, *given.values(), fillvalue=missing)):
+        photo, found = row[0], dict(zip(given, row[1:], strict=True))
+        for name, each in found.items():
+            if (photo is missing) != (each is missing):
+                few, many = (number, "more") if each is missing else ("more", number)
+                raise UserError(
+                    f"expected a {name} (or None) for each photo; got {few} of them for {many} photos."
+                    " Give as many."
+                )
+        yield photo, *(found.get(name) for name in others)
 
 
 def _sendable(photo: Photo) -> str | np.ndarray:

@@ -13,7 +13,8 @@ import torch
 from PIL import Image
 
 import vig
-from vig.cli.hints import parse_point, read_marks, read_mask, read_pose
+from vig.cli.common import Fit
+from vig.cli.hints import hints_of, parse_point, read_marks, read_mask, read_pose
 from vig.cli.main import main
 from vig.errors import UserError
 from vig.hints import Hints, view_of
@@ -130,6 +131,41 @@ def test_several_processes_take_the_same_hints(explainer: vig.Explainer) -> None
     alone, shared = (list(explainer.explain_many(photos, workers=n, hints=hints)) for n in (1, 2))
     for one, other in zip(alone, shared, strict=True):
         assert one.elevation_deg == other.elevation_deg and one.to_dict() == other.to_dict()
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_hints_are_as_many_as_photos(explainer: vig.Explainer, count: int) -> None:
+    """None is left out in silence."""
+    photos = [each.photo for each in example_photos()[:2]]
+    with pytest.raises(UserError, match="expected a hint .or None. for each photo; got"):
+        list(explainer.explain_many(photos, hints=[None] * count))
+
+
+def test_a_hint_that_is_none_of_a_kind_skips_its_photo(explainer: vig.Explainer) -> None:
+    photos, skipped = [each.photo for each in example_photos()[:2]], []
+    hints = [{"visible": True}, None]
+    found = list(explainer.explain_many(photos, hints=hints, skip=lambda n, e: skipped.append((n, str(e)))))  # type: ignore[arg-type]
+    assert len(found) == 1 and skipped[0][0] == 0 and "expected vig.Hints; got a dict" in skipped[0][1]
+
+
+def test_a_roll_of_a_window_that_is_given_is_refused(explainer: vig.Explainer, example: Example) -> None:
+    with pytest.raises(UserError, match="a window or a roll among the hints"):
+        explainer.explain(example.photo, window=Window(0, 0, 150), hints=Hints(roll_deg=3.0))
+
+
+def test_masks_of_many_photos_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[Path] = []
+    monkeypatch.setattr("vig.cli.hints.read_mask", lambda path: read.append(path) or np.ones((2, 2), bool))
+    photos = [tmp_path / f"{name}.jpg" for name in "ab"]
+    settings = Fit(tuple(photos), mask=tmp_path, visible=True)
+    with pytest.raises(UserError, match="nothing of that name"):
+        hints_of(settings, photos)
+    for name in "ab":
+        Image.new("L", (2, 2), 255).save(tmp_path / f"{name}.png")
+    told = hints_of(settings, photos)
+    assert not read
+    first = next(told)
+    assert first and first.visible and read == [tmp_path / "a.png"]
 
 
 @pytest.mark.parametrize("azimuth", [-3.0, -1.0, 0.0, 0.7, 3.1])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +15,7 @@ from vig.cli.common import Fit
 from vig.errors import UserError
 from vig.hints import Hints
 from vig.inference import Said
-from vig.photo.images import coded_photo, refuse
+from vig.photo.images import coded_photo, existing_file, refuse
 
 CHANNELS = ((0, Said.IN_FRONT), (1, Said.SEEN), (2, Said.NOTHING))
 """What a pixel of marks says whose red, green or blue is far above the others."""
@@ -20,8 +23,11 @@ FAR = 80
 ONE_PHOTO = ("marks", "points", "azimuth", "pose")
 
 
-def hints_of(settings: Fit, photos: list[Path]) -> list[Hints | None]:
-    """Hints for each photo, None where nothing is said; UserError where it cannot be read or used."""
+def hints_of(settings: Fit, photos: list[Path]) -> Iterator[Hints | None]:
+    """Hints for each photo, None where nothing is said; masks are read as they are needed.
+
+    UserError at once where something cannot be used or a mask is missing.
+    """
     if len(photos) > 1:
         for name in ONE_PHOTO:
             if getattr(settings, name) not in (None, ()):
@@ -39,15 +45,13 @@ def hints_of(settings: Fit, photos: list[Path]) -> list[Hints | None]:
         roll_deg=settings.roll,
         pose=None if settings.pose is None else read_pose(settings.pose),
     )
-    found: list[Hints | None] = []
-    for photo in photos:
-        one = said
-        if (mask := settings.mask) is not None:
-            one = Hints(
-                **(vars(said) | {"mask": read_mask(mask / f"{photo.stem}.png" if mask.is_dir() else mask)})
-            )
-        found.append(one or None)
-    return found
+    if settings.mask is None:
+        return repeat(said or None, len(photos))
+    folder = settings.mask if settings.mask.is_dir() else None
+    masks = [settings.mask if folder is None else folder / f"{photo.stem}.png" for photo in photos]
+    for mask in masks:
+        existing_file(mask)
+    return (replace(said, mask=read_mask(mask)) for mask in masks)
 
 
 def parse_point(text: str) -> tuple[str, tuple[float, float]]:

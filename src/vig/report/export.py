@@ -13,13 +13,12 @@ import numpy as np
 from vig import __version__
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.report.glb import LOOKS_BACK
 from vig.scene import Camera, ObjectClass
 
 MILLIMETRES = 1000.0
 OBJECT_ID = 1
 """BOP and COCO count classes from 1; an explanation has one."""
-LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
-"""Cameras of nerfstudio and USD look along -Z with Y up, those of OpenCV along +Z with Y down."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from vig.scene import Camera, ObjectClass
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """glTF's axes (Y up) from the object's (Z up)."""
 LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
-"""glTF cameras look along -Z with Y up, those of OpenCV along +Z with Y down."""
+"""Cameras of glTF, USD and nerfstudio look along -Z with Y up, those of OpenCV along +Z with Y down."""
 
 
 def glb_from_object(azimuth: float) -> np.ndarray:

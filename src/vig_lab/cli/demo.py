@@ -31,6 +31,7 @@ from vig_lab.examples import Example, example_photos
 from vig_world.assets.target import shape_vertices
 
 HARD = 3
+"""The example that the commands to try name: something stands before it."""
 NEXT = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
     "vig fit {photo} --elevation 25     # tell what you know; docs/hints.md",
