@@ -71,6 +71,24 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class View:
+    """Open a photo on a page: draw a box, click points, mark what is in front, choose a view, save."""
+
+    photo: tyro.conf.Positional[Path]
+    """A photo, or a folder that was saved here, to go on with it."""
+    box: str | None = None
+    """x,y,w,h in pixels: a box round the whole object; without it the object is sought in the photo."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
+    port: int = 8080
+    """Of 127.0.0.1; the next free one where it is taken."""
+    no_open: bool = False
+    """Do not open a browser."""
+    out: Path = Path("vig-fit")
+    """Folder for what is saved, in a folder of the photo's name."""
+
+
+@dataclass(frozen=True)
 class Doctor:
     """Versions, devices, and a check of the kernels: what a bug report needs."""
 

@@ -9,10 +9,14 @@ from typing import Any
 import tyro
 
 from vig import __version__
-from vig.cli.common import Doctor, Fit, Verb, verbs_of_packages
+from vig.cli.common import Doctor, Fit, Verb, View, verbs_of_packages
 from vig.errors import UserError
 
-VERBS = (Verb("fit", Fit, "vig.cli.fit:fit"), Verb("doctor", Doctor, "vig.cli.doctor:run_doctor"))
+VERBS = (
+    Verb("fit", Fit, "vig.cli.fit:fit"),
+    Verb("view", View, "vig.cli.view:view"),
+    Verb("doctor", Doctor, "vig.cli.doctor:run_doctor"),
+)
 GROUPS = {
     "class": "Make a class from a folder of meshes, and train its network.",
     "dataset": "Generate, check, look at and export datasets.",
@@ -27,7 +31,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(0)
     verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
     chosen = _parsed(list(verbs.values()), arguments)
-    if isinstance(chosen, Fit):  # whose matrices are small: numpy's further threads would only spin
+    if isinstance(chosen, Fit | View):  # whose matrices are small: numpy's further threads would only spin
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         sys.exit(verbs[type(chosen)].run(chosen))

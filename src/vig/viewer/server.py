@@ -1,0 +1,328 @@
+"""The page of `vig view`: a viser server on this machine alone."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from vig.errors import UserError
+from vig.explanation import Explanation
+from vig.inference import Said
+from vig.scene import srgb8_from_linear
+from vig.viewer.session import Session
+
+HOST = "127.0.0.1"
+MOST_SIDE = 1024
+"""Pixels of the longer side of the picture that is sent."""
+SIZE = 2.0
+"""Longer side of the photo in the scene's units; the object stands to its left."""
+OBJECT = 0.6 * SIZE
+"""Longest side of the object in the same units."""
+GAP = 0.1 * SIZE
+FIELD = 0.6
+"""Vertical field of view, radians."""
+FACING = (0.0, 1.0, 0.0, 0.0)
+"""Half a turn about x: viser's images have y down, the scene has y up and is seen from +Z."""
+LOOKS_BACK = np.diag([1.0, -1.0, -1.0])
+NARROW = 700
+"""Pixels of a screen on which the controls stand below the scene, not beside it."""
+BELOW = 0.55
+"""Share of such a screen that they take."""
+BRUSH = 2.0
+"""Radius of a mark at first, % of the photo's longer side."""
+LOOK, BOX = "nothing, look around", "a box round the object"
+MARKS = {
+    "here it is seen": Said.SEEN,
+    "something is in front": Said.IN_FRONT,
+    "it is not here": Said.NOTHING,
+}
+INKS = {Said.SEEN: (0, 200, 0), Said.IN_FRONT: (220, 0, 0), Said.NOTHING: (0, 0, 220)}
+"""Colours of marks, those of `--marks`."""
+AS_FOUND = "as found"
+HELP = (
+    "Choose what to say, then click the photo there (for a box: drag from corner to corner), or type the"
+    " place and press *say it there*. Drag to look around, turn the wheel to come closer."
+)
+
+
+class Viewer:
+    """The page of one session; `stop` ends it."""
+
+    def __init__(self, session: Session, folder: Path, port: int = 8080) -> None:
+        """Serve a session on the port of 127.0.0.1, or on the next free one.
+
+        Args:
+            session: What is shown and corrected.
+            folder: Where results are saved.
+            port: 1 to 65535.
+
+        Raises:
+            UserError: viser is missing, or the port cannot be had.
+        """
+        try:
+            import viser
+        except ImportError:
+            raise UserError("vig view needs viser; run pip install 'vig[viewer]'.") from None
+        if not 1 <= port <= 65535:
+            raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
+        self.session, self.folder, self.lock, self.saved = session, folder, threading.Lock(), False
+        height, width = session.photo.shape[:2]
+        self.unit = SIZE / max(height, width)
+        scale = min(1.0, MOST_SIDE / max(height, width))
+        self.small = max(1, round(width * scale)), max(1, round(height * scale))
+        self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
+        self._theme(dark=False)
+        self._controls()
+        image = self._picture(session.explanation)
+        self.image = self.server.scene.add_image(
+            "/photo", image, width * self.unit, height * self.unit, wxyz=FACING
+        )
+        self.image.on_click(self._clicked)
+        self.server.on_client_connect(self._welcome)
+        self._show(session.explanation)
+
+    @property
+    def port(self) -> int:
+        """The port that was free."""
+        port: int = self.server.get_port()
+        return port
+
+    def stop(self) -> None:
+        """End serving."""
+        self.server.stop()
+
+    def _controls(self) -> None:
+        gui: Any = self.server.gui  # viser declares handles' values as read-only, though they are set so
+        session = self.session
+        self.verdict = gui.add_markdown("")
+        points = list(session.explainer.object_class.points)
+        self.tool = gui.add_dropdown("a click says", [LOOK, BOX, *points, *MARKS], initial_value=LOOK)
+        self.brush = gui.add_slider("brush, %", 0.5, 10.0, 0.5, BRUSH)
+        self.place = gui.add_text(
+            "place", "", hint="x, y in pixels of the photo; for a box x, y, width, height"
+        )
+        say = gui.add_button("say it there")
+        self.views = gui.add_dropdown("view", [AS_FOUND])
+        self.visible = gui.add_checkbox("nothing hides it", initial_value=False)
+        self.held, self.angle = {}, {}
+        for name, least, most in (("elevation", -10, 90), ("roll", -180, 180)):
+            self.held[name] = gui.add_checkbox(f"hold the {name}", initial_value=False)
+            self.angle[name] = gui.add_slider(f"{name}, °", least, most, 1, 0)
+        self.outline = gui.add_checkbox("outline", initial_value=True)
+        self.dark = gui.add_checkbox("dark page", initial_value=False)
+        names = ("undo", "take all back", "look straight", "save")
+        undo, clear, straight, save = (gui.add_button(name) for name in names)
+        self.words = gui.add_markdown(HELP)
+        self.tool.on_update(lambda _: self._chosen_tool())
+        say.on_click(lambda _: self._said(self.place.value))
+        undo.on_click(lambda _: self._do(session.undo))
+        clear.on_click(lambda _: self._do(session.clear))
+        straight.on_click(lambda event: self._look(event.client.camera))
+        save.on_click(lambda _: self._save())
+        self.outline.on_update(lambda _: self._show(session.explanation))
+        self.dark.on_update(lambda _: self._theme(self.dark.value))
+        for control in (self.visible, self.views, *self.held.values(), *self.angle.values()):
+            control.on_update(self._changed)
+
+    def _theme(self, dark: bool) -> None:
+        """Without viser's button that would share the page over a server elsewhere."""
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark)
+
+    def _welcome(self, client: Any) -> None:
+        """The controls beside the scene, or below it on a narrow screen; all of it in sight at any width."""
+        camera, panel = client.camera, client.gui.main_panel
+        if camera.image_width < NARROW:
+            below = BELOW * camera.image_height
+            panel.float(x=0.0, y=camera.image_height - below, width=camera.image_width, height=below)
+        else:
+            panel.dock_right()
+        aspects: list[float] = []
+
+        def placed() -> None:
+            if aspects[-1:] != [camera.aspect]:  # once more when the panel or the user changes the window
+                aspects.append(camera.aspect)
+                self._look(camera)
+
+        camera.on_update(lambda _: placed())
+        placed()
+
+    def _look(self, camera: Any) -> None:
+        """Photo and object from the front, above the controls where these cover a part of the screen."""
+        below = BELOW if camera.image_width < NARROW else 0.0
+        height, width = (self.unit * side for side in self.session.photo.shape[:2])
+        across, tangent = width + GAP + OBJECT, math.tan(FIELD / 2)
+        far = 1.1 * max(max(height, OBJECT) / (1.0 - below), across / max(camera.aspect, 0.1)) / 2 / tangent
+        middle = -(GAP + OBJECT) / 2, -below * far * tangent
+        camera.up_direction = (0.0, 1.0, 0.0)
+        camera.fov = FIELD
+        camera.position = (*middle, far)
+        camera.look_at = (*middle, 0.0)
+
+    def _chosen_tool(self) -> None:
+        """Dragging draws a box while a box is asked for, and turns the scene otherwise."""
+        self.server.scene.remove_rect_select_callback()
+        if self.tool.value == BOX:
+            self.server.scene.on_rect_select()(self._dragged)
+
+    def _dragged(self, event: Any) -> None:
+        import viser.transforms
+
+        camera = event.client.camera
+        turn = viser.transforms.SO3(camera.wxyz).as_matrix()
+        tangent = math.tan(camera.fov / 2)
+        corners = []
+        for across, down in (event.screen_min, event.screen_max):
+            way = turn @ [(2 * across - 1) * tangent * camera.aspect, (2 * down - 1) * tangent, 1.0]
+            corners.append(self._pixel(camera.position, way))
+        (left, right), (top, bottom) = (sorted(pair) for pair in zip(*corners, strict=True))
+        self._say(BOX, left, top, right - left, bottom - top)
+
+    def _clicked(self, event: Any) -> None:
+        if self.tool.value not in (LOOK, BOX):
+            self._say(self.tool.value, *self._pixel(event.ray_origin, event.ray_direction))
+
+    def _pixel(self, start: Any, way: Any) -> tuple[float, float]:
+        """Where a ray meets the photo, in its pixels."""
+        start, way = np.asarray(start, float), np.asarray(way, float)
+        there = start - way * start[2] / way[2]
+        height, width = self.session.photo.shape[:2]
+        return float(there[0] / self.unit + width / 2), float(height / 2 - there[1] / self.unit)
+
+    def _said(self, text: str) -> None:
+        """What is typed instead of clicked."""
+        needed = 4 if self.tool.value == BOX else 2
+        try:
+            numbers = [float(word) for word in text.replace(",", " ").split()]
+        except ValueError:
+            numbers = []
+        if self.tool.value == LOOK:
+            self._tell("Choose first what a click says.")
+        elif len(numbers) != needed or not np.isfinite(numbers).all():
+            self._tell("Type x, y, width, height." if needed == 4 else "Type x, y.")
+        else:
+            self._say(self.tool.value, *numbers)
+
+    def _say(self, tool: str, *numbers: float) -> None:
+        height, width = self.session.photo.shape[:2]
+        self.place.value = ", ".join(f"{number:.0f}" for number in numbers)
+        if tool == BOX:
+            self._do(lambda: self.session.draw_box(*numbers))
+        elif tool in MARKS:
+            radius = self.brush.value / 100 * max(height, width)
+            self._do(lambda: self.session.mark(MARKS[tool], numbers[0], numbers[1], radius))
+        else:
+            self._do(lambda: self.session.place(tool, *numbers))
+
+    def _changed(self, event: Any) -> None:
+        """A control that a user, not `_show`, has changed."""
+        if event.client is None:
+            return
+        state, session = self.session.state, self.session
+        angles = {
+            name: float(self.angle[name].value) if held.value else None for name, held in self.held.items()
+        }
+        azimuth = self.choices.get(self.views.value, state.azimuth_deg)
+        if self.visible.value != state.visible:
+            self._do(lambda: session.say_visible(self.visible.value))
+        elif azimuth != state.azimuth_deg:
+            self._do(lambda: session.choose(azimuth))
+        elif angles != {"elevation": state.elevation_deg, "roll": state.roll_deg}:
+            self._do(lambda: session.hold(angles["elevation"], angles["roll"]))
+
+    def _save(self) -> None:
+        with self.lock:
+            try:
+                self._tell(f"Saved in `{self.session.save(self.folder)}`.")
+                self.saved = True
+            except UserError as error:
+                self._tell(f"**{error}**")
+
+    def _tell(self, words: str) -> None:
+        self.words.content = f"{words}\n\n{HELP}"
+
+    def _do(self, work: Callable[[], Explanation]) -> None:
+        """One correction at a time; what cannot be is told, and nothing is lost."""
+        with self.lock:
+            self._tell("fitting ...")
+            began = time.perf_counter()
+            try:
+                work()
+                self._tell(f"fitted in {time.perf_counter() - began:.1f} s")
+            except UserError as error:
+                self._tell(f"**{error}**")
+            self._show(self.session.explanation)
+
+    def _picture(self, found: Explanation) -> np.ndarray:
+        coded = found.picture if found.picture.dtype == np.uint8 else srgb8_from_linear(found.picture)
+        shown = Image.fromarray(found.overlay() if self.outline.value else coded)
+        shown = shown.resize(self.small, Image.Resampling.LANCZOS, reducing_gap=2.0)
+        if self.outline.value:
+            self._draw_said(ImageDraw.Draw(shown, "RGBA"))
+        return np.asarray(shown)
+
+    def _draw_said(self, draw: ImageDraw.ImageDraw) -> None:
+        """Box, marks and points that were said."""
+        state, scale = self.session.state, self.small[0] / self.session.photo.shape[1]
+        if state.box is not None:
+            x, y, width, height = (number * scale for number in state.box)
+            draw.rectangle((x, y, x + width, y + height), outline=(255, 255, 255, 255), width=2)
+        for mark in state.marks:
+            place = (mark.x * scale, mark.y * scale)
+            draw.circle(place, max(mark.radius * scale, 2.0), fill=(*INKS[mark.said], 130))
+        for name, (x, y) in state.points.items():
+            place = (x * scale, y * scale)
+            draw.circle(place, 5, fill=(255, 255, 255, 255), outline=(0, 0, 0, 255), width=2)
+            draw.text((place[0] + 8, place[1] - 6), name, fill="white", stroke_width=2, stroke_fill="black")
+
+    def _show(self, found: Explanation) -> None:
+        """Photo, object and controls as the explanation and the state have them."""
+        self.image.image = self._picture(found)
+        self._show_object(found)
+        hidden = "" if found.hidden_fraction is None else f", {found.hidden_fraction:.0%} hidden"
+        angles = f"azimuth {found.azimuth_deg:.0f}°, elevation {found.elevation_deg:.0f}°"
+        self.verdict.content = f"**{found.verdict}**: {angles}{hidden}\n\n{found.reason}"
+        state = self.session.state
+        for name, given in (("elevation", state.elevation_deg), ("roll", state.roll_deg)):
+            self.held[name].value = given is not None
+            now = getattr(found, f"{name}_deg") if given is None else given
+            self.angle[name].value = round(np.clip(now, self.angle[name].min, self.angle[name].max))
+        self.visible.value = state.visible
+        self.choices: dict[str, float | None] = {AS_FOUND: None}
+        chosen = AS_FOUND
+        if state.azimuth_deg is not None:
+            chosen = f"azimuth {state.azimuth_deg:.0f}°, chosen"
+            self.choices[chosen] = state.azimuth_deg
+        for probability, azimuth in (
+            (found.confidence, found.azimuth_deg),
+            *((other.probability, other.azimuth_deg) for other in found.alternatives),
+        ):
+            likely = "" if math.isnan(probability) else f", {probability:.0%}"
+            self.choices[f"azimuth {azimuth:.0f}°{likely}"] = azimuth
+        self.views.options = tuple(self.choices)
+        self.views.value = chosen
+
+    def _show_object(self, found: Explanation) -> None:
+        """The object as the photo's eye sees it, a mesh for each part."""
+        width = self.session.photo.shape[1] * self.unit
+        centred = found.vertices - (found.vertices.max(0) + found.vertices.min(0)) / 2
+        turn = LOOKS_BACK @ found.camera_from_object[:3, :3]
+        placed = centred * (OBJECT / np.ptp(centred, axis=0).max()) @ turn.T
+        placed -= [width / 2 + GAP + OBJECT / 2, 0.0, 0.0]
+        model, colours = found.object_class.shape_model, srgb8_from_linear(found.part_albedo)
+        of_face = model.parts[model.faces[:, 0]]
+        for number in range(len(model.part_names)):
+            used, faces = np.unique(model.faces[of_face == number], return_inverse=True)
+            self.server.scene.add_mesh_simple(
+                f"/object/{number}",
+                placed[used],
+                faces.reshape(-1, 3),
+                color=np.asarray(colours[number]),
+                side="double",
+            )
