@@ -1,4 +1,4 @@
-# make demo | test | check | clean: all but the last make their environment (.venv) when it is missing.
+# make demo | test | check | docs | clean: all but the last make their environment (.venv) when it is missing.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 WORKERS ?= auto
 
-.PHONY: demo test check clean
+.PHONY: demo test check docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/vig demo
@@ -24,6 +24,11 @@ check: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+
+# The site, in build/site; its tutorials are run on the way.
+docs: $(INSTALLED)
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
+	PATH="$(CURDIR)/$(BIN):$$PATH" NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # Torch comes first and pinned, so that no later package can pull another build of it.
 $(INSTALLED): pyproject.toml constraints.txt
