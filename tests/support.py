@@ -7,6 +7,33 @@ from vig.recognition import NetworkSettings
 TEAPOT = Path(__file__).parent / "packs" / "teapot"
 """A pack without weights: the teapots of 0.1, with 10 components, of which many tests state numbers."""
 
+LOW_CONTRAST = """
+() => {
+  const luminance = ([r, g, b]) => [[r, 0.2126], [g, 0.7152], [b, 0.0722]].reduce((sum, [c, weight]) => {
+    c /= 255; return sum + weight * (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4); }, 0);
+  const numbers = colour => colour.match(/[0-9.]+/g).map(Number);
+  const found = [];
+  for (const element of document.body.querySelectorAll("*")) {
+    const own = [...element.childNodes].filter(node => node.nodeType === Node.TEXT_NODE);
+    const text = own.map(node => node.data.trim()).join(" ").trim();
+    const style = getComputedStyle(element);
+    if (!text || !element.getClientRects().length || style.visibility === "hidden") continue;
+    if (["SCRIPT", "STYLE"].includes(element.tagName)) continue;
+    let behind = element, ground = [255, 255, 255];
+    for (; behind; behind = behind.parentElement) {
+      const colour = numbers(getComputedStyle(behind).backgroundColor);
+      if (colour.length === 3 || colour[3] === 1) { ground = colour; break; }
+    }
+    const [dark, light] = [luminance(numbers(style.color)), luminance(ground)].sort((a, b) => a - b);
+    const size = parseFloat(style.fontSize), large = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
+    const ratio = (light + 0.05) / (dark + 0.05);
+    if (ratio < (large ? 3 : 4.5)) found.push(`${text.slice(0, 40)}: ${ratio.toFixed(2)}`);
+  }
+  return found;
+}
+"""
+"""Script that lists the texts of a page whose contrast WCAG 2 does not allow at level AA."""
+
 SMALL = NetworkSettings(
     channels=(4, 4, 4, 8, 8, 8), blocks=(1, 1, 1, 1, 1), expansion=2, decoder=8, squeezed=4, features=16
 )

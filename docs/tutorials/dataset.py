@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A dataset, BOP, and a network of your own
 #
-# The generator needs no download: rooms, things, light and the object with all that is known of it. A small
-# dataset, read back in BOP's format, and a network trained on it: which pixels of a picture show the
-# teapot?
+# The generator needs no download: rooms, things, light and the object with all
+# that is known of it. A small dataset, read back in BOP's format, and a network
+# trained on it: which pixels of a picture show the teapot?
 
 # %%
 import json
@@ -31,28 +31,40 @@ run(f"vig dataset make --out {folder}/pots --count 40 --split test --seed 5")
 run(f"vig dataset export {folder}/pots --split test --to coco --out {folder}/coco")
 
 # %% [markdown]
-# Everything of each image is a row of a table; pictures, masks and poses lie where BOP's tools look for
-# them.
+# Everything of each image is a row of a table; pictures, masks and poses lie
+# where BOP's tools look for them.
 
 # %%
 table = parquet.read_table(folder / "pots" / "train" / "latents.parquet")
-for row in table.select(["azimuth", "elevation", "occlusion", "cause", "finish"]).slice(0, 5).to_pylist():
+for row in (
+    table.select(["azimuth", "elevation", "occlusion", "cause", "finish"])
+    .slice(0, 5)
+    .to_pylist()
+):
     print(row)
 scene = folder / "pots" / "test" / "000000"
 pose = json.loads((scene / "scene_gt.json").read_text())["0"][0]
 print("rotation, row by row:", np.round(pose["cam_R_m2c"], 3))
 print("translation, mm:", np.round(pose["cam_t_m2c"], 1))
 coco = json.loads(next((folder / "coco").rglob("*.json")).read_text())
-print(len(coco["images"]), "images and", len(coco["annotations"]), "annotations for COCO")
+print(
+    len(coco["images"]),
+    "images and",
+    len(coco["annotations"]),
+    "annotations for COCO",
+)
 
 # %%
 pictures = sorted((folder / "pots" / "train" / "000000" / "rgb").iterdir())[:16]
-sheet = np.array([np.asarray(Image.open(path)) for path in pictures]).reshape(2, 8, 150, 150, 3)
+sheet = np.array([np.asarray(Image.open(path)) for path in pictures]).reshape(
+    2, 8, 150, 150, 3
+)
 Image.fromarray(sheet.transpose(0, 2, 1, 3, 4).reshape(300, 1200, 3))
 
 
 # %% [markdown]
-# The splits share no asset: rooms, things and designs of the test are others than those of the training.
+# The splits share no asset: rooms, things and designs of the test are others than
+# those of the training.
 
 
 # %%
@@ -60,16 +72,34 @@ def read(split: str) -> tuple[torch.Tensor, torch.Tensor]:
     """Pictures (N, 3, 50, 50) and masks of the visible object (N, 50, 50)."""
     place = folder / "pots" / split / "000000"
     names = sorted(path.stem for path in (place / "rgb").iterdir())
-    seen = [Image.open(place / "rgb" / f"{name}.png").resize((50, 50)) for name in names]
-    masks = [Image.open(place / "mask_visib" / f"{name}_000000.png").resize((50, 50)) for name in names]
-    stacked = torch.tensor(np.array([np.asarray(one) for one in seen])).permute(0, 3, 1, 2) / 255.0
-    return stacked, torch.tensor(np.array([np.asarray(mask) > 127 for mask in masks])).float()
+    seen = [
+        Image.open(place / "rgb" / f"{name}.png").resize((50, 50)) for name in names
+    ]
+    masks = [
+        Image.open(place / "mask_visib" / f"{name}_000000.png").resize((50, 50))
+        for name in names
+    ]
+    stacked = (
+        torch.tensor(np.array([np.asarray(one) for one in seen])).permute(
+            0, 3, 1, 2
+        )
+        / 255.0
+    )
+    return stacked, torch.tensor(
+        np.array([np.asarray(mask) > 127 for mask in masks])
+    ).float()
 
 
 torch.manual_seed(0)
 torch.set_num_threads(2)
 layers: list[nn.Module] = []
-for inside, outside, dilation in ((5, 16, 1), (16, 24, 2), (24, 24, 4), (24, 24, 8), (24, 24, 16)):
+for inside, outside, dilation in (
+    (5, 16, 1),
+    (16, 24, 2),
+    (24, 24, 4),
+    (24, 24, 8),
+    (24, 24, 16),
+):
     layers += [
         nn.Conv2d(inside, outside, 3, padding=dilation, dilation=dilation),
         nn.BatchNorm2d(outside),
@@ -82,12 +112,17 @@ place = torch.stack(torch.meshgrid(across, across, indexing="ij"))
 
 def predict(pictures: torch.Tensor) -> torch.Tensor:
     """Log odds (N, 50, 50); the network sees where a pixel is, too."""
-    return network(torch.cat([pictures, place.expand(len(pictures), -1, -1, -1)], dim=1))[:, 0]
+    return network(
+        torch.cat([pictures, place.expand(len(pictures), -1, -1, -1)], dim=1)
+    )[:, 0]
 
 
 def overlap(masks: torch.Tensor, truth: torch.Tensor) -> float:
     """Mean IoU."""
-    both, either = (masks * truth).sum((1, 2)), torch.maximum(masks, truth).sum((1, 2))
+    both, either = (
+        (masks * truth).sum((1, 2)),
+        torch.maximum(masks, truth).sum((1, 2)),
+    )
     return float((both / either.clamp(min=1)).mean())
 
 
@@ -97,7 +132,9 @@ optimizer = torch.optim.Adam(network.parameters(), lr=0.005)
 for _ in range(24):
     for batch in torch.randperm(len(pictures)).split(20):
         optimizer.zero_grad()
-        nn.functional.binary_cross_entropy_with_logits(predict(pictures[batch]), masks[batch]).backward()
+        nn.functional.binary_cross_entropy_with_logits(
+            predict(pictures[batch]), masks[batch]
+        ).backward()
         optimizer.step()
 network.eval()
 with torch.no_grad():
@@ -107,6 +144,8 @@ print(f"IoU of unseen pictures by the usual place: {overlap(usual, truth):.2f}")
 print(f"IoU of unseen pictures by the network: {overlap(guessed, truth):.2f}")
 
 # %% [markdown]
-# With 240 images and half a minute it is a beginning; it grows with both. More images, path-traced ones
-# (`--tier cycles`) and your own panoramas and things: [datasets](../dataset.md), [the world](../world.md),
-# [path tracing](../cycles.md), [light](../light.md). vig's own network is trained by `vig train`.
+# With 240 images and half a minute it is a beginning; it grows with both. More
+# images, path-traced ones (`--tier cycles`) and your own panoramas and things:
+# [datasets](../dataset.md), [the world](../world.md), [path
+# tracing](../cycles.md), [light](../light.md). vig's own network is trained by
+# `vig train`.

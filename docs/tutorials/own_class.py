@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A class of your own
 #
-# A folder of meshes becomes a class: each is turned upright, a template is carried onto it, and what varies
-# among them becomes the shape model. Here a few jars, made by revolving outlines; yours come as `.glb`,
-# `.obj`, `.ply`, `.stl`.
+# A folder of meshes becomes a class: each is turned upright, a template is
+# carried onto it, and what varies among them becomes the shape model. Here a few
+# jars, made by revolving outlines; yours come as `.glb`, `.obj`, `.ply`, `.stl`.
 
 # %%
 import subprocess
@@ -22,21 +22,29 @@ folder = Path(tempfile.mkdtemp())
 (folder / "jars").mkdir()
 rng = np.random.default_rng(0)
 for number in range(5):
-    foot, belly, neck, height = rng.uniform([0.3, 0.5, 0.2, 1.0], [0.45, 0.8, 0.35, 1.6])
+    foot, belly, neck, height = rng.uniform(
+        [0.3, 0.5, 0.2, 1.0], [0.45, 0.8, 0.35, 1.6]
+    )
     heights = np.array([0.0, 0.01, 0.45, 0.85, 1.0, 1.0]) * height
-    outline = np.interp(np.linspace(0, 5, 40), range(6), [0.0, foot, belly, neck, neck * 1.2, 0.0])
+    outline = np.interp(
+        np.linspace(0, 5, 40), range(6), [0.0, foot, belly, neck, neck * 1.2, 0.0]
+    )
     rises = np.interp(np.linspace(0, 5, 40), range(6), heights)
     trimesh.creation.revolve(np.stack([outline, rises], 1), sections=40).export(
         folder / "jars" / f"jar{number}.ply"
     )
 
-build = f"vig class build {folder}/jars --out {folder}/jar --symmetry any-turn --length 0.3 --vertices 900"
-told = subprocess.run(build.split(), check=True, capture_output=True, text=True).stdout
+build = f"vig class build {folder}/jars --out {folder}/jar"
+build += " --symmetry any-turn --length 0.3 --vertices 900"
+told = subprocess.run(
+    build.split(), check=True, capture_output=True, text=True
+).stdout
 print(told.replace(str(folder), "FOLDER"))
 
 # %% [markdown]
-# The pack tells how well it went: `card.md` with the numbers, and a picture of each stage. The shapes of
-# the class from its mean along the first three components, two standard deviations to either side:
+# The pack tells how well it went: `card.md` with the numbers, and a picture of
+# each stage. The shapes of the class from its mean along the first three
+# components, two standard deviations to either side:
 
 # %%
 jar = ObjectClass.load(folder / "jar")
@@ -48,9 +56,14 @@ def picture(coefficients: torch.Tensor) -> np.ndarray:
     """A shape of the class, (150, 150, 3) uint8."""
     vertices = model.vertices(coefficients[None])[0]
     item = MeshObject(
-        vertices, Topology.of(model.faces, model.mean), torch.tensor([0.5, 0.6, 0.7]), light=LIGHT
+        vertices,
+        Topology.of(model.faces, model.mean),
+        torch.tensor([0.5, 0.6, 0.7]),
+        light=LIGHT,
     )
-    camera = Pinhole.on_sphere(jar.camera(150), torch.tensor(0.5), torch.tensor(0.3))
+    camera = Pinhole.on_sphere(
+        jar.camera(150), torch.tensor(0.5), torch.tensor(0.3)
+    )
     scene = Scene([item], camera, background=torch.ones(3))
     return srgb8_from_linear(render(scene, samples=2).rgb[0].numpy())
 
@@ -59,14 +72,20 @@ LIGHT = torch.tensor([2.4, 0.3, 1.0, -0.6, 0.1, -0.2, 0.2, 0.1, -0.1])
 rows = []
 for component in range(min(3, model.modes)):
     unit = torch.nn.functional.one_hot(torch.tensor(component), model.modes).float()
-    rows.append(np.concatenate([picture(amount * unit) for amount in (-2.0, -1.0, 0.0, 1.0, 2.0)], axis=1))
+    rows.append(
+        np.concatenate(
+            [picture(amount * unit) for amount in (-2.0, -1.0, 0.0, 1.0, 2.0)],
+            axis=1,
+        )
+    )
 Image.fromarray(np.concatenate(rows))
 
 # %% [markdown]
-# What is left is its network, some hours on two cores, and then the class fits photos like any other:
+# What is left is its network, some hours on two cores, and then the class fits
+# photos like any other:
 #
 #     vig class train jar
 #     vig fit photo.jpg --class jar --out result
 #
-# Five jars make a narrow class; ten or twenty meshes of one kind a good one ([your own
-# class](../own_class.md)).
+# Five jars make a narrow class; ten or twenty meshes of one kind a good one
+# ([your own class](../own_class.md)).

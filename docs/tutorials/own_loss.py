@@ -1,9 +1,10 @@
 # %% [markdown]
 # # A pixel model of your own
 #
-# `vig.renderer` is differentiable in everything continuous, silhouettes included, so that another
-# likelihood is a few lines of PyTorch. Here: the pose of a known teapot, half hidden, by a plain square
-# error and by Geman and McClure's robust one.
+# `vig.renderer` is differentiable in everything continuous, silhouettes included,
+# so that another likelihood is a few lines of PyTorch. Here: the pose of a known
+# teapot, half hidden, by a plain square error and by Geman and McClure's robust
+# one.
 
 # %%
 import math
@@ -24,20 +25,29 @@ light = torch.tensor([2.4, 0.3, 1.0, -0.6, 0.1, -0.2, 0.2, 0.1, -0.1])
 background = torch.full((3,), 0.1)
 
 
-def draw(azimuth: torch.Tensor, elevation: torch.Tensor, samples: int = 1) -> torch.Tensor:
+def draw(
+    azimuth: torch.Tensor, elevation: torch.Tensor, samples: int = 1
+) -> torch.Tensor:
     """The teapot from there, linear RGB (SIZE, SIZE, 3)."""
-    item = MeshObject(vertices, topology, torch.tensor([0.6, 0.35, 0.2]), light=light)
+    item = MeshObject(
+        vertices, topology, torch.tensor([0.6, 0.35, 0.2]), light=light
+    )
     camera = Pinhole.on_sphere(teapot.camera(SIZE), azimuth, elevation)
-    return render(Scene([item], camera, background=background), samples=samples).rgb[0]
+    return render(
+        Scene([item], camera, background=background), samples=samples
+    ).rgb[0]
 
 
 truth = torch.tensor([0.8, 0.45])
 photo = draw(*truth, samples=4)
-photo[:, : SIZE * 2 // 5] = torch.tensor([0.05, 0.25, 0.1])  # something green stands before its left
+photo[:, : SIZE * 2 // 5] = torch.tensor(
+    [0.05, 0.25, 0.1]
+)  # something green stands before its left
 
 # %% [markdown]
-# The loss is all there is to write. Geman and McClure's grows like the square for small errors and stops at
-# one for large ones: a pixel that something else covers no longer pulls.
+# The loss is all there is to write. Geman and McClure's grows like the square for
+# small errors and stops at one for large ones: a pixel that something else covers
+# no longer pulls.
 
 
 # %%
@@ -51,7 +61,7 @@ def geman_mcclure(error: torch.Tensor, scale: float = 0.1) -> torch.Tensor:
 
 
 def fit(loss_of: object, steps: int = 80) -> tuple[torch.Tensor, float]:
-    """Angles after some steps of Adam from 20 degrees beside the truth, and their error in degrees."""
+    """Angles after Adam from 20 degrees beside the truth, and their error."""
     angles = (truth + torch.tensor([0.35, -0.2])).requires_grad_()
     optimizer = torch.optim.Adam([angles], lr=0.03)
     for _ in range(steps):
@@ -71,7 +81,8 @@ strip = np.concatenate([srgb8_from_linear(row.numpy()) for row in rows], axis=1)
 Image.fromarray(strip).resize((9 * SIZE, 3 * SIZE))
 
 # %% [markdown]
-# Left to right: the photo, the square error's fit, the robust one's. The fit of `vig.Explainer` goes
-# farther: a mixture with a colour histogram of what else is in the photo, masks whose neighbouring pixels
-# agree, Levenberg-Marquardt with exact Jacobians from several starts ([the objective](../objective.md),
+# Left to right: the photo, the square error's fit, the robust one's. The fit of
+# `vig.Explainer` goes farther: a mixture with a colour histogram of what else is
+# in the photo, masks whose neighbouring pixels agree, Levenberg-Marquardt with
+# exact Jacobians from several starts ([the objective](../objective.md),
 # [rendering](../rendering.md)).

@@ -39,8 +39,11 @@ SURELY_FOUND = 0.75
 class Explainer:
     """Explains photos of one class of objects.
 
-    explainer = vig.Explainer("teapot")
-    explanation = explainer.explain("photo.jpg", box=(120, 80, 300, 240))
+    Example:
+        ```python
+        explainer = vig.Explainer("teapot")
+        explanation = explainer.explain("photo.jpg", box=(120, 80, 300, 240))
+        ```
     """
 
     def __init__(
@@ -127,11 +130,13 @@ class Explainer:
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
             fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternatives=())
-        elif found < SURELY_FOUND and fit.verdict is Verdict.TRUSTED:
-            reason = (
-                f"what was found in the photo may be no {self.object_class.name}; give a box if it is one"
-            )
-            fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
+            fit = replace(fit, mask_confidence=0.0, mask_trusted=False)
+        elif found < SURELY_FOUND:
+            fit = replace(fit, mask_trusted=False)
+            if fit.verdict is Verdict.TRUSTED:
+                reason = f"what was found in the photo may be no {self.object_class.name}"
+                reason += "; give a box if it is one"
+                fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
         return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0, focal_from, hints)
 
     def explain_many(

@@ -22,14 +22,11 @@ from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.images import linear_photo, write_png
 from vig.renderer import render_latents
-from vig.renderer.shading import smooth_normals
 from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
 from vig.report.pictures import PANEL
-from vig.scene import Camera, Latents, ObjectClass, latent_layout, srgb8_from_linear, srgb_from_linear
+from vig.scene import Camera, Latents, ObjectClass, latent_layout, srgb8_from_linear
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
-PAGE_SIDE = 768
-"""Pixels of the longer side of a page's pictures."""
 DIFFERENCE = 1e-4
 """Step of the numerical derivatives of a pose."""
 
@@ -105,6 +102,21 @@ class Explanation:
     def confidence(self) -> float:
         """Probability that the view is right, NaN for a class without calibration."""
         return self.fit.confidence
+
+    @property
+    def mask_confidence(self) -> float:
+        """Probability that the mask has an IoU of .8 or more, NaN for a class without calibration."""
+        return self.fit.mask_confidence
+
+    @property
+    def trusted(self) -> tuple[str, ...]:
+        """What of the answer is trusted: "view" where the verdict says so, "mask" where its confidence does.
+
+        One does not follow from the other: from a view that is right textured things before the object may
+        be taken for painted object, and a mask may be right whichever way the object is turned.
+        """
+        view = ("view",) if self.verdict is Verdict.TRUSTED else ()
+        return view + (("mask",) if self.fit.mask_trusted else ())
 
     @property
     def latents(self) -> Latents:
@@ -279,7 +291,8 @@ class Explanation:
         described = describe(
             self.fit, self.object_class, self.window, cameras, self.focal_from, self.hidden_fraction, self.box
         )
-        return described | {"hints": self.hints.described() if self.hints else {}}
+        hints = self.hints.described() if self.hints else {}
+        return described | {"trusted": list(self.trusted), "hints": hints}
 
     def save(self, folder: str | Path, photo: str = "photo") -> Path:
         """Write the files of docs/explanation.md into a folder, and return it.
@@ -311,64 +324,9 @@ class Explanation:
         Args:
             photo: What the photo is called there.
         """
-        from vig.report.page import Page, Seen, html
+        from vig.report.contents import page_of
 
-        described, model = self.to_dict(), self.object_class.shape_model
-        height, width = self.picture.shape[:2]
-        scale = min(1.0, PAGE_SIDE / max(height, width))
-        small = round(width * scale), round(height * scale)
-
-        def shrunk(picture: np.ndarray) -> np.ndarray:
-            return np.asarray(
-                Image.fromarray(picture).resize(small, Image.Resampling.LANCZOS, reducing_gap=2.0)
-            )
-
-        coded = self.picture if self.picture.dtype == np.uint8 else srgb8_from_linear(self.picture)
-        small_photo, hidden = shrunk(coded), (self.amodal & ~self.mask).view(np.uint8) * np.uint8(255)
-        camera = replace(self.camera.scaled(scale), width=small[0], height=small[1])
-        albedo, colours = self.latents.albedo[0].numpy(), self.part_albedo
-        drawn = on_one_core(partial(render_latents, self.latents, self.object_class, camera))
-        triangle = drawn.triangle_id[0].numpy()
-        of_part = colours[model.parts[model.faces[triangle, 0]]] / np.maximum(albedo, 1e-3)
-        share = drawn.coverage[0].numpy()[..., None]
-        own = srgb8_from_linear((drawn.rgb[0].numpy() / np.maximum(share, 1e-6) * of_part).clip(0, 1))
-        share = share * shrunk(hidden)[..., None] / 255
-        whole = (small_photo + share * (own.astype(np.float32) - small_photo)).round().astype(np.uint8)
-        views = [
-            Seen("this fit: " + _words(self.azimuth_deg, self.elevation_deg, self.confidence),
-                 float(self.latents.azimuth), float(self.latents.elevation), self._drawn_over(self._close_up))
-        ]  # fmt: skip
-        for other, view in zip(self.alternatives, self.fit.alternatives, strict=True):
-            shown = replace(self, fit=replace(self.fit, latents=view.latents, framing=view.framing))
-            words = _words(other.azimuth_deg, other.elevation_deg, other.probability)
-            angles = float(view.latents.azimuth), float(view.latents.elevation)
-            views.append(Seen(words, *angles, self._drawn_over(shown._close_up)))
-        vertices = torch.from_numpy(self.vertices)
-        return html(
-            Page(
-                name=photo,
-                described=described,
-                photo=small_photo,
-                whole=whole,
-                outline=shrunk(self.overlay()),
-                panels=self.panels(),
-                views=tuple(views),
-                vertices=self.vertices,
-                normals=smooth_normals(vertices, torch.from_numpy(model.faces)).numpy(),
-                faces=model.faces,
-                colours=colours[model.parts[model.faces[:, 0]]],
-                parts=tuple(zip(model.part_names, colours, strict=True)),
-            )
-        )
-
-    @staticmethod
-    def _drawn_over(shown: CloseUp) -> np.ndarray:
-        """A re-rendering in front of the window's photo, (S, S, 3) uint8."""
-        share = shown.coverage[..., None]
-        drawn = srgb_from_linear(shown.rendering / np.maximum(share, 1e-6))
-        photo = srgb_from_linear(shown.photo)
-        picture: np.ndarray = (255 * (photo + share * (drawn - photo))).clip(0, 255).round().astype(np.uint8)
-        return picture
+        return page_of(self, photo)
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
@@ -451,11 +409,6 @@ class Explanation:
         data = io.BytesIO()
         Image.fromarray(self.overlay()).save(data, format="PNG")
         return data.getvalue()
-
-
-def _words(azimuth_deg: float, elevation_deg: float, probability: float) -> str:
-    sure = "" if math.isnan(probability) else f", {probability:.0%}"
-    return f"azimuth {azimuth_deg:.0f}°, elevation {elevation_deg:.0f}°{sure}"
 
 
 def _numbers(name: str, size: int, given: Any, most: float) -> torch.Tensor:

@@ -17,11 +17,13 @@ from scipy.special import expit
 
 from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
 from vig.inference.calibration import faded, residual
+from vig.inference.settings import MASK_RIGHT
 from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
 from vig_lab.evaluation.framing import fit_settings, framed
+from vig_lab.evaluation.metrics import segmentation_iou
 from vig_lab.training.calibration import WITHIN_90
 from vig_lab.training.drawing import studio_examples
 from vig_lab.training.examples import Examples
@@ -54,6 +56,19 @@ IN_DISTRIBUTION_FEATURES = (
     "outline_agreement",
 )
 """Those that tell whether a photo is in distribution."""
+MASK_FEATURES = (
+    "view_log_probability",
+    "network_agrees",
+    "hidden_fraction",
+    "log_visible_pixels",
+    "log_residual",
+    "mask_log_probability",
+    "log_elevation_deviation",
+    "shape_deviation",
+    "presence_log_odds",
+    "outline_agreement",
+)
+"""Those that tell whether a mask is right."""
 LEAST_SPREAD = 1e-3
 """Standard deviation of a feature below which it says nothing: weights would be huge."""
 FOLDS = 5
@@ -80,6 +95,7 @@ class CalibrationSamples:
     Attributes:
         features: (N, C) confidence features.
         right: (N,) bool, whether the view is.
+        mask_right: (N,) bool, whether the mask of the visible pixels is.
         error: (N, P) of the latents.
         deviation: (N, P), from the curvature.
         weight: (N,).
@@ -90,6 +106,7 @@ class CalibrationSamples:
 
     features: np.ndarray
     right: np.ndarray
+    mask_right: np.ndarray
     error: np.ndarray
     deviation: np.ndarray
     weight: np.ndarray
@@ -112,11 +129,13 @@ class StudioPhotos:
     Attributes:
         images: (N, H, W, 3) uint8 sRGB, which show the object.
         latents: (N, P) of these.
+        visible: (N, H, W) bool, where the object is seen.
         others: (M, H, W, 3) uint8, which do not.
     """
 
     images: np.ndarray
     latents: np.ndarray
+    visible: np.ndarray
     others: np.ndarray
 
     @staticmethod
@@ -126,8 +145,9 @@ class StudioPhotos:
         drawn = studio_examples(studio, seed, range(count))
         shown = drawn.present() > 0
         latents = latents_of(drawn.numbers, drawn.azimuth).to_vector().numpy()
-        images = drawn.images.numpy()
-        return StudioPhotos(images[shown], latents[shown], images[~shown]), drawn[shown]
+        images, visible = drawn.images.numpy(), drawn.visible.numpy() > 127
+        photos = StudioPhotos(images[shown], latents[shown], visible[shown], images[~shown])
+        return photos, drawn[shown]
 
     def __len__(self) -> int:
         return len(self.images)
@@ -172,17 +192,18 @@ def calibrate_fits(
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         if isinstance(dataset, StudioPhotos):
-            images, how = dataset.images, plain.filled(photo=True)
+            images, visible, how = dataset.images, dataset.visible, plain.filled(photo=True)
             photos, origin = dataset.others, np.arange(len(dataset.others))
         else:
-            images, how = framed(dataset, recognizer)[0], fit_settings(plain, dataset)
+            (images, visible), how = framed(dataset, recognizer), fit_settings(plain, dataset)
             origin = to_roll(dataset)
             photos = rolled(images[origin], roll_angles(len(origin)))
         fits = fitted(images, name, how)
         rolled_features = fits.confidence_features[:0]
         if len(origin):
             rolled_features = fitted(photos, name + "_outside", how).confidence_features
-        parts.append(samples_of(fits, dataset, origin, rolled_features, object_class.symmetry))
+        symmetry = object_class.symmetry
+        parts.append(samples_of(fits, dataset, visible, origin, rolled_features, symmetry))
     samples = CalibrationSamples(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
@@ -224,6 +245,7 @@ def fits_of(dataset: Dataset | StudioPhotos) -> int:
 def samples_of(
     fits: Fits,
     dataset: Dataset | StudioPhotos,
+    visible: np.ndarray,
     origin: np.ndarray,
     rolled_features: np.ndarray,
     symmetry: Symmetry = Symmetry.NONE,
@@ -232,7 +254,8 @@ def samples_of(
 
     Args:
         fits: Of the photos of the dataset.
-        dataset: Holds the truth.
+        dataset: Holds the true latents.
+        visible: (N, H, W) bool, where the object is truly seen in the photos as they were fitted.
         origin: (M,) indices of the photos that were rolled, or of those without the object.
         rolled_features: (M, C) confidence features of the fits of these.
         symmetry: Of the class. Where any turn looks the same, a view is right by its elevation.
@@ -246,9 +269,9 @@ def samples_of(
     right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < RIGHT
     weight = np.full(len(right), 1 / len(right))
     deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
-    features = fits.confidence_features
+    features, mask_right = fits.confidence_features, segmentation_iou(fits.masks, visible) >= MASK_RIGHT
     return CalibrationSamples(
-        features, right, error, deviation, weight, fold, rolled_features, origin % FOLDS
+        features, right, mask_right, error, deviation, weight, fold, rolled_features, origin % FOLDS
     )
 
 
@@ -256,8 +279,10 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
     """The calibration that holds on samples; the threshold is chosen out of sample, by folds."""
     weights, bias = logistic(samples.features, samples.right, samples.weight)
     in_distribution_weights, in_distribution_bias = _in_distribution(samples)
-    confidence, _ = out_of_fold(samples)
+    mask_weights, mask_bias = _mask(samples)
+    confidence, mask_confidence, _ = out_of_fold(samples)
     threshold = least_threshold(confidence, samples.right, samples.weight)
+    mask_threshold = least_threshold(mask_confidence, samples.mask_right, samples.weight)
     trusted = confidence >= threshold
     noise = residual(torch.from_numpy(samples.features)).numpy()
     scale, floor = np.empty((2, 2, samples.error.shape[1]))
@@ -272,26 +297,43 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
         bias,
         torch.from_numpy(in_distribution_weights),
         in_distribution_bias,
+        torch.from_numpy(mask_weights),
+        mask_bias,
         threshold,
+        mask_threshold,
         torch.from_numpy(scale),
         torch.from_numpy(floor),
     )
 
 
-def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray]:
-    """Confidence in each fit (N,) and each of a rolled photo (M,), by a calibration on the other folds."""
-    found = np.empty(len(samples.features)), np.empty(len(samples.out_of_distribution))
+def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Confidence in the view (N,) and in the mask (N,) of each fit, and in the view (M,) of rolled photos.
+
+    Each is by a calibration on the other folds.
+    """
+    count, outside = len(samples.features), len(samples.out_of_distribution)
+    found = np.empty(count), np.empty(count), np.empty(outside)
     for fold in range(FOLDS):
         others = samples.without(fold)
-        (w, b), (k, c) = logistic(others.features, others.right, others.weight), _in_distribution(others)
-        groups = (
-            (samples.features, samples.fold == fold),
-            (samples.out_of_distribution, samples.out_of_distribution_fold == fold),
-        )
-        for confidence, (features, here) in zip(found, groups, strict=True):
-            view, known = (torch.from_numpy(expit(features[here] @ x + y)) for x, y in ((w, b), (k, c)))
-            confidence[here] = faded(view, known).numpy()
+        view, mask = logistic(others.features, others.right, others.weight), _mask(others)
+        known = _in_distribution(others)
+        inside = samples.features, samples.fold == fold
+        rolled = samples.out_of_distribution, samples.out_of_distribution_fold == fold
+        for confidence, right, (features, here) in zip(
+            found, (view, mask, view), (inside, inside, rolled), strict=True
+        ):
+            two = (torch.from_numpy(expit(features[here] @ w + b)) for w, b in (right, known))
+            confidence[here] = faded(*two).numpy()
     return found
+
+
+def _mask(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+    """Weights (C,) and bias for a mask being right."""
+    weights = np.zeros(len(CONFIDENCE_FEATURES))
+    used = [CONFIDENCE_FEATURES.index(name) for name in MASK_FEATURES]
+    signs = [SIGNS[index] for index in used]
+    weights[used], bias = logistic(samples.features[:, used], samples.mask_right, samples.weight, signs)
+    return weights, bias
 
 
 def _in_distribution(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
@@ -310,13 +352,19 @@ def _in_distribution(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
 
 def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[str]:
     """Lines on how confidence holds, of each fit by a calibration on the other folds."""
-    confidence, rolled_confidence = out_of_fold(samples)
+    confidence, mask_confidence, rolled_confidence = out_of_fold(samples)
     trusted = confidence >= calibration.threshold
     right = f", of which {samples.right[trusted].mean():.1%} are right" if trusted.any() else ""
     lines = [
         f"{len(trusted)} fits, {samples.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
         f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
     ]
+    sure = mask_confidence >= calibration.mask_threshold
+    right = f", of which {samples.mask_right[sure].mean():.1%} are right" if sure.any() else ""
+    lines.append(
+        f"{samples.mask_right.mean():.1%} of masks have an IoU of {MASK_RIGHT} or more; trusted from"
+        f" {calibration.mask_threshold:.3f}: {sure.mean():.1%}{right}"
+    )
     if len(rolled_confidence):
         share = (rolled_confidence >= calibration.threshold).mean()
         lines.append(

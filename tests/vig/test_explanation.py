@@ -64,11 +64,14 @@ def fit() -> Fit:
         verdict=Verdict.TRUSTED,
         reason=Verdict.TRUSTED.value,
         confidence=0.9,
+        mask_confidence=0.7,
+        mask_trusted=False,
         confidence_features=torch.zeros(len(CONFIDENCE_FEATURES)),
         evidence=123.456789,
         start_evidence=-1.0,
         evaluations=77,
         alternatives=(),
+        descent=torch.cat([latents().to_vector(), torch.tensor([[0.01, 0.02, 0.1, 0.03]])], dim=1),
     )
 
 
@@ -96,7 +99,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), fit, teapot)
     assert set(said) == {
-        *("format", "frames", "glb_from_object", "hints"),
+        *("format", "frames", "glb_from_object", "hints", "mask_confidence", "trusted"),
         *(
             "vig",
             "class",
@@ -113,6 +116,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
         *("evaluations", "window", "framing", "camera", "roll_deg", "family", "box", "front"),
     }
     assert (said["class"], said["verdict"]) == ("teapot", "trusted")
+    assert (said["mask_confidence"], said["trusted"]) == (0.7, ["view"])
     assert said["azimuth_deg"] == pytest.approx(360 - math.degrees(1), abs=1e-4)  # in [0, 360)
     assert said["elevation_deg"] == pytest.approx(math.degrees(0.5), abs=1e-4)
     assert said["albedo"] == pytest.approx([0.8, 0.4, 0.1])

@@ -40,6 +40,7 @@ from vig_world.dataset import Dataset
 from vig_world.generation.write import make_dataset
 
 ALIKE = np.full(4000, 1 / 4000)
+MASK_CLUE = CONFIDENCE_FEATURES.index("outline_agreement")
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,10 @@ def samples() -> CalibrationSamples:
     noise = np.exp(features[:, [CONFIDENCE_FEATURES.index("log_residual")]])
     error = 3 * noise * deviation * rng.normal(size=(4000, 5))
     fold = np.arange(4000) % 5
-    return CalibrationSamples(features, right, error, deviation, ALIKE, fold, features[:0], fold[:0])
+    mask_right = rng.random(4000) < 1 / (1 + np.exp(-2 * features[:, MASK_CLUE] - 1))
+    return CalibrationSamples(
+        features, right, mask_right, error, deviation, ALIKE, fold, features[:0], fold[:0]
+    )
 
 
 def with_others(samples: CalibrationSamples, off: float) -> CalibrationSamples:
@@ -66,6 +70,8 @@ def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(samples:
     learned = learn(samples)
     assert learned.view_weights[0] == pytest.approx(3, rel=0.15)
     assert learned.view_weights[1:].abs().max() < 0.2
+    assert learned.mask_weights[MASK_CLUE] == pytest.approx(2, rel=0.15)
+    assert learned.mask_bias == pytest.approx(1, abs=0.2)
     confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.8, 0.95)):
         here = (confidence > low) & (confidence < high)
@@ -84,7 +90,9 @@ def test_photos_of_another_kind_are_not_trusted(samples: CalibrationSamples) -> 
     assert (known > 0.5).mean() > 0.99 and (other < 0.5).mean() > 0.99
     confidence = [learned.confidence(row) for row in torch.from_numpy(given.out_of_distribution)]
     assert np.mean(np.array(confidence) >= learned.threshold) < 0.01
-    assert "fits of photos rolled or without the object, of which 0" in describe(learned, given)[1]
+    assert "fits of photos rolled or without the object, of which 0" in describe(learned, given)[2]
+    masks = [learned.mask_confidence(row) for row in torch.from_numpy(given.out_of_distribution)]
+    assert np.mean(np.array(masks) >= learned.mask_threshold) < 0.01
 
 
 def test_without_photos_of_another_kind_all_are_of_the_known_one(samples: CalibrationSamples) -> None:
@@ -147,8 +155,8 @@ def test_a_calibration_is_read_as_it_was_written(samples: CalibrationSamples, tm
 
 def test_a_calibration_of_an_older_format_is_told(samples: CalibrationSamples, tmp_path: Path) -> None:
     path = tmp_path / "calibration.json"
-    path.write_text(learn(samples).to_json().replace('"format": 5', '"format": 1'))
-    with pytest.raises(UserError, match="it is of format 1, where this vig reads 5.* Make it again"):
+    path.write_text(learn(samples).to_json().replace('"format": 6', '"format": 5'))
+    with pytest.raises(UserError, match="it is of format 5, where this vig reads 6.* Make it again"):
         FitCalibration.load(path)
 
 
@@ -199,13 +207,17 @@ def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset]:
     fits = Fits(
         found, np.full((count, 24), 0.2), masks, masks, features, np.ones(count), ("trusted",) * count
     )
-    return fits, cast(Dataset, SimpleNamespace(latents=truth))
+    return fits, cast(Dataset, SimpleNamespace(latents=truth)), masks
 
 
 def test_a_view_is_right_within_15_degrees_and_errors_go_round_the_circle() -> None:
     off = np.array([0.0, 14.5, -14.5, 15.5, -15.5, 59.0, 180.0])
-    fits, dataset = hand_made(off)
-    learned = samples_of(fits, dataset, np.array([2, 6]), fits.confidence_features[:2])
+    fits, dataset, seen = hand_made(off)
+    seen = seen.copy()
+    seen[:2, 0] = fits.masks[:2, 0] = True
+    fits.masks[1, 0, 1] = False  # an intersection over union of a half
+    learned = samples_of(fits, dataset, seen, np.array([2, 6]), fits.confidence_features[:2])
+    assert learned.mask_right.tolist() == [True, False, True, True, True, True, True]
     assert learned.right.tolist() == [True] * 3 + [False] * 4
     np.testing.assert_allclose(np.abs(np.degrees(learned.error[:, 10])), np.abs(off), atol=1e-3)
     np.testing.assert_allclose(np.delete(learned.error, 10, 1), 0.1, atol=1e-6)
@@ -218,24 +230,25 @@ def test_a_view_is_right_within_15_degrees_and_errors_go_round_the_circle() -> N
 
 def test_a_view_that_looks_the_same_is_right_and_its_light_too() -> None:
     off = np.array([0.0, 179.0, 165.5, 80.0])
-    fits, dataset = hand_made(off)
+    fits, dataset, seen = hand_made(off)
     light = slice(15, 24)
     dataset.latents[:, light] = np.arange(9)
     fits.latents[:, light] = np.arange(9)
     fits.latents[1:3, light] *= [1, -1, 1, -1, 1, -1, 1, -1, 1]  # half a turn of it, by the odd orders
     none = np.array([], int)
-    half = samples_of(fits, dataset, none, fits.confidence_features[:0], Symmetry.HALF_TURN)
+    half = samples_of(fits, dataset, seen, none, fits.confidence_features[:0], Symmetry.HALF_TURN)
     assert half.right.tolist() == [True, True, True, False]
     np.testing.assert_allclose(np.degrees(half.error[:, 10]), [0, -1, -14.5, 80], atol=1e-3)
     np.testing.assert_allclose(half.error[1, light], 0, atol=1e-5)
-    any_turn = samples_of(fits, dataset, none, fits.confidence_features[:0], Symmetry.ANY_TURN)
+    any_turn = samples_of(fits, dataset, seen, none, fits.confidence_features[:0], Symmetry.ANY_TURN)
     assert any_turn.right.all() and not any_turn.error[:, 10].any()
 
 
 def test_where_azimuth_means_nothing_elevation_makes_a_view_right() -> None:
-    fits, dataset = hand_made(np.zeros(2))
+    fits, dataset, seen = hand_made(np.zeros(2))
     fits.latents[1, 11] = np.radians(16)
-    found = samples_of(fits, dataset, np.array([], int), fits.confidence_features[:0], Symmetry.ANY_TURN)
+    outside = np.array([], int), fits.confidence_features[:0]
+    found = samples_of(fits, dataset, seen, *outside, Symmetry.ANY_TURN)
     assert found.right.tolist() == [True, False]
 
 
@@ -246,8 +259,13 @@ def test_nothing_is_learned_from_a_fit_for_the_confidence_in_itself(samples: Cal
     )
     here = some.fold == 1
     wrong = replace(some, right=some.right & ~here)
-    (before, strange_before), (after, strange_after) = out_of_fold(some), out_of_fold(wrong)
+    wrong = replace(wrong, mask_right=wrong.mask_right & ~here)
+    (before, mask_before, strange_before), (after, mask_after, strange_after) = map(
+        out_of_fold, (some, wrong)
+    )
     np.testing.assert_array_equal(before[here], after[here])
+    np.testing.assert_array_equal(mask_before[here], mask_after[here])
+    assert (np.abs(mask_before - mask_after)[~here] > 1e-3).mean() > 0.9
     np.testing.assert_array_equal(
         strange_before[some.out_of_distribution_fold == 1], strange_after[some.out_of_distribution_fold == 1]
     )
@@ -273,7 +291,8 @@ def boastful() -> FitCalibration:
     """What says of each fit that it is surely right, and widens all deviations to 7 times the residual."""
     nothing = torch.zeros(len(CONFIDENCE_FEATURES)).double()
     scale = torch.zeros(2, 24).double()
-    return FitCalibration(nothing, 9.0, nothing, 9.0, 0.0, scale, torch.full_like(scale, 7.0))
+    surely = (nothing, 9.0) * 3
+    return FitCalibration(*surely, 0.0, 0.0, scale, torch.full_like(scale, 7.0))
 
 
 def test_fits_are_calibrated_from_what_they_say_uncalibrated(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -116,7 +117,9 @@ def parse_box(text: str) -> Box:
 def _line(name: str, explanation: Explanation, seconds: float) -> str:
     hidden = explanation.hidden_fraction
     colour = ", ".join(f"{c:.2f}" for c in explanation.latents.albedo[0].tolist())
-    seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden"
+    sure = explanation.mask_confidence
+    mask = "" if math.isnan(sure) else f" (mask right with {sure:.0%})"
+    seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
     return (
         f"{explanation.verdict.name.lower()}: {name}, azimuth {explanation.azimuth_deg:.1f}, elevation"
         f" {explanation.elevation_deg:.1f} degrees, albedo ({colour}),"

@@ -1,10 +1,10 @@
 """The calibration of fits, learned on validation photos: how likely a fit is right, and how far it is off.
 
-One logistic regression on a fit's confidence features gives the probability that its view is right; another,
-learned with rolled photos beside others, that the photo is in distribution, without which the first means
-nothing. The curvature at the fit gives deviations as if the model were exact and pixels independent; each is
-widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, scale and floor being apart for
-trusted fits and for others, so that 90 % intervals hold.
+One logistic regression on a fit's confidence features gives the probability that its view is right, one that
+its mask is; a third, learned with rolled photos beside others, that the photo is in distribution, without
+which these mean nothing. The curvature at the fit gives deviations as if the model were exact and pixels
+independent; each is widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, scale and
+floor being apart for trusted fits and for others, so that 90 % intervals hold.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from vig.files import atomic_write
 from vig.scene import ObjectClass, latent_layout
 
 FILE = "calibration.json"
-FORMAT = 5
-"""4 had other features."""
+FORMAT = 6
+"""5 said nothing of masks."""
 
 CONFIDENCE_FEATURES = (
     "evidence_gap",  # log (1 + nats by which the best fit of another view lies behind), 0 for a reverted fit
@@ -62,7 +62,10 @@ class FitCalibration:
         view_bias: Its bias.
         in_distribution_weights: (C,) of that for the photo being in distribution.
         in_distribution_bias: Its bias.
-        threshold: Confidence from which a fit is trusted.
+        mask_weights: (C,) of that for the mask being right.
+        mask_bias: Its bias.
+        threshold: Confidence from which a view is trusted.
+        mask_threshold: And a mask.
         scale: (2, P) factors of deviations, row 0 for trusted fits, 1 for others.
         floor: (2, P) in units of the residual, likewise.
     """
@@ -71,7 +74,10 @@ class FitCalibration:
     view_bias: float
     in_distribution_weights: torch.Tensor
     in_distribution_bias: float
+    mask_weights: torch.Tensor
+    mask_bias: float
     threshold: float
+    mask_threshold: float
     scale: torch.Tensor
     floor: torch.Tensor
 
@@ -79,6 +85,11 @@ class FitCalibration:
         """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""
         view = _logistic(self.view_weights, self.view_bias, features)
         return float(faded(view, self._in_distribution(features)))
+
+    def mask_confidence(self, features: torch.Tensor) -> float:
+        """Probability that the mask of a fit is right, see `Fit.mask_confidence`; it fades likewise."""
+        mask = _logistic(self.mask_weights, self.mask_bias, features)
+        return float(faded(mask, self._in_distribution(features)))
 
     def in_distribution(self, features: torch.Tensor) -> float:
         """Probability that a photo is of the distribution this was learned on, 1 / 2 a priori."""
@@ -113,25 +124,27 @@ class FitCalibration:
             if decode(tuple[str, ...], values["features"]) != CONFIDENCE_FEATURES:
                 raise ValueError("it is of other confidence features")
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
-            kinds = {"view_weights": row, "in_distribution_weights": row, "scale": rows, "floor": rows}
+            weights = dict.fromkeys(("view_weights", "in_distribution_weights", "mask_weights"), row)
+            kinds = {**weights, "scale": rows, "floor": rows}
             tensors = {
                 name: torch.tensor(decode(kind, values[name]), dtype=torch.float64)
                 for name, kind in kinds.items()
             }
-            shapes = {tuple(tensors[name].shape) for name, kind in kinds.items() if kind is row}
+            shapes = {tuple(tensors[name].shape) for name in weights}
             size = tensors["scale"].shape
             if shapes != {(len(CONFIDENCE_FEATURES),)} or size != tensors["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
             if (tensors["scale"] < 0).any() or (tensors["floor"] < 0).any():
                 raise ValueError("scale and floor must not be negative")
-            limits = {"view_bias": 1e6, "in_distribution_bias": 1e6, "threshold": 2.0}
+            limits = dict.fromkeys(("view_bias", "in_distribution_bias", "mask_bias"), 1e6)
+            limits |= {"threshold": 2.0, "mask_threshold": 2.0}
             numbers = {name: check_number(name, values[name], -most, most) for name, most in limits.items()}
             checked: dict[str, Any] = {**tensors, **numbers}
             return FitCalibration(**checked)
 
 
 def faded(view: torch.Tensor, in_distribution: torch.Tensor) -> torch.Tensor:
-    """Confidence from the probabilities that the view is right and that the photo is in distribution."""
+    """Confidence from the probabilities that a view or mask is right, and the photo in distribution."""
     return view * (2 * in_distribution).clamp_max(1)
 
 

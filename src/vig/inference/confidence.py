@@ -47,7 +47,12 @@ def assess(
     shown = _show(objective, selection.point, latents, settings.likelihood)
     features = _features(latents, shown, prediction, selection)
     confidence, verdict, reason = _verdict(selection, features, calibration, bool(shown.mask.any()))
+    mask_confidence, mask_trusted = math.nan, False
+    if calibration is not None:
+        mask_confidence = 0.0 if verdict is Verdict.FAILED else calibration.mask_confidence(features)
+        mask_trusted = mask_confidence >= calibration.mask_threshold
     deviations = _deviation(objective, at_fit.normal[0].cpu())
+    path = symmetry.canonical(objective.latents(selection.path))
     deviation = objective.latents(deviations).to_vector()[0]
     if calibration is not None:
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
@@ -63,11 +68,14 @@ def assess(
         verdict=verdict,
         reason=reason,
         confidence=confidence,
+        mask_confidence=mask_confidence,
+        mask_trusted=mask_trusted,
         confidence_features=features,
         evidence=float(at_fit.value),
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
         alternatives=_views(objective, selection, prediction, latents, confidence),
+        descent=torch.cat([path.to_vector(), objective.framing(selection.path)], dim=1),
     )
 
 

@@ -27,6 +27,7 @@ class Selection:
 
     Attributes:
         point: (1, P') of the objective.
+        path: (T, P') how it was reached, from its start on.
         reverted: Whether it is the recognition model's guess, which no end had more evidence than.
         start_evidence: Log posterior at that guess, nats.
         evaluations: Of the objective, by all starts together.
@@ -38,6 +39,7 @@ class Selection:
     """
 
     point: torch.Tensor
+    path: torch.Tensor
     reverted: bool
     start_evidence: float
     evaluations: int
@@ -82,6 +84,7 @@ def select(objective: Objective, ends: Ends, guess: Latents, sigma: float) -> Se
             seen.append(angle)
     return Selection(
         point,
+        point if reverted else ends.paths[:, best],
         reverted,
         start_evidence,
         ends.evaluations,
@@ -115,6 +118,7 @@ class Ends:
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
         evaluations: Of the objective, in all stages.
         given_up: (M, P') points that did not enter a later stage, the last ones and the best first.
+        paths: (T, S, P') how the points were reached, from their starts on.
     """
 
     points: torch.Tensor
@@ -122,6 +126,7 @@ class Ends:
     scores: torch.Tensor
     evaluations: int
     given_up: torch.Tensor
+    paths: torch.Tensor
 
 
 def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: ExplainSettings) -> Ends:
@@ -134,13 +139,14 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
     framing = framings(begin, prediction, objective) if settings.free_framing else None
     points = objective.point(begin, framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
-    evaluations, given_up = 0, points[:0]
+    evaluations, given_up, paths = 0, points[:0], points[None]
     for stage in settings.stages:
         entering = survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)
         order = scores.argsort(descending=True, stable=True)
         left = order[~torch.isin(order, entering)].to(objective.device)
         given_up = torch.cat([points[left], given_up])
-        points = points[entering.to(objective.device)]
+        entering = entering.to(objective.device)
+        points, paths = points[entering], paths[:, entering]
         descent = settings.optimizer(
             objectives[stage.scale],
             points,
@@ -149,10 +155,11 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
             stage.budget,
         )
         points, evidence = descent.points, descent.value.cpu()
+        paths = torch.cat([paths, points[None] if descent.path is None else descent.path[1:]])
         view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
-    return Ends(points, evidence, scores, evaluations, given_up)
+    return Ends(points, evidence, scores, evaluations, given_up, paths)
 
 
 def survivors(

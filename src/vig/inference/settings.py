@@ -15,6 +15,9 @@ from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget, Optimizer
 from vig.scene import Latents
 
+MASK_RIGHT = 0.8
+"""A mask of the visible pixels is right from this intersection over union with the truth on."""
+
 
 class Verdict(Enum):
     """How far an explanation can be believed; the value is a sentence for the user."""
@@ -61,12 +64,15 @@ class Fit:
         verdict: How far to believe it.
         reason: One sentence why.
         confidence: Probability that the view is right; NaN without a calibration.
-        confidence_features: (C,) float64, what the confidence follows from; see `CONFIDENCE_FEATURES`.
+        mask_confidence: Probability that the mask's IoU with the truth is `MASK_RIGHT` or more; NaN likewise.
+        mask_trusted: Whether that reaches the calibration's threshold.
+        confidence_features: (C,) float64, what these follow from; see `CONFIDENCE_FEATURES`.
         evidence: Log posterior at the fit, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
         evaluations: Of the objective, by all starts together.
         alternatives: Other views that were tried, at most `refinement.OTHER_VIEWS`; where the verdict is
             ambiguous because of one, that one first.
+        descent: (T, P + 4) latents and framing from the start of the search that was chosen, step by step.
     """
 
     latents: Latents
@@ -80,11 +86,14 @@ class Fit:
     verdict: Verdict
     reason: str
     confidence: float
+    mask_confidence: float
+    mask_trusted: bool
     confidence_features: torch.Tensor
     evidence: float
     start_evidence: float
     evaluations: int
     alternatives: tuple[View, ...]
+    descent: torch.Tensor
 
     @property
     def amodal(self) -> torch.Tensor:

@@ -49,7 +49,7 @@ class LevenbergMarquardt:
         here, best, photo, noise = points[going], value[going], photo[going], noise[going]
         gradient, normal = start.gradient[going], start.normal[going]
         damping = torch.full((len(going),), self.damping, dtype=objective.dtype, device=objective.device)
-        growth = torch.full_like(damping, 3.0)
+        growth, path = torch.full_like(damping, 3.0), [starts]
         for _ in range(budget.iterations):
             if not len(going):
                 break
@@ -67,15 +67,15 @@ class LevenbergMarquardt:
             growth = torch.where(better, 3.0, growth * 2)
             here = torch.where(better[:, None], trial, here)
             best = torch.where(better, tried.value, best)
+            points[going], value[going] = here, best
+            path.append(points.clone())
             gradient = torch.where(better[:, None], tried.gradient, gradient)
             normal = torch.where(better[:, None, None], tried.normal, normal)
             done = (better & (gain < budget.tolerance)) | (damping > self.give_up)
             done |= predicted < 0.1 * budget.tolerance
             if done.any():
-                points[going], value[going] = here, best
                 on = ~done
                 going, here, best, photo, noise = going[on], here[on], best[on], photo[on], noise[on]
                 gradient, normal, damping, growth = gradient[on], normal[on], damping[on], growth[on]
-        points[going], value[going] = here, best
         converged[going] = False
-        return Descent(points, value, evaluations, converged)
+        return Descent(points, value, evaluations, converged, torch.stack(path))

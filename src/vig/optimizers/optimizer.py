@@ -142,12 +142,14 @@ class Descent:
         value: (B,) float64, the objective there; higher is better.
         evaluations: (B,) int, of the objective by each search.
         converged: (B,) bool, it stopped because nothing was gained, not because its budget ended.
+        path: (T, B, P') the starts, then the best points after each step; None where these were not kept.
     """
 
     points: torch.Tensor
     value: torch.Tensor
     evaluations: torch.Tensor
     converged: torch.Tensor
+    path: torch.Tensor | None = None
 
 
 class Optimizer(Protocol):

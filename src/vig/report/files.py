@@ -75,6 +75,7 @@ def describe(
         "verdict": fit.verdict.name.lower(),
         "reason": fit.reason,
         "confidence": _probability(fit.confidence),
+        "mask_confidence": _probability(fit.mask_confidence),
         **describe_latents(fit.latents),
         "roll_deg": _rounded(math.degrees(camera.roll)),
         "deviation": {

@@ -44,6 +44,7 @@ class Page:
         outline: The overlay.
         panels: (h, w, 3) uint8.
         views: The fit and its alternatives.
+        steps: Of the fit, from its start to its end.
         vertices: (V, 3) metres, in the object's frame.
         normals: (V, 3).
         faces: (F, 3).
@@ -58,6 +59,7 @@ class Page:
     outline: np.ndarray
     panels: np.ndarray
     views: tuple[Seen, ...]
+    steps: tuple[Seen, ...]
     vertices: np.ndarray
     normals: np.ndarray
     faces: np.ndarray
@@ -81,15 +83,8 @@ def html(page: Page) -> str:
             "outline": _jpeg(page.outline),
             "panels": _jpeg(page.panels),
         },
-        "views": [
-            {
-                "words": view.words,
-                "azimuth": view.azimuth,
-                "elevation": view.elevation,
-                "picture": _jpeg(view.picture),
-            }
-            for view in page.views
-        ],
+        "views": [_seen(view) for view in page.views],
+        "steps": [_seen(step) for step in page.steps],
         "rows": rows(described, page.parts),
         "model": {
             "place": _floats(page.vertices[corners]),
@@ -104,6 +99,10 @@ def html(page: Page) -> str:
         },
     }
     return _filled("page.html", data)
+
+
+def _seen(view: Seen) -> dict[str, Any]:
+    return vars(view) | {"picture": _jpeg(view.picture)}
 
 
 @dataclass(frozen=True)
@@ -162,7 +161,13 @@ def rows(described: dict[str, Any], parts: tuple[tuple[str, np.ndarray], ...]) -
     for name, key in (("azimuth of the eye", "azimuth_deg"), ("its elevation", "elevation_deg")):
         known = deviation[key]
         wide = None if known is None else INTERVAL * known
-        interval = "" if wide is None else f", 90 % interval ±{wide:.0f}°" if wide < 90 else ", hardly known"
+        interval = (
+            ""
+            if wide is None
+            else f", 90 % interval ±{wide:.0f}°"
+            if wide < 90
+            else ", if this is the right view"
+        )
         lines.append((name, f"{described[key]:.0f}°{interval}"))
     lines += [
         ("roll of the photo", f"{described['roll_deg']:.0f}°"),
@@ -179,9 +184,19 @@ def rows(described: dict[str, Any], parts: tuple[tuple[str, np.ndarray], ...]) -
 
 def _summary(described: dict[str, Any]) -> str:
     confidence, hidden = described["confidence"], described["hidden_fraction"]
-    sure = "how sure was not learned" if confidence is None else f"the view is right with {confidence:.0%}"
+    if confidence is None:
+        sure = "how sure was not learned"
+    else:
+        sure = f"the view is right with {confidence:.0%}, the mask with {described['mask_confidence']:.0%}"
+    view, mask = (part in described["trusted"] for part in ("view", "mask"))
+    trusted = {
+        (True, True): "its view and its mask are trusted",
+        (True, False): "its view is trusted, its mask is not",
+        (False, True): "its mask is trusted, its view is not",
+        (False, False): "neither its view nor its mask is trusted",
+    }[view, mask]
     seen = "" if hidden is None else f"; {hidden:.0%} of it is hidden"
-    return f"{described['class']}: {sure}{seen}"
+    return f"{described['class']}: {trusted} ({sure}){seen}"
 
 
 def _views_note(described: dict[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -33,6 +34,14 @@ class Mark:
     radius: float
     said: Said
 
+    def paint(self, marks: np.ndarray) -> None:
+        """Set the pixels of marks (H, W) uint8 whose centres lie within."""
+        left, top = (max(math.floor(middle - self.radius), 0) for middle in (self.x, self.y))
+        right, bottom = (max(math.ceil(middle + self.radius), 0) for middle in (self.x, self.y))
+        part = marks[top:bottom, left:right]
+        rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
+        part[np.hypot(columns + left + 0.5 - self.x, rows + top + 0.5 - self.y) <= self.radius] = self.said
+
 
 @dataclass(frozen=True)
 class State:
@@ -50,10 +59,9 @@ class State:
         """The same as the library takes it."""
         marks = None
         if self.marks:
-            rows, columns = np.mgrid[:height, :width] + 0.5
             marks = np.zeros((height, width), np.uint8)
             for mark in self.marks:
-                marks[np.hypot(columns - mark.x, rows - mark.y) <= mark.radius] = mark.said
+                mark.paint(marks)
         return Hints(
             marks=marks,
             visible=self.visible,

@@ -126,6 +126,8 @@ def test_a_known_photo_is_explained(name: str, request, teapot: ObjectClass) -> 
     found = explain_one(given.photo, given.prediction, teapot, THOROUGH)
     assert found.verdict is Verdict.TRUSTED and not found.alternatives
     assert azimuth_off(found.latents, given.truth) < 0.5
+    assert torch.equal(found.descent[-1:], torch.cat([found.latents.to_vector(), found.framing[None]], dim=1))
+    assert azimuth_off(Latents.from_vector(found.descent[:1, :-4]), given.truth) > 1.0, "where it began"
     assert math.degrees((found.latents.elevation - given.truth.elevation).abs()) < 1.0
     # Brightness trades with the light, which the hand-made prediction knows little of; hue does not.
     ratio = found.latents.albedo.double() / given.truth.albedo
@@ -269,7 +271,7 @@ def test_deviations_are_widened_by_scale_floor_and_residual() -> None:
         torch.tensor([[30.0, 1.0], [50.0, 1.0]]).double(),
     )
     floor = torch.tensor([[4.0, 0.0], [12.0, 0.0]]).double()
-    said = FitCalibration(nothing, 0.0, nothing, 0.0, 0.9, scale, floor)
+    said = FitCalibration(nothing, 0.0, nothing, 0.0, nothing, 0.0, 0.9, 0.9, scale, floor)
     deviation = torch.tensor([0.1, 1e-6]).double()
     assert said.widened(deviation, features, True).tolist() == pytest.approx([2.5, LEAST_DEVIATION])
     assert said.widened(deviation, features, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
@@ -307,7 +309,7 @@ def judged(case: Case, teapot: ObjectClass, turned_deg: float, gap: float) -> Fi
     noise = torch.full((2,), SETTINGS.likelihood.sigma)
     values = objective(points, torch.zeros(2, dtype=torch.int32), noise, derivatives=False).value
     scores = torch.tensor([1000.0, 1000.0 - gap], dtype=torch.float64)
-    ends = Ends(points, values, scores, 1, points[:0])
+    ends = Ends(points, values, scores, 1, points[:0], points[None])
     selection = select(objective, ends, case.prediction.best(), SETTINGS.likelihood.sigma)
     return assess(objective, selection, case.prediction, SETTINGS, None)
 
@@ -494,9 +496,8 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
 def saying(bias: float, in_distribution_bias: float, scale: torch.Tensor) -> FitCalibration:
     """What says the same of every fit."""
     nothing = torch.zeros(len(CONFIDENCE_FEATURES)).double()
-    return FitCalibration(
-        nothing, bias, nothing, in_distribution_bias, 0.9, scale, torch.zeros(2, 24).double()
-    )
+    known, floor = in_distribution_bias, torch.zeros(2, 24).double()
+    return FitCalibration(nothing, bias, nothing, known, nothing, bias - 1.0, 0.9, 0.9, scale, floor)
 
 
 def test_a_photo_of_an_unknown_kind_is_not_trusted(whole: Case, teapot: ObjectClass) -> None:
@@ -506,6 +507,21 @@ def test_a_photo_of_an_unknown_kind_is_not_trusted(whole: Case, teapot: ObjectCl
     found = explain_one(whole.photo, whole.prediction, teapot, settings)
     assert found.verdict is Verdict.AMBIGUOUS and "unlike those" in found.reason
     assert found.confidence == pytest.approx(2 / (1 + math.exp(2)), rel=1e-3)
+    assert found.mask_confidence == pytest.approx(found.confidence, rel=1e-3) and not found.mask_trusted
+
+
+@pytest.mark.parametrize(
+    ("bias", "trusted"), [(3.1, (True, False)), (3.3, (True, True)), (2.1, (False, False))]
+)
+def test_a_view_may_be_trusted_while_the_mask_is_not(
+    bias: float, trusted: tuple[bool, bool], whole: Case, teapot: ObjectClass
+) -> None:
+    """The mask's log odds are one below the view's, and both need .9, log odds of 2.2."""
+    said = saying(bias, 9.0, torch.ones(2, 24).double())
+    settings = replace(ending_at(whole.truth), calibrated=True, calibration=said)
+    found = explain_one(whole.photo, whole.prediction, teapot, settings)
+    assert (found.verdict is Verdict.TRUSTED, found.mask_trusted) == trusted
+    assert found.mask_confidence == pytest.approx(1 / (1 + math.exp(1 - bias)))
 
 
 def test_nothing_to_be_seen_is_a_failure(whole: Case, teapot: ObjectClass) -> None:

@@ -144,6 +144,17 @@ def test_each_search_of_a_batch_is_alone(name: str, zoo) -> None:
         assert alone.evaluations[0] == together.evaluations[i]
 
 
+def test_the_path_goes_from_the_starts_to_the_ends_and_never_down(zoo) -> None:
+    problem = zoo("pose")
+    photo, few = torch.arange(3), Budget(6, 1e-9)
+    end = LevenbergMarquardt()(problem.problem, problem.starts, photo, problem.sigma, few)
+    assert end.path is not None and len(end.path) == 7
+    assert torch.equal(end.path[0], problem.starts) and torch.equal(end.path[-1], end.points)
+    noise = torch.full((3,), problem.sigma, dtype=torch.float64)
+    values = torch.stack([problem.problem(each, photo, noise, derivatives=False).value for each in end.path])
+    assert (values.diff(dim=0) >= 0).all() and (values[-1] > values[0]).all()
+
+
 class Lying:
     """Its value falls to both sides of 0, its gradient promises the contrary."""
 

@@ -15,6 +15,7 @@ import pytest
 import torch
 
 import vig
+from tests.support import LOW_CONTRAST
 from vig.cli.main import main
 from vig.inference import View
 from vig.report.page import Entry, folder_html, thumbnail
@@ -54,13 +55,13 @@ def test_nothing_of_a_name_is_markup(explanation: vig.Explanation) -> None:
     assert page.count("<script") == 2 and "<img src=x" not in page
 
 
-def test_an_azimuth_that_is_hardly_known_is_said_so(explanation: vig.Explanation) -> None:
+def test_an_azimuth_that_is_known_of_the_right_view_alone_is_said_so(explanation: vig.Explanation) -> None:
     layout = vig.scene.latent_layout(explanation.object_class.shape_model.modes)
     deviation = explanation.fit.deviation.clone()
     deviation[layout["azimuth"]] = math.pi
     wide = replace(explanation, fit=replace(explanation.fit, deviation=deviation))
     rows = {name: words for name, words, _ in data_of(wide.report())["rows"]}
-    assert rows["azimuth of the eye"].endswith(", hardly known")
+    assert rows["azimuth of the eye"].endswith("°, if this is the right view")
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +149,15 @@ def test_a_browser_draws_it_without_errors_or_requests(
     shown.get_by_role("button", name="as in the photo").click()
     shown.get_by_role("button", name="show in 3-D").nth(1).click()
     assert picture() != first
+    shown.get_by_role("button", name="replay").click()
+    shown.get_by_text("step 0 of").wait_for()
+    begun = picture()
+    last = data_of(explanation.report())["steps"][-1]["words"]
+    shown.get_by_text(last).wait_for(timeout=10000)
+    assert picture() != begun, "the object in 3-D turns along"
+    shown.locator("#steps").press("Home")
+    shown.get_by_text("step 0 of").wait_for()
+    assert shown.evaluate(LOW_CONTRAST) == []
     assert not errors and [url for url in asked if not url.startswith("data:")] == [address]
 
 
@@ -155,8 +165,9 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
     browser: Any, explanation: vig.Explanation, tmp_path: Path
 ) -> None:
     """Not mirrored, upright: the page's silhouette, mirrored or not, beside that of the renderer."""
-    from_the_side = replace(explanation.fit.latents, azimuth=torch.tensor([0.2]))
-    explanation = replace(explanation, fit=replace(explanation.fit, latents=from_the_side))
+    latents = explanation.fit.latents  # from the side, and nearly black before the page's grey
+    latents = replace(latents, azimuth=torch.tensor([0.2]), light=1e-3 * latents.light)
+    explanation = replace(explanation, fit=replace(explanation.fit, latents=latents))
     (tmp_path / "report.html").write_text(explanation.report(), encoding="utf-8")
     shown = browser.new_page()
     shown.goto((tmp_path / "report.html").as_uri())
@@ -171,8 +182,10 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
     page = torch.tensor(drawn).view(90, 90)
     spread = explanation.vertices.max(0) - explanation.vertices.min(0)
     middle = explanation.vertices.min(0) + spread / 2
-    # The page's camera: six sizes away, looking at the middle of the object's box.
-    camera = vig.Camera(90, 90, 6 * 0.8 * 90, 45, 45, 6 * float(spread.max()), float(middle[2]))
+    # The page's camera: six sizes away, looking at the middle of the object's box. Ours looks at its axis.
+    focal, away = 6 * 0.8 * 90, 6 * float(spread.max())
+    beside = focal * float(middle[0] * math.cos(0.2) + middle[1] * math.sin(0.2)) / away
+    camera = vig.Camera(90, 90, focal, 45 - beside, 45, away, float(middle[2]))
     expected = torch.from_numpy(explanation.render(camera=camera)[..., 3] > 0.5)
 
     def iou(other: torch.Tensor) -> float:
@@ -198,6 +211,9 @@ def test_a_folders_page_lists_what_is_least_sure_first(
     shown.locator("#order").select_option("azimuth")
     assert shown.locator("strong").all_inner_texts() == ["sure.png", HOSTILE]
     assert shown.evaluate("window.hacked") is None and not errors
+    for scheme in ("light", "dark"):
+        shown.emulate_media(color_scheme=scheme)
+        assert shown.evaluate(LOW_CONTRAST) == []
 
 
 def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

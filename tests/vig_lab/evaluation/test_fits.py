@@ -77,7 +77,8 @@ def test_fits_of_something_else_are_not_taken(
 ) -> None:
     run()
     features = torch.ones(len(CONFIDENCE_FEATURES)).double()
-    boastful = FitCalibration(features, 9.0, features, 9.0, 0.0, torch.ones(2, 24), torch.zeros(2, 24))
+    certain = (features, 9.0) * 3
+    boastful = FitCalibration(*certain, 0.0, 0.0, torch.ones(2, 24), torch.zeros(2, 24))
     larger = replace(teapot.shape_model, mean=teapot.shape_model.mean * np.float32(1.01))
     other = {
         "settings": lambda: {"settings": replace(quick, view_weight=299.0)},
