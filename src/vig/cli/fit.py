@@ -22,6 +22,7 @@ from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
 from vig.report.page import Entry, folder_html, thumbnail
+from vig.viewer import State
 
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
@@ -54,6 +55,9 @@ def fit(settings: Fit) -> int:
         try:
             explanation.save(folders[number], photos[number].name)
             explanation.export(folders[number], settings.export, photos[number].name)
+            said = State.of(boxes[number], settings.focal, explanation.hints)
+            if said is not None:
+                said.write(folders[number], photos[number], settings.object_class)
         except UserError as error:
             fail(number, error)
             continue

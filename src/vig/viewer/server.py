@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import threading
-import time
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,8 @@ from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.inference import Said
 from vig.scene import srgb8_from_linear
-from vig.viewer.session import Session
+from vig.viewer.session import Session, cleared, marked, placed
+from vig.viewer.worker import Worker
 
 HOST = "127.0.0.1"
 MOST_SIDE = 1024
@@ -72,7 +71,7 @@ class Viewer:
             raise UserError("vig view needs viser; run pip install 'vig[viewer]'.") from None
         if not 1 <= port <= 65535:
             raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
-        self.session, self.folder, self.lock, self.saved = session, folder, threading.Lock(), False
+        self.session, self.folder, self.saved = session, folder, False
         height, width = session.photo.shape[:2]
         self.unit = SIZE / max(height, width)
         scale = min(1.0, MOST_SIDE / max(height, width))
@@ -80,13 +79,14 @@ class Viewer:
         self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
         self._theme(dark=False)
         self._controls()
+        self.worker = Worker(session, self._show, self._tell)
         image = self._picture(session.explanation)
         self.image = self.server.scene.add_image(
             "/photo", image, width * self.unit, height * self.unit, wxyz=FACING
         )
         self.image.on_click(self._clicked)
         self.server.on_client_connect(self._welcome)
-        self._show(session.explanation)
+        self._show()
 
     @property
     def port(self) -> int:
@@ -96,6 +96,7 @@ class Viewer:
 
     def stop(self) -> None:
         """End serving."""
+        self.worker.stop()
         self.server.stop()
 
     def _controls(self) -> None:
@@ -122,14 +123,16 @@ class Viewer:
         self.words = gui.add_markdown(HELP)
         self.tool.on_update(lambda _: self._chosen_tool())
         say.on_click(lambda _: self._said(self.place.value))
-        undo.on_click(lambda _: self._do(session.undo))
-        clear.on_click(lambda _: self._do(session.clear))
+        undo.on_click(lambda _: self.worker.correct(None))
+        clear.on_click(lambda _: self.worker.correct(cleared))
         straight.on_click(lambda event: self._look(event.client.camera))
-        save.on_click(lambda _: self._save())
-        self.outline.on_update(lambda _: self._show(session.explanation))
+        save.on_click(lambda _: self.worker.do(self._save))
+        self.outline.on_update(lambda _: self.worker.do(self._show))
         self.dark.on_update(lambda _: self._theme(self.dark.value))
-        for control in (self.visible, self.views, *self.held.values(), *self.angle.values()):
-            control.on_update(self._changed)
+        self.visible.on_update(self._visible_changed)
+        self.views.on_update(self._view_chosen)
+        for control in (*self.held.values(), *self.angle.values()):
+            control.on_update(self._angles_changed)
 
     def _theme(self, dark: bool) -> None:
         """Without viser's button that would share the page over a server elsewhere."""
@@ -213,51 +216,43 @@ class Viewer:
         height, width = self.session.photo.shape[:2]
         self.place.value = ", ".join(f"{number:.0f}" for number in numbers)
         if tool == BOX:
-            self._do(lambda: self.session.draw_box(*numbers))
+            self.worker.correct(self.session.boxed(*numbers))
         elif tool in MARKS:
             radius = self.brush.value / 100 * max(height, width)
-            self._do(lambda: self.session.mark(MARKS[tool], numbers[0], numbers[1], radius))
+            self.worker.correct(marked(MARKS[tool], numbers[0], numbers[1], radius))
         else:
-            self._do(lambda: self.session.place(tool, *numbers))
+            self.worker.correct(placed(tool, *numbers))
 
-    def _changed(self, event: Any) -> None:
-        """A control that a user, not `_show`, has changed."""
-        if event.client is None:
-            return
-        state, session = self.session.state, self.session
-        angles = {
-            name: float(self.angle[name].value) if held.value else None for name, held in self.held.items()
-        }
-        azimuth = self.choices.get(self.views.value, state.azimuth_deg)
-        if self.visible.value != state.visible:
-            self._do(lambda: session.say_visible(self.visible.value))
-        elif azimuth != state.azimuth_deg:
-            self._do(lambda: session.choose(azimuth))
-        elif angles != {"elevation": state.elevation_deg, "roll": state.roll_deg}:
-            self._do(lambda: session.hold(angles["elevation"], angles["roll"]))
+    # Of controls, what a user has changed counts, who comes with a client, not what `_show` has.
+
+    def _visible_changed(self, event: Any) -> None:
+        if event.client is not None:
+            visible = bool(self.visible.value)
+            self.worker.correct(lambda state: replace(state, visible=visible))
+
+    def _view_chosen(self, event: Any) -> None:
+        chosen = self.views.value
+        if event.client is not None and chosen in self.choices:
+            azimuth = self.choices[chosen]
+            self.worker.correct(lambda state: replace(state, azimuth_deg=azimuth))
+
+    def _angles_changed(self, event: Any) -> None:
+        if event.client is not None:
+            elevation, roll = (
+                float(self.angle[name].value) if self.held[name].value else None
+                for name in ("elevation", "roll")
+            )
+            self.worker.correct(lambda state: replace(state, elevation_deg=elevation, roll_deg=roll))
 
     def _save(self) -> None:
-        with self.lock:
-            try:
-                self._tell(f"Saved in `{self.session.save(self.folder)}`.")
-                self.saved = True
-            except UserError as error:
-                self._tell(f"**{error}**")
+        try:
+            self._tell(f"Saved in `{self.session.save(self.folder)}`.")
+            self.saved = True
+        except UserError as error:
+            self._tell(f"**{error}**")
 
     def _tell(self, words: str) -> None:
         self.words.content = f"{words}\n\n{HELP}"
-
-    def _do(self, work: Callable[[], Explanation]) -> None:
-        """One correction at a time; what cannot be is told, and nothing is lost."""
-        with self.lock:
-            self._tell("fitting ...")
-            began = time.perf_counter()
-            try:
-                work()
-                self._tell(f"fitted in {time.perf_counter() - began:.1f} s")
-            except UserError as error:
-                self._tell(f"**{error}**")
-            self._show(self.session.explanation)
 
     def _picture(self, found: Explanation) -> np.ndarray:
         coded = found.picture if found.picture.dtype == np.uint8 else srgb8_from_linear(found.picture)
@@ -281,13 +276,19 @@ class Viewer:
             draw.circle(place, 5, fill=(255, 255, 255, 255), outline=(0, 0, 0, 255), width=2)
             draw.text((place[0] + 8, place[1] - 6), name, fill="white", stroke_width=2, stroke_fill="black")
 
-    def _show(self, found: Explanation) -> None:
-        """Photo, object and controls as the explanation and the state have them."""
+    def _show(self) -> None:
+        """Photo, object and controls as the explanation and the state have them.
+
+        The controls only where no correction waits: they are ahead of the state then.
+        """
+        found = self.session.explanation
         self.image.image = self._picture(found)
         self._show_object(found)
         hidden = "" if found.hidden_fraction is None else f", {found.hidden_fraction:.0%} hidden"
         angles = f"azimuth {found.azimuth_deg:.0f}°, elevation {found.elevation_deg:.0f}°"
         self.verdict.content = f"**{found.verdict}**: {angles}{hidden}\n\n{found.reason}"
+        if self.worker.corrections_wait:
+            return
         state = self.session.state
         for name, given in (("elevation", state.elevation_deg), ("roll", state.roll_deg)):
             self.held[name].value = given is not None

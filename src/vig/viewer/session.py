@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from vig.photo.images import coded_photo
 
 CORRECTIONS = "corrections.json"
 FORMAT = 1
+KEPT = 200
+"""States that can be gone back to, at most."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,16 @@ class State:
     azimuth_deg: float | None = None
     elevation_deg: float | None = None
     roll_deg: float | None = None
+    focal: float | None = None
+
+    @staticmethod
+    def of(box: Box | None, focal: float | None, hints: Hints | None) -> State | None:
+        """What was said to `Explainer.explain`; None where a mask, marks or a pose were among it."""
+        hints = hints or Hints()
+        if any(each is not None for each in (hints.mask, hints.marks, hints.pose)):
+            return None
+        angles = hints.azimuth_deg, hints.elevation_deg, hints.roll_deg
+        return State(box, dict(hints.points), (), hints.visible, *angles, focal)
 
     def hints(self, width: int, height: int) -> Hints:
         """The same as the library takes it."""
@@ -73,7 +85,7 @@ class State:
 
     @staticmethod
     def read(folder: Path) -> tuple[Path, str, State]:
-        """Photo, class and state that `Session.save` wrote; UserError where they cannot be read."""
+        """Photo, class and state that `write` wrote; UserError where they cannot be read."""
         path = folder / CORRECTIONS
         try:
             told = json.loads(path.read_text())
@@ -86,9 +98,36 @@ class State:
             )
             return photo, object_class, State(box and tuple(box), points, marks, **state)
         except FileNotFoundError:
-            raise UserError(f"{folder} holds no {CORRECTIONS} of vig view; name a photo.") from None
+            raise UserError(
+                f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. Name the photo itself."
+            ) from None
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
             raise UserError(f"cannot read {path}: {error!r}; name the photo itself.") from None
+
+    def write(self, folder: Path, photo: Path, object_class: str) -> None:
+        """Write what `read` reads into a folder that exists; the photo is named from there.
+
+        Args:
+            folder: Of the results.
+            photo: A file.
+            object_class: What `Explainer` loads the class by.
+
+        Raises:
+            UserError: It cannot be written.
+        """
+        pack = Path(object_class)
+        told = {
+            "format": FORMAT,
+            "photo": os.path.relpath(photo, folder),
+            "class": str(pack.resolve()) if pack.is_dir() else object_class,
+            "state": asdict(self),
+        }
+        with atomic_write(folder / CORRECTIONS) as temporary:
+            temporary.write_text(json.dumps(told, indent=2) + "\n")
+
+
+Change = Callable[[State], State]
+"""What one correction makes of a state."""
 
 
 class Session:
@@ -116,78 +155,99 @@ class Session:
         Raises:
             UserError: As `Explainer.explain` does.
         """
-        folder = Path(object_class)
-        self.object_class = str(folder.resolve()) if folder.is_dir() else object_class
-        self.explainer, self.path = explainer, Path(photo)
+        self.explainer, self.path, self.object_class = explainer, Path(photo), object_class
         self.photo, self.focal = coded_photo(photo), focal_of(photo)
-        self.states: list[State] = []
-        self.explanation = self._taken(state or State())
+        self.states = [state or State()]
+        self.explanation = self._explained(self.state)
 
     @property
     def state(self) -> State:
         """What is said now."""
         return self.states[-1]
 
+    def correct(self, *changes: Change | None) -> Explanation:
+        """Make corrections in their order and fit once; None takes the last one back, where there is one.
+
+        Raises:
+            UserError: As `Explainer.explain` does; then none of them was made.
+        """
+        states = [*self.states]
+        for change in changes:
+            if change is not None:
+                states.append(change(states[-1]))
+            elif len(states) > 1:
+                states.pop()
+        if states[-1] != self.state:
+            self.explanation = self._explained(states[-1])
+        self.states = states[-KEPT:]
+        return self.explanation
+
     def draw_box(self, x: float, y: float, width: float, height: float) -> Explanation:
         """A box round the whole object, cut at the photo's edges; what was found before no longer counts."""
+        return self.correct(self.boxed(x, y, width, height))
+
+    def boxed(self, x: float, y: float, width: float, height: float) -> Change:
+        """The change that `draw_box` makes."""
         most = self.photo.shape[1], self.photo.shape[0]
         left, top = max(x, 0.0), max(y, 0.0)
         right, bottom = min(x + width, float(most[0])), min(y + height, float(most[1]))
-        return self._taken(replace(self.state, box=(left, top, right - left, bottom - top)))
+        return lambda state: replace(state, box=(left, top, right - left, bottom - top))
 
     def place(self, name: str, x: float, y: float) -> Explanation:
         """Where a named point of the class is."""
-        return self._taken(replace(self.state, points={**self.state.points, name: (x, y)}))
+        return self.correct(placed(name, x, y))
 
     def mark(self, said: Said, x: float, y: float, radius: float) -> Explanation:
         """What a disc of the photo shows."""
-        return self._taken(replace(self.state, marks=(*self.state.marks, Mark(x, y, radius, said))))
+        return self.correct(marked(said, x, y, radius))
 
     def choose(self, azimuth_deg: float | None) -> Explanation:
         """Which view it is, to some 8 degrees; None leaves it open again."""
-        return self._taken(replace(self.state, azimuth_deg=azimuth_deg))
+        return self.correct(lambda state: replace(state, azimuth_deg=azimuth_deg))
 
     def hold(self, elevation_deg: float | None, roll_deg: float | None) -> Explanation:
         """Hold the eye's elevation and the photo's roll; None lets them free."""
-        return self._taken(replace(self.state, elevation_deg=elevation_deg, roll_deg=roll_deg))
+        return self.correct(lambda state: replace(state, elevation_deg=elevation_deg, roll_deg=roll_deg))
 
     def say_visible(self, visible: bool) -> Explanation:
         """Whether nothing hides any of the object."""
-        return self._taken(replace(self.state, visible=visible))
+        return self.correct(lambda state: replace(state, visible=visible))
 
     def clear(self) -> Explanation:
         """Take all back but the box."""
-        return self._taken(State(box=self.state.box))
+        return self.correct(cleared)
 
     def undo(self) -> Explanation:
         """Take the last correction back; nothing happens where there is none."""
-        if len(self.states) > 1:
-            self.explanation = self._explained(self.states[-2])
-            self.states.pop()
-        return self.explanation
+        return self.correct(None)
 
     def save(self, folder: str | Path) -> Path:
-        """Write what `vig fit` writes, and corrections.json, which `State.read` reads; returns the folder."""
+        """Write what `vig fit` writes; returns the folder."""
         folder = self.explanation.save(folder, self.path.name)
-        told = {
-            "format": FORMAT,
-            "photo": os.path.relpath(self.path, folder),
-            "class": self.object_class,
-            "state": asdict(self.state),
-        }
-        with atomic_write(folder / CORRECTIONS) as temporary:
-            temporary.write_text(json.dumps(told, indent=2) + "\n")
+        self.state.write(folder, self.path, self.object_class)
         return folder
-
-    def _taken(self, state: State) -> Explanation:
-        self.explanation = self._explained(state)
-        self.states.append(state)
-        return self.explanation
 
     def _explained(self, state: State) -> Explanation:
         height, width = self.photo.shape[:2]
-        given: dict[str, Any] = {"box": state.box, "focal": self.focal, "hints": state.hints(width, height)}
+        focal = self.focal if state.focal is None else state.focal
+        given: dict[str, Any] = {"box": state.box, "focal": focal, "hints": state.hints(width, height)}
         try:
-            return self.explainer.explain(self.photo, **given)
+            found = self.explainer.explain(self.photo, **given)
+            return found if state.focal is not None or focal is None else replace(found, focal_from="exif")
         except UserError as error:
             raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
+
+
+def placed(name: str, x: float, y: float) -> Change:
+    """The change that `Session.place` makes."""
+    return lambda state: replace(state, points={**state.points, name: (x, y)})
+
+
+def marked(said: Said, x: float, y: float, radius: float) -> Change:
+    """The change that `Session.mark` makes."""
+    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, said)))
+
+
+def cleared(state: State) -> State:
+    """The change that `Session.clear` makes."""
+    return State(box=state.box, focal=state.focal)

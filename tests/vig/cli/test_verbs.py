@@ -71,7 +71,8 @@ def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
     error = refused(capsys, "fit", bad, photo, "--out", tmp_path / "out")
     assert "bad.png" in error
     names = {path.name for path in (tmp_path / "out" / "photo").iterdir()}
-    assert names == {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb", "report.html"}
+    pictures = {"overlay.png", "mask.png", "render.png"}
+    assert names == pictures | {"explanation.json", "corrections.json", "object.glb", "report.html"}
 
 
 def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):

@@ -43,6 +43,24 @@ def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
     return Session(explainer, tmp_path / "photo.png")
 
 
+def test_a_result_of_vig_fit_can_be_gone_on_with(session: Session, tmp_path: Path) -> None:
+    arguments = ["fit", str(session.path), "--box", "100,60,190,180", "--points", "spout=150,140"]
+    for further, kept in (
+        (["--focal", "900", "--roll", "3"], True),
+        (["--pose", str(tmp_path / "p.json")], False),
+    ):
+        (tmp_path / "p.json").write_text(json.dumps(np.eye(4).tolist()))
+        with pytest.raises(SystemExit):
+            main([*arguments, *further, "--out", str(tmp_path / f"out{kept}")])
+        folder = tmp_path / f"out{kept}" / "photo"
+        assert (folder / "corrections.json").exists() == kept
+    photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
+    assert photo.samefile(session.path) and object_class == "teapot"
+    assert state == State((100, 60, 190, 180), {"spout": (150, 140)}, roll_deg=3.0, focal=900.0)
+    again = Session(session.explainer, photo, state).explanation.to_dict()
+    assert again == json.loads((tmp_path / "outTrue" / "photo" / "explanation.json").read_text())
+
+
 def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) -> None:
     first = session.explanation
     session.place("spout", 150.0, 140.0)
@@ -203,15 +221,15 @@ def test_a_box_two_points_another_view_and_saving_in_a_browser(
         mouse.move(*seen.at(200, 150))
         mouse.move(*seen.at(265, 215))
         mouse.up()
-        waited(seen.page, lambda: session.state.box is not None and not viewer.lock.locked())
+        waited(seen.page, lambda: session.state.box is not None and not viewer.worker.busy)
         assert session.state.box == pytest.approx((130, 75, 135, 140), abs=3)
         for name, place in (("spout", (150.0, 140.0)), ("handle", (250.0, 150.0))):
             seen.choose("a click says", name)
             mouse.click(*seen.at(*place))
-            waited(seen.page, lambda name=name: name in session.state.points and not viewer.lock.locked())  # type: ignore[misc]
+            waited(seen.page, lambda name=name: name in session.state.points and not viewer.worker.busy)  # type: ignore[misc]
             assert session.state.points[name] == pytest.approx(place, abs=3)
         seen.choose("view", next(words for words in viewer.choices if words != "as found"))
-        waited(seen.page, lambda: session.state.azimuth_deg is not None and not viewer.lock.locked())
+        waited(seen.page, lambda: session.state.azimuth_deg is not None and not viewer.worker.busy)
         mouse.move(300, 200)
         mouse.down()
         mouse.move(330, 260, steps=3)

@@ -1,0 +1,110 @@
+"""The thread that a page's corrections are made on."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable
+
+from vig.errors import UserError
+from vig.viewer.session import Change, Session
+
+Work = Callable[[], None]
+
+
+class Worker:
+    """Makes corrections in their order, those that came while it fitted all at once, and other work between.
+
+    A page's events come on many threads and faster than fits are made. Where some of several corrections
+    cannot be made, these alone are told and left out.
+    """
+
+    def __init__(self, session: Session, show: Callable[[], None], tell: Callable[[str], None]) -> None:
+        """Start the thread.
+
+        Args:
+            session: Is corrected.
+            show: Is called after corrections, on the thread.
+            tell: Is called there with what the user should read.
+        """
+        self.session, self.show, self.tell = session, show, tell
+        self._waiting: deque[tuple[Change | None, Work | None]] = deque()
+        self._changed, self._busy, self._ended = threading.Condition(), False, False
+        self._thread = threading.Thread(target=self._run, name="vig-view", daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything is being done or waits."""
+        return self._busy or bool(self._waiting)
+
+    @property
+    def corrections_wait(self) -> bool:
+        """Whether corrections came that are not made yet."""
+        return any(work is None for _, work in [*self._waiting])
+
+    def correct(self, change: Change | None) -> None:
+        """Make a correction soon; None takes the last one back."""
+        self._add(change, None)
+
+    def do(self, work: Work) -> None:
+        """Do something on the thread, after the corrections before it."""
+        self._add(None, work)
+
+    def stop(self) -> None:
+        """End after what is being done; what waits is left."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+
+    def _add(self, change: Change | None, work: Work | None) -> None:
+        with self._changed:
+            self._waiting.append((change, work))
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._busy = False
+                self._changed.wait_for(lambda: self._waiting or self._ended)
+                if self._ended:
+                    return
+                self._busy = True
+                changes: list[Change | None] = []
+                while self._waiting and self._waiting[0][1] is None:
+                    changes.append(self._waiting.popleft()[0])
+                work = None if changes else self._waiting.popleft()[1]
+            try:
+                if work is not None:
+                    work()
+                else:
+                    self._correct(changes)
+            except Exception:  # a fault of ours must not leave the page without its thread
+                traceback.print_exc()
+                self.tell("**That went wrong; the terminal says more. What was said before is kept.**")
+
+    def _correct(self, changes: list[Change | None]) -> None:
+        self.tell("fitting ...")
+        began = time.perf_counter()
+        try:
+            self.session.correct(*changes)
+            said = f"fitted in {time.perf_counter() - began:.1f} s"
+        except UserError as error:
+            said = f"**{error}**"
+            if len(changes) > 1:
+                said = self._one_by_one(changes)
+        self.show()
+        self.tell(said)
+
+    def _one_by_one(self, changes: list[Change | None]) -> str:
+        """What was told of the last one that could not be made."""
+        refused = ""
+        for change in changes:
+            try:
+                self.session.correct(change)
+            except UserError as error:
+                refused = f"**{error}**"
+        return refused
