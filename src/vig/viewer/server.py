@@ -45,6 +45,14 @@ MARKS = {
 INKS = {Said.SEEN: (0, 200, 0), Said.IN_FRONT: (220, 0, 0), Said.NOTHING: (0, 0, 220)}
 """Colours of marks, those of `--marks`."""
 AS_FOUND = "as found"
+STYLE = """<style>
+:root[data-mantine-color-scheme="light"] { --mantine-color-dimmed: #545c64; }
+:root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b8bcc2; }
+.mantine-Button-root { background: #0b5ed7 !important; color: #fff !important; }
+.mantine-Slider-markLabel, .mantine-Notification-description
+  { color: var(--mantine-color-dimmed) !important; }
+</style>"""
+"""viser's own grey and blue are too pale for WCAG's level AA."""
 HELP = (
     "Choose what to say, then click the photo there (for a box: drag from corner to corner), or type the"
     " place and press *say it there*. Drag to look around, turn the wheel to come closer."
@@ -102,6 +110,7 @@ class Viewer:
     def _controls(self) -> None:
         gui: Any = self.server.gui  # viser declares handles' values as read-only, though they are set so
         session = self.session
+        gui.add_html(STYLE)
         self.verdict = gui.add_markdown("")
         points = list(session.explainer.object_class.points)
         self.tool = gui.add_dropdown("a click says", [LOOK, BOX, *points, *MARKS], initial_value=LOOK)
@@ -286,7 +295,8 @@ class Viewer:
         self._show_object(found)
         hidden = "" if found.hidden_fraction is None else f", {found.hidden_fraction:.0%} hidden"
         angles = f"azimuth {found.azimuth_deg:.0f}°, elevation {found.elevation_deg:.0f}°"
-        self.verdict.content = f"**{found.verdict}**: {angles}{hidden}\n\n{found.reason}"
+        mask = "" if math.isnan(found.mask_confidence) else f"; mask right with {found.mask_confidence:.0%}"
+        self.verdict.content = f"**{found.verdict}**: {angles}{hidden}{mask}\n\n{found.reason}"
         if self.worker.corrections_wait:
             return
         state = self.session.state

@@ -19,6 +19,7 @@ import pytest
 from PIL import Image
 
 import vig
+from tests.support import LOW_CONTRAST
 from vig.cli.main import main
 from vig.errors import UserError
 from vig.inference import Said
@@ -204,6 +205,23 @@ class Page:
         waited(self.page, lambda: handle.value.startswith(option.partition(",")[0]))
         self.page.wait_for_timeout(1500)  # the page then takes the mouse's drags otherwise
 
+    def drag(self, start: tuple[float, float], end: tuple[float, float], done: Callable[[], bool]) -> None:
+        """From pixel to pixel of the photo; again where a busy page turned the scene instead."""
+        mouse = self.page.mouse
+        for _ in range(5):
+            mouse.move(*self.at(*start))
+            mouse.down()
+            mouse.move(*self.at((start[0] + end[0]) / 2, (start[1] + end[1]) / 2))
+            mouse.move(*self.at(*end))
+            mouse.up()
+            for _ in range(40):
+                if done():
+                    return
+                self.page.wait_for_timeout(200)
+            self.page.get_by_role("button", name="look straight").click()
+            self.page.wait_for_timeout(2000)
+        raise AssertionError("dragging did nothing")
+
 
 SCREENS = {"phone": (390, 844), "laptop": (1300, 800)}
 
@@ -216,12 +234,7 @@ def test_a_box_two_points_another_view_and_saving_in_a_browser(
     mouse = seen.page.mouse
     try:
         seen.choose("a click says", "a box round the object")
-        mouse.move(*seen.at(130, 75))
-        mouse.down()
-        mouse.move(*seen.at(200, 150))
-        mouse.move(*seen.at(265, 215))
-        mouse.up()
-        waited(seen.page, lambda: session.state.box is not None and not viewer.worker.busy)
+        seen.drag((130, 75), (265, 215), lambda: session.state.box is not None and not viewer.worker.busy)
         assert session.state.box == pytest.approx((130, 75, 135, 140), abs=3)
         for name, place in (("spout", (150.0, 140.0)), ("handle", (250.0, 150.0))):
             seen.choose("a click says", name)
@@ -241,6 +254,11 @@ def test_a_box_two_points_another_view_and_saving_in_a_browser(
         assert said["hints"].keys() == {"points", "azimuth_deg"}
         seen.page.get_by_role("button", name="undo").click()
         waited(seen.page, lambda: session.state.azimuth_deg is None)
+        for dark in (True, False):
+            seen.page.get_by_role("checkbox").last.set_checked(dark)
+            waited(seen.page, lambda dark=dark: viewer.dark.value == dark)  # type: ignore[misc]
+            seen.page.wait_for_timeout(500)
+            assert seen.page.evaluate(LOW_CONTRAST) == []
         own = (f"http://127.0.0.1:{viewer.port}", f"ws://127.0.0.1:{viewer.port}", "data:", "blob:")
         assert not seen.errors and [url for url in seen.asked if not url.startswith(own)] == []
     finally:
