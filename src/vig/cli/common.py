@@ -66,6 +66,8 @@ class Fit:
     """Write these formats into each photo's folder, too; docs/explanation.md."""
     quiet: bool = False
     """Print the folder alone, and what went wrong."""
+    log: Path | None = None
+    """Also add what is said of each photo, with the time, to this file."""
     json: bool = False
     """Print one JSON object instead of lines."""
 

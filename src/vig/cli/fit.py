@@ -7,10 +7,13 @@ import math
 import sys
 import time
 from collections.abc import Sequence
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from PIL import Image
 
+from vig import __version__
 from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of
@@ -39,6 +42,8 @@ def fit(settings: Fit) -> int:
         free_framing=FRAMINGS[settings.framing],
         optimizer=OPTIMIZERS[settings.optimizer],
     )
+    note = partial(add_line, settings.log)
+    note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
     explainer = Explainer(settings.object_class, how, settings.device)
     results, failed, started = {}, set(), time.monotonic()
     entries: list[Entry] = []
@@ -46,6 +51,7 @@ def fit(settings: Fit) -> int:
     def fail(number: int, error: UserError) -> None:
         print(f"vig: {error}", file=sys.stderr, flush=True)
         failed.add(number)
+        note(f"error: {error}")
 
     number = -1
     for explanation in explainer.explain_many(photos, boxes, settings.workers, fail, settings.focal, hints):
@@ -65,9 +71,11 @@ def fit(settings: Fit) -> int:
             name, picture = photos[number].name, thumbnail(explanation.overlay())
             entries.append(Entry(name, folders[number].name, explanation.to_dict(), picture))
         results[str(photos[number])] = explanation.to_dict() | {"folder": str(folders[number])}
+        seconds, started = time.monotonic() - started, time.monotonic()
+        line = _line(photos[number].name, explanation, seconds)
+        note(line)
         if not settings.json and not settings.quiet:
-            seconds, started = time.monotonic() - started, time.monotonic()
-            print(_line(photos[number].name, explanation, seconds), flush=True)
+            print(line, flush=True)
     if entries:
         with atomic_write(settings.out / "report.html") as temporary:
             temporary.write_text(folder_html(entries), encoding="utf-8", errors="replace")
@@ -76,6 +84,20 @@ def fit(settings: Fit) -> int:
     elif results:
         print(settings.out)
     return 2 if failed else 0
+
+
+def add_line(log: Path | None, words: str) -> None:
+    """Add a line with the time to a file, where there is one; UserError when it cannot be written."""
+    if log is None:
+        return
+    try:
+        with open(log, "a", encoding="utf-8", errors="replace") as file:
+            line = words.replace("\n", "\\n")
+            print(datetime.now().isoformat(timespec="seconds"), line, file=file)
+    except OSError as error:
+        raise UserError(
+            f"expected --log FILE that can be written; got '{log}' ({error.strerror}). Name another."
+        ) from None
 
 
 def photos_of(images: tuple[Path, ...]) -> list[Path]:

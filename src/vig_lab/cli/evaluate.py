@@ -24,6 +24,9 @@ from vig_lab.paper_network.recognizer import recognizer_of
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 
+PRINTED = "Table 1", "Failures"
+"""Beginnings of the titles of tables that are printed; a file has them all."""
+
 
 def evaluate(settings: Evaluate) -> int:
     """Run the methods, write and print their results; returns the exit code."""
@@ -67,7 +70,9 @@ def evaluate(settings: Evaluate) -> int:
         return 0
     console = Console(width=None if sys.stdout.isatty() else 100)
     for block in blocks(table):
-        console.print(block.rich())
+        if block.title.startswith(PRINTED):
+            console.print(block.rich())
+    print(f"all tables, with means and tests: {settings.out / 'table.md'}; each image: errors.csv")
     print(settings.out)
     return 0
 

@@ -75,6 +75,18 @@ def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
     assert names == pictures | {"explanation.json", "corrections.json", "object.glb", "report.html"}
 
 
+def test_a_log_has_a_line_for_each_photo_whatever_is_printed(capsys, photo, tmp_path):
+    bad, log = tmp_path / "bad\n.png", tmp_path / "log.txt"
+    bad.write_bytes(b"not a picture")
+    refused(capsys, "fit", bad, photo, "--quiet", "--log", log, "--out", tmp_path / "out")
+    begun, error, verdict = (line.partition(" ")[2] for line in log.read_text().splitlines())
+    assert begun.startswith("vig ") and "2 photos" in begun
+    assert error.startswith("error: ") and "bad" in error
+    assert verdict.split(":")[0] in ("trusted", "reverted", "ambiguous", "failed") and "photo.png" in verdict
+    error = refused(capsys, "fit", photo, "--log", tmp_path, "--out", tmp_path / "other")
+    assert "--log FILE" in error and not (tmp_path / "other").exists()
+
+
 def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
     with pytest.raises(SystemExit) as caught:
         main(["fit", str(photo), "--box", "40,30,60,50", "--out", str(tmp_path / "out"), "--json"])
