@@ -1,9 +1,17 @@
 """Work shared out to threads and to processes."""
 
-from vig.parallel.processes import map_in_processes, one_thread_in_children, without_interrupts
+from vig.parallel.processes import (
+    Lost,
+    map_as_done,
+    map_in_processes,
+    one_thread_in_children,
+    without_interrupts,
+)
 from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, thread_count
 
 __all__ = [
+    "Lost",
+    "map_as_done",
     "map_in_processes",
     "map_on_threads",
     "on_one_core",

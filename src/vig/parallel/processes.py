@@ -1,37 +1,79 @@
-"""Work shared out to processes of this machine: where Python's lock would keep threads waiting."""
+"""Work shared out to processes of this machine: where Python's lock would keep threads waiting.
+
+Processes that die are replaced, and what they had to do is done by others.
+"""
 
 from __future__ import annotations
 
 import functools
 import multiprocessing
 import os
+import pickle
+import queue
 import signal
 import threading
+import traceback
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from itertools import islice
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any, Generic, TypeVar
 
 from vig.errors import UserError
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")
 
-AHEAD = 4
-"""Items handed out at once for each process: enough that none waits, and few copies of what they hold."""
+AHEAD = 2
+"""Items handed out at once to each process: enough that none waits, and few copies of what they hold."""
+WINDOW = 16
+"""Items of each process by which one may be ahead of the oldest that is not done."""
+ATTEMPTS = 3
+"""Processes that may die of one item."""
+RENEWED_AFTER = 4000
+"""Items after which a process is replaced by a new one, which bounds memory leaks in libraries."""
 
-_work: Callable[[Any], Any] | None = None
+
+@dataclass(frozen=True)
+class Lost:
+    """In place of an item's result: so many processes died of it."""
+
+    attempts: int
 
 
 def map_in_processes(
     prepare: Callable[[Any], Callable[[Given], Result]], shared: Any, items: Iterable[Given], processes: int
 ) -> Iterator[Result]:
-    """work(item) of each item in order, work being `prepare(shared)`, which each process calls once.
+    """work(item) of each item in order; see `map_as_done`.
 
-    Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. When the
-    consumer stops early, at most `AHEAD` items for each are finished, the others dropped.
+    Raises:
+        UserError: `ATTEMPTS` processes were killed at the same item.
+        Exception: What `prepare` or work raised.
+    """
+    done: dict[int, Result] = {}
+    expected = 0
+    for number, result in map_as_done(prepare, shared, items, processes):
+        if isinstance(result, Lost):
+            raise UserError(
+                f"a worker process was killed {result.attempts} times at the same item, possibly out of"
+                " memory; what is done stays. Run it again with fewer workers."
+            )
+        done[number] = result
+        while expected in done:
+            yield done.pop(expected)
+            expected += 1
+
+
+def map_as_done(
+    prepare: Callable[[Any], Callable[[Given], Result]], shared: Any, items: Iterable[Given], processes: int
+) -> Iterator[tuple[int, Result | Lost]]:
+    """Number and work(item) of each item as they are done, work being each process's `prepare(shared)`.
+
+    Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. One that
+    is killed is replaced; another does its items. When the consumer stops early, each process finishes its
+    item.
 
     Args:
         prepare: A function of a module, no closure: processes are spawned and import it.
@@ -40,43 +82,195 @@ def map_in_processes(
         processes: How many.
 
     Raises:
-        UserError: A process was killed.
         Exception: What `prepare` or work raised.
     """
-    context = multiprocessing.get_context("spawn")
-    left = iter(items)
-    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(prepare, shared))
-    waiting: list[Future[Result]] = []
-
-    def hand_out(count: int) -> None:
-        with one_thread_in_children(), without_interrupts():
-            waiting.extend(pool.submit(_do, item) for item in islice(left, count))
-
+    pool = _Pool(prepare, shared, items, processes)
     try:
-        hand_out(processes * AHEAD)
-        while waiting:
-            result = waiting.pop(0).result()
-            hand_out(1)
-            yield result
-    except BrokenProcessPool as error:
-        raise UserError(
-            f"one of {processes} worker processes was killed, possibly out of memory; what is done stays."
-            " Run it again with fewer workers."
-        ) from error
+        yield from pool.run()
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.stop()
 
 
-def _begin(prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
-    global _work
+@dataclass
+class _Item(Generic[Given]):
+    number: int
+    given: Given
+    attempts: int = 0
+
+
+class _Worker:
+    """A process, and the items that it has yet to do."""
+
+    def __init__(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs, prepare, shared))
+        with one_thread_in_children(), without_interrupts():
+            self.process.start()
+        theirs.close()
+        self.waiting: deque[_Item[Any]] = deque()
+        self.done = 0
+
+    def give(self, item: _Item[Any]) -> None:
+        self.waiting.append(item)
+        self.connection.send((item.number, item.given))
+
+
+class _Pool:
+    """The parent's side: hands items out, and reacts when a process answers or dies."""
+
+    def __init__(
+        self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any, items: Iterable[Any], count: int
+    ) -> None:
+        self.prepare, self.shared, self.count = prepare, shared, count
+        self.items = iter(enumerate(items))
+        self.again: deque[_Item[Any]] = deque()
+        self.handed: set[int] = set()
+        self.next: _Item[Any] | None = None
+        self.exhausted = False
+        self.workers: list[_Worker] = []
+
+    def run(self) -> Iterator[tuple[int, Any]]:
+        while True:
+            yield from self.hand_out()
+            if not self.workers:
+                return
+            by_connection = {worker.connection: worker for worker in self.workers}
+            for ready in wait(list(by_connection)):
+                assert isinstance(ready, Connection)
+                worker = by_connection[ready]
+                try:
+                    number, succeeded, answer = ready.recv()
+                except (EOFError, OSError):
+                    yield from self.bury(worker)
+                    continue
+                assert worker.waiting.popleft().number == number
+                self.handed.remove(number)
+                worker.done += 1
+                if not succeeded:
+                    raise answer
+                yield number, answer
+
+    def upcoming(self) -> _Item[Any] | None:
+        """The item to hand out next; None when there is none, or it would be too far ahead."""
+        if self.again:
+            return self.again[0]
+        if self.next is None:
+            number, given = next(self.items, (-1, None))
+            self.exhausted = number < 0
+            self.next = None if self.exhausted else _Item(number, given)
+        oldest = min(self.handed, default=None)
+        if self.next is not None and oldest is not None and self.next.number > oldest + WINDOW * self.count:
+            return None
+        return self.next
+
+    def hand_out(self) -> Iterator[tuple[int, Any]]:
+        """Keep every process busy, with a new one where there are too few; end those that have nothing."""
+        for worker in [*self.workers]:
+            while (
+                len(worker.waiting) < AHEAD
+                and worker.done + len(worker.waiting) < RENEWED_AFTER
+                and self.upcoming()
+            ):
+                if not self.give(worker):
+                    yield from self.bury(worker)
+                    break
+            spent = worker.done >= RENEWED_AFTER or (self.exhausted and not self.again)
+            if worker in self.workers and not worker.waiting and spent:
+                self.workers.remove(worker)
+                self.end(worker)
+        while len(self.workers) < self.count and self.upcoming():
+            worker = _Worker(self.prepare, self.shared)
+            self.workers.append(worker)
+            if not self.give(worker):
+                yield from self.bury(worker)
+
+    def give(self, worker: _Worker) -> bool:
+        """Hand the upcoming item out; False when the process has died."""
+        item = self.upcoming()
+        assert item is not None
+        if self.again:
+            self.again.popleft()
+        else:
+            self.next = None
+        self.handed.add(item.number)
+        try:
+            worker.give(item)
+        except OSError:
+            return False
+        return True
+
+    def bury(self, worker: _Worker) -> Iterator[tuple[int, Any]]:
+        """Take back the items of a process that died; the first one it may have died of."""
+        self.workers.remove(worker)
+        worker.process.join()
+        worker.connection.close()
+        if worker.waiting:
+            first = worker.waiting[0]
+            first.attempts += 1
+            if first.attempts >= ATTEMPTS:
+                worker.waiting.popleft()
+                self.handed.remove(first.number)
+                yield first.number, Lost(first.attempts)
+        self.again.extendleft(reversed(worker.waiting))
+
+    @staticmethod
+    def end(worker: _Worker) -> None:
+        worker.connection.close()
+        worker.process.join()
+
+    def stop(self) -> None:
+        """Let every process finish its item, and wait for it."""
+        for worker in self.workers:
+            worker.connection.close()
+        for worker in self.workers:
+            worker.process.join()
+
+
+def _serve(connection: Connection, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
+    """The child's side: does what it is sent, answers (number, whether it succeeded, result or error)."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()
     try:
-        _work = prepare(shared)
+        work = prepare(shared)
     except Exception as error:  # raised here it would end the process, its reason lost
-        _work = functools.partial(_refuse, error)
+        work = functools.partial(_refuse, error)
+    given: queue.Queue[Any] = queue.Queue()
+    ended = threading.Event()
+    threading.Thread(target=_receive, args=(connection, given, ended), daemon=True).start()
+    while (received := given.get()) is not None and not ended.is_set():
+        number, item = received
+        try:
+            answer = number, True, work(item)
+        except Exception as error:
+            answer = number, False, _sendable(error)
+        try:
+            connection.send(answer)
+        except OSError:  # the parent has stopped
+            return
+
+
+def _receive(connection: Connection, given: queue.Queue[Any], ended: threading.Event) -> None:
+    """Take what is sent at once: a parent that waits to send while we wait to answer would wait for ever."""
+    try:
+        while True:
+            given.put(connection.recv())
+    except (EOFError, OSError):
+        ended.set()
+        given.put(None)
+
+
+def _sendable(error: Exception) -> Exception:
+    told = "".join(traceback.format_exception(error))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        error = RuntimeError(str(error))
+    if not isinstance(error, UserError):
+        error.add_note(told)
+    return error
 
 
 def _refuse(error: Exception, item: Any) -> None:
@@ -84,14 +278,9 @@ def _refuse(error: Exception, item: Any) -> None:
 
 
 def _follow(parent: Any) -> None:
-    """A pool's processes hold each other's queue open: they would wait for a killed parent for ever."""
+    """A process that is busy would outlive a killed parent."""
     parent.join()
     os._exit(1)
-
-
-def _do(item: Any) -> Any:
-    assert _work is not None
-    return _work(item)
 
 
 @contextmanager

@@ -10,12 +10,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vig.errors import UserError
-from vig.parallel.processes import map_in_processes
+from vig.parallel import Lost, map_as_done, map_in_processes, processes
 
 pytestmark = pytest.mark.slow
 
@@ -31,9 +33,65 @@ def test_what_work_raises_is_raised_here() -> None:
         list(map_in_processes(functools.partial, math.sqrt, [1.0, -1.0], 2))
 
 
-def test_a_killed_worker_is_told_in_one_line() -> None:
-    with pytest.raises(UserError, match="one of 1 worker processes was killed"):
+def test_what_kills_its_worker_again_and_again_is_told_in_one_line() -> None:
+    with pytest.raises(UserError, match="a worker process was killed 3 times at the same item"):
         list(map_in_processes(functools.partial, os._exit, [1], 1))
+
+
+def root_or_end(folder: Path) -> Callable[[float], float]:
+    """The square root; of 7 the process's end, always, and of 3 the first time."""
+
+    def work(number: float) -> float:
+        (folder / f"{number}").touch()
+        if number == 7 or (number == 3 and not (folder / "3 was tried").exists()):
+            (folder / f"{number:g} was tried").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return math.sqrt(number)
+
+    return work
+
+
+def test_items_of_a_process_that_dies_are_done_by_another(tmp_path: Path) -> None:
+    items = [float(number) for number in range(60)]
+    found = dict(map_as_done(root_or_end, tmp_path, items, 2))
+    assert found.pop(7) == Lost(3)
+    assert found == {number: math.sqrt(number) for number in range(60) if number != 7}
+
+
+def test_large_items_and_results_pass_each_other() -> None:
+    """Either is larger than what a pipe holds: were both sides to send first, none would receive."""
+    items = [np.full(300_000, number) for number in range(12)]
+    for number, found in enumerate(map_in_processes(functools.partial, np.negative, items, 2)):
+        assert (found == -number).all() and found.shape == (300_000,)
+
+
+def test_none_is_far_ahead_of_the_oldest() -> None:
+    """The first item takes long: what is handed out meanwhile is bounded, and so are waiting results."""
+    taken: list[int] = []
+
+    def items() -> Iterator[float]:
+        for number in range(200):
+            taken.append(number)
+            yield 3.0 if number == 0 else 0.0
+
+    found = map_as_done(functools.partial, time.sleep, items(), 2)
+    numbers = []
+    for number, _ in found:
+        if number == 0:
+            break
+        numbers.append(number)
+    assert max(numbers) <= 2 * processes.WINDOW and len(taken) <= 2 * processes.WINDOW + 2
+    found.close()
+
+
+def test_processes_are_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(processes, "RENEWED_AFTER", 4)
+    ids = [pid for _, pid in map_as_done(process_id, None, range(10), 1)]
+    assert [ids.count(pid) for pid in dict.fromkeys(ids)] == [4, 4, 2]
+
+
+def process_id(shared: None) -> Callable[[int], int]:
+    return lambda item: os.getpid()
 
 
 def test_a_consumer_that_stops_waits_for_no_more_items() -> None:

@@ -22,6 +22,7 @@ from pathlib import Path
 import pytest
 
 from vig.errors import UserError
+from vig.parallel import processes
 from vig.scene import ObjectClass
 from vig_world.generation import pool
 from vig_world.generation.files import sidecar_path
@@ -39,7 +40,8 @@ HELD_RUN = f"""
 import os, signal, sys, time
 from pathlib import Path
 from vig.cli.main import main
-from vig_world.generation import job, pool
+from vig.parallel import processes
+from vig_world.generation import job
 
 write_bytes, go, process = job.write_bytes, Path(sys.argv[-1] + ".go"), os.getpid()
 
@@ -54,7 +56,7 @@ def held(path, data):
         time.sleep(0.5)  # so that what happens as it goes on happens before the run is over
     write_bytes(path, data)
 
-job.write_bytes, pool.CHUNK = held, int(os.environ["CHUNK"])
+job.write_bytes, processes.AHEAD = held, int(os.environ["CHUNK"])
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin by ignoring it
     settings = ["--count", "{COUNT}", "--seed", "{SEED}", "--workers", "2", "--out", sys.argv[1]]
@@ -210,13 +212,13 @@ def test_killed_and_renewed_workers_are_replaced_and_the_run_goes_on(
     undisturbed: dict[str, str], tmp_path: Path, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second sample's worker is killed as soon as the sample is there, and each makes two at most."""
-    monkeypatch.setattr(pool, "CHUNK", 1)
-    monkeypatch.setattr(pool, "RENEWED_AFTER", 2)
-    started, start, advance = [], pool._Pool.start, Meter.advance
+    monkeypatch.setattr(processes, "AHEAD", 1)
+    monkeypatch.setattr(processes, "RENEWED_AFTER", 2)
+    started, start, advance = [], processes._Worker.__init__, Meter.advance
 
-    def counted(self: pool._Pool) -> None:
-        start(self)
-        started.append(self.workers[-1].process)
+    def counted(self: processes._Worker, *given: object) -> None:
+        start(self, *given)
+        started.append(self.process)
 
     def killing(self: Meter, count: int) -> None:
         advance(self, count)
@@ -225,7 +227,7 @@ def test_killed_and_renewed_workers_are_replaced_and_the_run_goes_on(
             killed.append(started[0])
 
     killed: list[object] = []
-    monkeypatch.setattr(pool._Pool, "start", counted)
+    monkeypatch.setattr(processes._Worker, "__init__", counted)
     monkeypatch.setattr(Meter, "advance", killing)
     out = make_dataset(tmp_path / "out", COUNT, SEED, workers=2, progress=False, object_class=teapot)
     assert killed
