@@ -36,10 +36,12 @@ BELOW = {
 }
 MAY_IMPORT |= {subpackage: below | HELPERS for subpackage, below in BELOW.items()}
 MAY_IMPORT["vig.hints"] = set(MAY_IMPORT)
+MAY_IMPORT["vig.corrections"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.explanation"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.explainer"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.viewer"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.cli"] = set(MAY_IMPORT)
+MAY_IMPORT["vig.__main__"] = {"vig.cli"}
 CORE = set(MAY_IMPORT)
 WORLD = {
     "vig_world.names": set(),

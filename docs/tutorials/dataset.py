@@ -9,6 +9,7 @@
 import json
 import shlex
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -22,13 +23,14 @@ folder = Path(tempfile.mkdtemp())
 
 
 def run(command: str) -> None:
-    """A command as a shell would run it, without what it prints."""
-    subprocess.run(shlex.split(command), check=True, stdout=subprocess.DEVNULL)
+    """A command of vig, without what it prints."""
+    arguments = [sys.executable, "-m", "vig", *shlex.split(command)]
+    subprocess.run(arguments, check=True, stdout=subprocess.DEVNULL)
 
 
-run(f"vig dataset make --out {folder}/pots --count 240 --split train --seed 5")
-run(f"vig dataset make --out {folder}/pots --count 40 --split test --seed 5")
-run(f"vig dataset export {folder}/pots --split test --to coco --out {folder}/coco")
+run(f"dataset make --out {folder}/pots --count 240 --split train --seed 5")
+run(f"dataset make --out {folder}/pots --count 40 --split test --seed 5")
+run(f"dataset export {folder}/pots --split test --to coco --out {folder}/coco")
 
 # %% [markdown]
 # Everything of each image is a row of a table; pictures, masks and poses lie

@@ -7,6 +7,7 @@
 
 # %%
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -34,12 +35,15 @@ for number in range(5):
         folder / "jars" / f"jar{number}.ply"
     )
 
-build = f"vig class build {folder}/jars --out {folder}/jar"
-build += " --symmetry any-turn --length 0.3 --vertices 900"
-told = subprocess.run(
-    build.split(), check=True, capture_output=True, text=True
-).stdout
-print(told.replace(str(folder), "FOLDER"))
+build = ["class", "build", folder / "jars", "--out", folder / "jar"]
+build += ["--symmetry", "any-turn", "--length", "0.3", "--vertices", "900"]
+done = subprocess.run(
+    [sys.executable, "-m", "vig", *build],
+    check=True,
+    capture_output=True,
+    text=True,
+)
+print(done.stdout.replace(str(folder), "FOLDER"))
 
 # %% [markdown]
 # The pack tells how well it went: `card.md` with the numbers, and a picture of

@@ -20,11 +20,11 @@ from vig.hints import Hints
 from vig.inference import Fit, Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
-from vig.photo.images import linear_photo, write_png
+from vig.photo.images import coded, linear_photo, write_png
 from vig.renderer import render_latents
 from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
 from vig.report.pictures import PANEL
-from vig.scene import Camera, Latents, ObjectClass, latent_layout, srgb8_from_linear
+from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
 DIFFERENCE = 1e-4
@@ -252,8 +252,7 @@ class Explanation:
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
-        coded = self.picture if self.picture.dtype == np.uint8 else srgb8_from_linear(self.picture)
-        return overlay(coded, self.window, *self._outlines)
+        return overlay(coded(self.picture), self.window, *self._outlines)
 
     def panels(self) -> np.ndarray:
         """Photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3) uint8."""

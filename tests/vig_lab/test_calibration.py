@@ -195,7 +195,7 @@ def test_a_rolled_photo_is_in_the_fold_of_the_photo_it_was(samples: CalibrationS
     assert len(left.out_of_distribution) == 800 and len(left.features) == len(left.weight) == 3200
 
 
-def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset]:
+def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset, np.ndarray]:
     """Fits that are off in azimuth by so many degrees, round the circle, and by 0.1 in all else."""
     count = len(azimuth_off)
     truth = np.zeros((count, 24), np.float32)

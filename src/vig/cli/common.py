@@ -77,17 +77,17 @@ class View:
     """Open a photo on a page: draw a box, click points, mark what is in front, choose a view, save."""
 
     photo: tyro.conf.Positional[Path]
-    """A photo, or a folder that was saved here, to go on with it."""
+    """A photo, or a folder of results, to resume work on it."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object; without it the object is sought in the photo."""
-    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
-    """A packaged class or the folder of a class pack."""
+    object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
+    """A packaged class or the folder of a class pack; by default teapot, or that of the results."""
     port: int = 8080
     """Of 127.0.0.1; the next free one where it is taken."""
     no_open: bool = False
     """Do not open a browser."""
-    out: Path = Path("vig-fit")
-    """Folder for what is saved, in a folder of the photo's name."""
+    out: Path | None = None
+    """Folder of what is saved, in one of the photo's name; by default vig-fit, or that of the results."""
 
 
 @dataclass(frozen=True)

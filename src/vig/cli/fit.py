@@ -17,6 +17,7 @@ from vig import __version__
 from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of
+from vig.corrections import CORRECTIONS, State
 from vig.errors import UserError
 from vig.explainer import Box, Explainer, checked_box
 from vig.explanation import Explanation
@@ -25,7 +26,6 @@ from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
 from vig.report.page import Entry, folder_html, thumbnail
-from vig.viewer import State
 
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
@@ -63,7 +63,9 @@ def fit(settings: Fit) -> int:
             explanation.export(folders[number], settings.export, photos[number].name)
             said = State.of(boxes[number], settings.focal, explanation.hints)
             if said is not None:
-                said.write(folders[number], photos[number], settings.object_class)
+                said.write(folders[number], photos[number], explainer.object_class)
+            else:
+                (folders[number] / CORRECTIONS).unlink(missing_ok=True)
         except UserError as error:
             fail(number, error)
             continue
@@ -92,7 +94,7 @@ def add_line(log: Path | None, words: str) -> None:
         return
     try:
         with open(log, "a", encoding="utf-8", errors="replace") as file:
-            line = words.replace("\n", "\\n")
+            line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in words)
             print(datetime.now().isoformat(timespec="seconds"), line, file=file)
     except OSError as error:
         raise UserError(

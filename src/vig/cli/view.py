@@ -4,29 +4,33 @@ from __future__ import annotations
 
 import threading
 import webbrowser
+from dataclasses import replace
+from pathlib import Path
 
 from vig.cli.common import View
 from vig.cli.fit import parse_box
+from vig.corrections import State
 from vig.errors import UserError
 from vig.explainer import Explainer
-from vig.viewer import Session, State
-from vig.viewer.server import HOST, Viewer
+from vig.viewer import Session
+from vig.viewer.server import HOST, Viewer, free_port
 
 
 def view(settings: View) -> int:
     """Serve the page until interrupted; returns the exit code."""
-    photo, object_class, state = settings.photo, settings.object_class, State()
-    folder = settings.out / photo.stem
+    photo, object_class, folder, state = settings.photo, settings.object_class, settings.out, State()
     if photo.is_dir():
+        for name, given in (("class", object_class), ("out", folder)):
+            if given is not None:
+                raise UserError(f"expected a photo with --{name}; got a result, which has one. Leave it out.")
         folder, (photo, object_class, state) = photo, State.read(photo)
+    else:
+        folder = (folder or Path("vig-fit")) / photo.stem
     if settings.box is not None:
-        if state.box is not None:
-            raise UserError(
-                "expected a photo with --box; got a result, whose box is saved. Draw another there."
-            )
-        state = State(parse_box(settings.box))
-    session = Session(Explainer(object_class), photo, state, object_class)
-    viewer = Viewer(session, folder, port=settings.port)
+        state = replace(state, box=parse_box(settings.box))
+    port = free_port(settings.port)
+    session = Session(Explainer(object_class or "teapot"), photo, state)
+    viewer = Viewer(session, folder, port)
     print(f"http://{HOST}:{viewer.port}", flush=True)
     print(
         f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{HOST}:{viewer.port} and this machine's name",

@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import multiprocessing
 import os
-import pickle
 import queue
 import signal
 import threading
@@ -263,13 +262,13 @@ def _receive(connection: Connection, given: queue.Queue[Any], ended: threading.E
 
 
 def _sendable(error: Exception) -> Exception:
+    """The error as it can be sent, with where it was raised; that of a library becomes a RuntimeError."""
+    if isinstance(error, UserError):
+        return error
     told = "".join(traceback.format_exception(error))
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        error = RuntimeError(str(error))
-    if not isinstance(error, UserError):
-        error.add_note(told)
+    if type(error).__module__ != "builtins":
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(told)
     return error
 
 

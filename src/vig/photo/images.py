@@ -78,6 +78,11 @@ def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.
     return linear_photo(coded_photo(photo))
 
 
+def coded(picture: np.ndarray) -> np.ndarray:
+    """A photo (H, W, 3), uint8 sRGB or float linear RGB, as uint8 sRGB."""
+    return picture if picture.dtype == np.uint8 else srgb8_from_linear(picture)
+
+
 def linear_photo(coded: np.ndarray) -> np.ndarray:
     """Linear RGB float32 of pixels (..., 3) as `coded_photo` returns them."""
     return coded if coded.dtype == np.float32 else _LINEAR[coded]

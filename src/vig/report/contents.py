@@ -15,6 +15,7 @@ from PIL import Image
 from vig.inference import Fit
 from vig.parallel import on_one_core
 from vig.photo import Window
+from vig.photo.images import coded
 from vig.renderer import render_latents
 from vig.renderer.shading import smooth_normals
 from vig.report.page import Page, Seen, html
@@ -66,8 +67,7 @@ def page_of(found: Explained, photo: str) -> str:
     def shrunk(picture: np.ndarray) -> np.ndarray:
         return np.asarray(Image.fromarray(picture).resize(small, Image.Resampling.LANCZOS, reducing_gap=2.0))
 
-    coded = found.picture if found.picture.dtype == np.uint8 else srgb8_from_linear(found.picture)
-    small_photo, colours = shrunk(coded), found.part_albedo
+    small_photo, colours = shrunk(coded(found.picture)), found.part_albedo
     hidden = shrunk((found.amodal & ~found.mask).view(np.uint8) * np.uint8(255))
     vertices = torch.from_numpy(found.vertices)
     return html(

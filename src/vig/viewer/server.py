@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +18,14 @@ from PIL import Image, ImageDraw
 from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.inference import Said
+from vig.photo.images import coded
 from vig.scene import srgb8_from_linear
 from vig.viewer.session import Session, cleared, marked, placed
 from vig.viewer.worker import Worker
 
 HOST = "127.0.0.1"
+TRIED = 100
+"""Ports that are tried, from the one that was named."""
 MOST_SIDE = 1024
 """Pixels of the longer side of the picture that is sent."""
 SIZE = 2.0
@@ -57,6 +65,46 @@ HELP = (
     "Choose what to say, then click the photo there (for a box: drag from corner to corner), or type the"
     " place and press *say it there*. Drag to look around, turn the wheel to come closer."
 )
+ORIGINS = [re.compile(r"http://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")]
+"""Pages that may open a connection: those of this machine, on whatever port SSH forwards ours to."""
+MARKUP = re.compile(r"[^\w\s]")
+
+
+def plain(text: str) -> str:
+    """Text that the page shows as it is: it renders Markdown and HTML, and a file may have any name."""
+    return MARKUP.sub(lambda found: f"&#{ord(found[0])};", " ".join(text.split()))
+
+
+def free_port(port: int) -> int:
+    """The port, or the next one of 127.0.0.1 that is free; UserError when viser is missing or none is."""
+    try:
+        import viser  # noqa: F401
+    except ImportError:
+        raise UserError("vig view needs viser; run pip install 'vig[viewer]'.") from None
+    if not 1 <= port <= 65535:
+        raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
+    for candidate in range(port, min(port + TRIED, 65536)):
+        with socket.socket() as found, suppress(OSError):
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            found.bind((HOST, candidate))
+            return candidate
+    raise UserError(f"expected a free port from {port} on; got none. Name another with --port.")
+
+
+@contextmanager
+def _own_pages_only() -> Iterator[None]:
+    """Servers started inside refuse connections that a page of another site opens in the user's browser.
+
+    viser passes no origins on to websockets.
+    """
+    import websockets.asyncio.server as websocket
+
+    serve = websocket.serve
+    websocket.serve = partial(serve, origins=ORIGINS)  # type: ignore[misc, assignment]
+    try:
+        yield
+    finally:
+        websocket.serve = serve  # type: ignore[misc]
 
 
 class Viewer:
@@ -71,27 +119,25 @@ class Viewer:
             port: 1 to 65535.
 
         Raises:
-            UserError: viser is missing, or the port cannot be had.
+            UserError: viser is missing, or no port can be had.
         """
-        try:
-            import viser
-        except ImportError:
-            raise UserError("vig view needs viser; run pip install 'vig[viewer]'.") from None
-        if not 1 <= port <= 65535:
-            raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
+        port = free_port(port)
+        import viser
+
         self.session, self.folder, self.saved = session, folder, False
         height, width = session.photo.shape[:2]
         self.unit = SIZE / max(height, width)
         scale = min(1.0, MOST_SIDE / max(height, width))
         self.small = max(1, round(width * scale)), max(1, round(height * scale))
-        self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
+        with _own_pages_only():
+            self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
+        self.server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         self._theme(dark=False)
-        self._controls()
         self.worker = Worker(session, self._show, self._tell)
-        image = self._picture(session.explanation)
         self.image = self.server.scene.add_image(
-            "/photo", image, width * self.unit, height * self.unit, wxyz=FACING
+            "/photo", session.photo[:1, :1], width * self.unit, height * self.unit, wxyz=FACING
         )
+        self._controls()
         self.image.on_click(self._clicked)
         self.server.on_client_connect(self._welcome)
         self._show()
@@ -120,6 +166,7 @@ class Viewer:
         )
         say = gui.add_button("say it there")
         self.views = gui.add_dropdown("view", [AS_FOUND])
+        self.choices: dict[str, float | None] = {AS_FOUND: None}
         self.visible = gui.add_checkbox("nothing hides it", initial_value=False)
         self.held, self.angle = {}, {}
         for name, least, most in (("elevation", -10, 90), ("roll", -180, 180)):
@@ -255,17 +302,17 @@ class Viewer:
 
     def _save(self) -> None:
         try:
-            self._tell(f"Saved in `{self.session.save(self.folder)}`.")
+            self._tell(f"Saved in {self.session.save(self.folder)}.")
             self.saved = True
         except UserError as error:
-            self._tell(f"**{error}**")
+            self._tell(str(error), refused=True)
 
-    def _tell(self, words: str) -> None:
-        self.words.content = f"{words}\n\n{HELP}"
+    def _tell(self, words: str, refused: bool = False) -> None:
+        emphasis = "**" if refused else ""
+        self.words.content = f"{emphasis}{plain(words)}{emphasis}\n\n{HELP}"
 
     def _picture(self, found: Explanation) -> np.ndarray:
-        coded = found.picture if found.picture.dtype == np.uint8 else srgb8_from_linear(found.picture)
-        shown = Image.fromarray(found.overlay() if self.outline.value else coded)
+        shown = Image.fromarray(found.overlay() if self.outline.value else coded(found.picture))
         shown = shown.resize(self.small, Image.Resampling.LANCZOS, reducing_gap=2.0)
         if self.outline.value:
             self._draw_said(ImageDraw.Draw(shown, "RGBA"))
@@ -279,7 +326,7 @@ class Viewer:
             draw.rectangle((x, y, x + width, y + height), outline=(255, 255, 255, 255), width=2)
         for mark in state.marks:
             place = (mark.x * scale, mark.y * scale)
-            draw.circle(place, max(mark.radius * scale, 2.0), fill=(*INKS[mark.said], 130))
+            draw.circle(place, max(mark.radius * scale, 2.0), fill=(*INKS[Said(mark.said)], 130))
         for name, (x, y) in state.points.items():
             place = (x * scale, y * scale)
             draw.circle(place, 5, fill=(255, 255, 255, 255), outline=(0, 0, 0, 255), width=2)
@@ -296,7 +343,7 @@ class Viewer:
         hidden = "" if found.hidden_fraction is None else f", {found.hidden_fraction:.0%} hidden"
         angles = f"azimuth {found.azimuth_deg:.0f}°, elevation {found.elevation_deg:.0f}°"
         mask = "" if math.isnan(found.mask_confidence) else f"; mask right with {found.mask_confidence:.0%}"
-        self.verdict.content = f"**{found.verdict}**: {angles}{hidden}{mask}\n\n{found.reason}"
+        self.verdict.content = f"**{found.verdict}**: {angles}{hidden}{mask}\n\n{plain(found.reason)}"
         if self.worker.corrections_wait:
             return
         state = self.session.state
@@ -305,18 +352,19 @@ class Viewer:
             now = getattr(found, f"{name}_deg") if given is None else given
             self.angle[name].value = round(np.clip(now, self.angle[name].min, self.angle[name].max))
         self.visible.value = state.visible
-        self.choices: dict[str, float | None] = {AS_FOUND: None}
+        choices: dict[str, float | None] = {AS_FOUND: None}
         chosen = AS_FOUND
         if state.azimuth_deg is not None:
             chosen = f"azimuth {state.azimuth_deg:.0f}°, chosen"
-            self.choices[chosen] = state.azimuth_deg
+            choices[chosen] = state.azimuth_deg
         for probability, azimuth in (
             (found.confidence, found.azimuth_deg),
             *((other.probability, other.azimuth_deg) for other in found.alternatives),
         ):
             likely = "" if math.isnan(probability) else f", {probability:.0%}"
-            self.choices[f"azimuth {azimuth:.0f}°{likely}"] = azimuth
-        self.views.options = tuple(self.choices)
+            choices[f"azimuth {azimuth:.0f}°{likely}"] = azimuth
+        self.choices = choices
+        self.views.options = tuple(choices)
         self.views.value = chosen
 
     def _show_object(self, found: Explanation) -> None:

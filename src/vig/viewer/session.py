@@ -2,130 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import math
-import os
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from vig.corrections import Mark, State
 from vig.errors import UserError
-from vig.explainer import Box, Explainer
+from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.files import atomic_write
-from vig.hints import Hints
 from vig.inference import Said
 from vig.photo import focal_of
 from vig.photo.images import coded_photo
 
-CORRECTIONS = "corrections.json"
-FORMAT = 1
 KEPT = 200
 """States that can be gone back to, at most."""
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A disc that a user painted: its middle and radius in pixels of the photo, and what it says."""
-
-    x: float
-    y: float
-    radius: float
-    said: Said
-
-    def paint(self, marks: np.ndarray) -> None:
-        """Set the pixels of marks (H, W) uint8 whose centres lie within."""
-        left, top = (max(math.floor(middle - self.radius), 0) for middle in (self.x, self.y))
-        right, bottom = (max(math.ceil(middle + self.radius), 0) for middle in (self.x, self.y))
-        part = marks[top:bottom, left:right]
-        rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
-        part[np.hypot(columns + left + 0.5 - self.x, rows + top + 0.5 - self.y) <= self.radius] = self.said
-
-
-@dataclass(frozen=True)
-class State:
-    """All that a user has said of a photo; places are in its pixels, angles in degrees."""
-
-    box: Box | None = None
-    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    marks: tuple[Mark, ...] = ()
-    visible: bool = False
-    azimuth_deg: float | None = None
-    elevation_deg: float | None = None
-    roll_deg: float | None = None
-    focal: float | None = None
-
-    @staticmethod
-    def of(box: Box | None, focal: float | None, hints: Hints | None) -> State | None:
-        """What was said to `Explainer.explain`; None where a mask, marks or a pose were among it."""
-        hints = hints or Hints()
-        if any(each is not None for each in (hints.mask, hints.marks, hints.pose)):
-            return None
-        angles = hints.azimuth_deg, hints.elevation_deg, hints.roll_deg
-        return State(box, dict(hints.points), (), hints.visible, *angles, focal)
-
-    def hints(self, width: int, height: int) -> Hints:
-        """The same as the library takes it."""
-        marks = None
-        if self.marks:
-            marks = np.zeros((height, width), np.uint8)
-            for mark in self.marks:
-                mark.paint(marks)
-        return Hints(
-            marks=marks,
-            visible=self.visible,
-            points=dict(self.points),
-            azimuth_deg=self.azimuth_deg,
-            elevation_deg=self.elevation_deg,
-            roll_deg=self.roll_deg,
-        )
-
-    @staticmethod
-    def read(folder: Path) -> tuple[Path, str, State]:
-        """Photo, class and state that `write` wrote; UserError where they cannot be read."""
-        path = folder / CORRECTIONS
-        try:
-            told = json.loads(path.read_text())
-            photo, object_class, state = folder / told["photo"], str(told["class"]), dict(told["state"])
-            box = state.pop("box")
-            points = {str(name): (float(x), float(y)) for name, (x, y) in state.pop("points").items()}
-            marks = tuple(
-                Mark(float(mark["x"]), float(mark["y"]), float(mark["radius"]), Said(mark["said"]))
-                for mark in state.pop("marks")
-            )
-            return photo, object_class, State(box and tuple(box), points, marks, **state)
-        except FileNotFoundError:
-            raise UserError(
-                f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. Name the photo itself."
-            ) from None
-        except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-            raise UserError(f"cannot read {path}: {error!r}; name the photo itself.") from None
-
-    def write(self, folder: Path, photo: Path, object_class: str) -> None:
-        """Write what `read` reads into a folder that exists; the photo is named from there.
-
-        Args:
-            folder: Of the results.
-            photo: A file.
-            object_class: What `Explainer` loads the class by.
-
-        Raises:
-            UserError: It cannot be written.
-        """
-        pack = Path(object_class)
-        told = {
-            "format": FORMAT,
-            "photo": os.path.relpath(photo, folder),
-            "class": str(pack.resolve()) if pack.is_dir() else object_class,
-            "state": asdict(self),
-        }
-        with atomic_write(folder / CORRECTIONS) as temporary:
-            temporary.write_text(json.dumps(told, indent=2) + "\n")
-
-
 Change = Callable[[State], State]
 """What one correction makes of a state."""
 
@@ -142,7 +33,6 @@ class Session:
         explainer: Explainer,
         photo: str | Path,
         state: State | None = None,
-        object_class: str = "teapot",
     ) -> None:
         """Open a photo and explain it with what is said of it.
 
@@ -150,14 +40,14 @@ class Session:
             explainer: Of the class.
             photo: A file.
             state: What is said at first.
-            object_class: What `Explainer` loads the class by.
 
         Raises:
             UserError: As `Explainer.explain` does.
         """
-        self.explainer, self.path, self.object_class = explainer, Path(photo), object_class
+        self.explainer, self.path = explainer, Path(photo)
         self.photo, self.focal = coded_photo(photo), focal_of(photo)
         self.states = [state or State()]
+        self._check(self.state)
         self.explanation = self._explained(self.state)
 
     @property
@@ -174,7 +64,9 @@ class Session:
         states = [*self.states]
         for change in changes:
             if change is not None:
-                states.append(change(states[-1]))
+                changed = change(states[-1])
+                self._check(changed)
+                states += [changed] if changed != states[-1] else []
             elif len(states) > 1:
                 states.pop()
         if states[-1] != self.state:
@@ -224,8 +116,12 @@ class Session:
     def save(self, folder: str | Path) -> Path:
         """Write what `vig fit` writes; returns the folder."""
         folder = self.explanation.save(folder, self.path.name)
-        self.state.write(folder, self.path, self.object_class)
+        self.state.write(folder, self.path, self.explainer.object_class)
         return folder
+
+    def _check(self, state: State) -> None:
+        height, width = self.photo.shape[:2]
+        state.check(width, height, self.explainer.object_class)
 
     def _explained(self, state: State) -> Explanation:
         height, width = self.photo.shape[:2]
@@ -233,7 +129,8 @@ class Session:
         given: dict[str, Any] = {"box": state.box, "focal": focal, "hints": state.hints(width, height)}
         try:
             found = self.explainer.explain(self.photo, **given)
-            return found if state.focal is not None or focal is None else replace(found, focal_from="exif")
+            exif = state.focal is None and focal is not None and self.explainer.settings.farther is None
+            return replace(found, focal_from="exif") if exif else found
         except UserError as error:
             raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
 

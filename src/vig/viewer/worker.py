@@ -7,11 +7,18 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable
+from typing import Protocol
 
 from vig.errors import UserError
 from vig.viewer.session import Change, Session
 
 Work = Callable[[], None]
+
+
+class Tell(Protocol):
+    """Shows the user some words, of what was done or of what cannot be."""
+
+    def __call__(self, words: str, refused: bool = False) -> None: ...
 
 
 class Worker:
@@ -21,7 +28,7 @@ class Worker:
     cannot be made, these alone are told and left out.
     """
 
-    def __init__(self, session: Session, show: Callable[[], None], tell: Callable[[str], None]) -> None:
+    def __init__(self, session: Session, show: Callable[[], None], tell: Tell) -> None:
         """Start the thread.
 
         Args:
@@ -84,27 +91,31 @@ class Worker:
                     self._correct(changes)
             except Exception:  # a fault of ours must not leave the page without its thread
                 traceback.print_exc()
-                self.tell("**That went wrong; the terminal says more. What was said before is kept.**")
+                self.tell("That went wrong; the terminal says more.", refused=True)
 
     def _correct(self, changes: list[Change | None]) -> None:
         self.tell("fitting ...")
         began = time.perf_counter()
         try:
             self.session.correct(*changes)
-            said = f"fitted in {time.perf_counter() - began:.1f} s"
+            refused = ""
         except UserError as error:
-            said = f"**{error}**"
-            if len(changes) > 1:
-                said = self._one_by_one(changes)
+            refused = str(error) if len(changes) == 1 else self._one_by_one(changes)
         self.show()
-        self.tell(said)
+        self.tell(refused or f"fitted in {time.perf_counter() - began:.1f} s", bool(refused))
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
-        """What was told of the last one that could not be made."""
-        refused = ""
+        """Each by itself; what to tell of those that are refused. Taking one of these back does nothing."""
+        told: list[str] = []
+        refused = 0
         for change in changes:
+            if change is None and refused:
+                refused -= 1
+                continue
             try:
                 self.session.correct(change)
+                refused = 0
             except UserError as error:
-                refused = f"**{error}**"
-        return refused
+                refused += 1
+                told.append(str(error))
+        return " ".join(dict.fromkeys(told))

@@ -6,11 +6,13 @@ import json
 import math
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +23,14 @@ from PIL import Image
 import vig
 from tests.support import LOW_CONTRAST
 from vig.cli.main import main
+from vig.corrections import Mark, State
 from vig.errors import UserError
 from vig.inference import Said
-from vig.viewer import Session, State
+from vig.viewer import Session
 from vig_lab.examples import example_photos
 
 CHROMIUM = shutil.which("chromium")
+SPOKEN: Any = ["viser-v1.1.1"]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +48,7 @@ def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
     return Session(explainer, tmp_path / "photo.png")
 
 
-def test_a_result_of_vig_fit_can_be_gone_on_with(session: Session, tmp_path: Path) -> None:
+def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) -> None:
     arguments = ["fit", str(session.path), "--box", "100,60,190,180", "--points", "spout=150,140"]
     for further, kept in (
         (["--focal", "900", "--roll", "3"], True),
@@ -55,6 +59,9 @@ def test_a_result_of_vig_fit_can_be_gone_on_with(session: Session, tmp_path: Pat
             main([*arguments, *further, "--out", str(tmp_path / f"out{kept}")])
         folder = tmp_path / f"out{kept}" / "photo"
         assert (folder / "corrections.json").exists() == kept
+    with pytest.raises(SystemExit):  # into the folder of the first
+        main([*arguments, "--pose", str(tmp_path / "p.json"), "--out", str(tmp_path / "outAgain")])
+    assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
     photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
     assert photo.samefile(session.path) and object_class == "teapot"
     assert state == State((100, 60, 190, 180), {"spout": (150, 140)}, roll_deg=3.0, focal=900.0)
@@ -89,7 +96,7 @@ def test_a_box_is_cut_at_the_photos_edges_and_a_bad_one_loses_nothing(session: S
     assert session.explanation is before and len(session.states) == 2
 
 
-def test_what_is_saved_is_what_vig_fit_saves_and_can_be_gone_on_with(
+def test_what_is_saved_is_what_vig_fit_saves_and_can_be_resumed(
     session: Session, explainer: vig.Explainer, tmp_path: Path
 ) -> None:
     session.say_visible(True)
@@ -105,26 +112,81 @@ def test_what_is_saved_is_what_vig_fit_saves_and_can_be_gone_on_with(
     }
     photo, object_class, state = State.read(folder)
     assert state == session.state and object_class == "teapot" and photo.samefile(session.path)
-    again = Session(explainer, photo, state, object_class)
+    again = Session(explainer, photo, state)
     assert again.explanation.to_dict() == session.explanation.to_dict()
 
 
+WRITTEN = {"format": 1, "photo": "photo.png", "class": "teapot", "state": {"box": [100, 60, 190, 180]}}
+
+
 @pytest.mark.parametrize(
-    "text",
+    "told",
     [
         "{",
         "[]",
         "{}",
-        '{"photo": 3}',
-        '{"photo": "a", "class": "b", "state": {"box": 3, "points": {}, "marks": [{}]}}',
+        "[" * 5000,
+        {"format": 2},
+        {"photo": 3},
+        {"state": {"box": "9999"}},
+        {"state": {"box": [1, 2, 3]}},
+        {"state": {"roll_deg": "3"}},
+        {"state": {"visible": "no"}},
+        {"state": {"azimuth_deg": 10**400}},
+        {"state": {"points": {"spout": [1e400, 1]}}},
+        {"state": {"marks": [{"x": 1, "y": 1, "radius": 2}]}},
+        {"state": {"nose": 1}},
+    ],
+    ids=str,
+)
+def test_corrections_of_other_types_are_refused(tmp_path: Path, told: Any) -> None:
+    text = told if isinstance(told, str) else json.dumps(WRITTEN | told)
+    (tmp_path / "corrections.json").write_text(text)
+    with pytest.raises(UserError, match="expected corrections of a photo at .*Name the photo itself"):
+        State.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (State(box=(10, 10, 2, 2)), "at least 8 pixels a side"),
+        (State(points={"spout": (1e300, 1)}), "on the photo or near it"),
+        (State(points={"nose": (1, 1)}), "names"),
+        (State(marks=(Mark(900.0, 10.0, 3.0, 1),)), "expected marks on the photo"),
+        (State(marks=(Mark(10.0, 10.0, math.inf, 1),)), "expected marks on the photo"),
+        (State(marks=(Mark(10.0, 10.0, -1.0, 1),)), "expected marks on the photo"),
+        (State(marks=(Mark(10.0, 10.0, 3.0, 9),)), "expected marks on the photo"),
+        (State(focal=-1.0), "focal length"),
+        (State(elevation_deg=100.0), "within 90 degrees"),
+        (State(roll_deg=math.nan), "roll_deg"),
     ],
 )
-def test_what_was_not_saved_here_is_refused(tmp_path: Path, text: str) -> None:
+def test_what_does_not_suit_the_photo_is_refused_before_it_is_a_state(
+    session: Session, state: State, said: str
+) -> None:
+    before = session.explanation
+    with pytest.raises(UserError, match=said):
+        session.correct(lambda _: state, lambda _: State(visible=True))
+    assert session.explanation is before and session.states == [State()]
+
+
+def test_what_changes_nothing_is_no_step_back(session: Session) -> None:
+    for _ in range(3):
+        session.hold(None, None)
+    assert len(session.states) == 1
+
+
+def test_no_result_of_vig_view_is_named_without_corrections(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="holds no corrections.json"):
         State.read(tmp_path)
-    (tmp_path / "corrections.json").write_text(text)
-    with pytest.raises(UserError, match="cannot read .*name the photo itself"):
-        State.read(tmp_path)
+
+
+def test_a_result_in_a_linked_folder_finds_its_photo(session: Session, tmp_path: Path) -> None:
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "away")
+    session.save(tmp_path / "link" / "result")
+    photo, object_class, _ = State.read(tmp_path / "link" / "result")
+    assert photo.samefile(session.path) and object_class == "teapot"
 
 
 @pytest.fixture(scope="module")
@@ -265,6 +327,60 @@ def test_a_box_two_points_another_view_and_saving_in_a_browser(
         seen.page.close()
 
 
+HOSTILE = (
+    'p<iframe srcdoc="<script>parent.document.title=\'PWN\'<&#47;script>"><img src=x onerror="alert(1)">'
+    "{alert(1)}**[a](javascript:alert(1)).png"
+)
+
+
+def test_a_photos_name_is_shown_as_it_is(
+    browser: Any, session: Session, explainer: vig.Explainer, tmp_path: Path
+) -> None:
+    pytest.importorskip("viser")
+    from vig.viewer.server import Viewer
+
+    path = tmp_path / HOSTILE
+    shutil.copy(session.path, path)
+    served = Viewer(Session(explainer, path), tmp_path / HOSTILE.replace(".png", ""), port=8431)
+    seen = Page(browser, served, *SCREENS["laptop"])
+    try:
+        served.worker.correct(lambda state: replace(state, box=(10.0, 10.0, 2.0, 2.0)))
+        waited(seen.page, lambda: not served.worker.busy)
+        served._tell(f"Saved in {HOSTILE}", refused=True)
+        seen.page.get_by_text(f"Saved in {HOSTILE}").wait_for()
+        assert "PWN" not in seen.page.title() and seen.page.locator("iframe").count() == 0
+        assert not seen.errors
+    finally:
+        seen.page.close()
+        served.stop()
+
+
+def test_a_page_of_another_site_cannot_connect(viewer: Any) -> None:
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+    from websockets.typing import Origin
+
+    address = f"ws://127.0.0.1:{viewer.port}"
+    with connect(address, origin=Origin(f"http://localhost:{viewer.port + 1}"), subprotocols=SPOKEN):
+        pass  # as over a port that SSH forwards
+    for origin in ("http://evil.example", "http://127.0.0.1.evil.example", "https://localhost:1", "null"):
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(address, origin=Origin(origin), subprotocols=SPOKEN)
+    assert viewer.server.request_share_url() is None
+
+
+def test_the_next_free_port_is_taken_and_none_is_told() -> None:
+    pytest.importorskip("viser")
+    from vig.viewer.server import free_port
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 65535))
+        taken.listen()
+        with pytest.raises(UserError, match="expected a free port from 65535 on; got none"):
+            free_port(65535)
+        assert free_port(65400) < 65535
+
+
 def test_the_keyboard_alone(browser: Any, viewer: Any) -> None:
     """A place can be typed; what cannot be used is told, and loses nothing."""
     seen, session = Page(browser, viewer, *SCREENS["laptop"]), viewer.session
@@ -323,6 +439,8 @@ def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Pat
         (["."], "holds no corrections.json"),
         (["photo.png", "--port", "0"], "a port of 1 to 65535"),
         (["photo.png", "--box", "1,2"], "box"),
+        (["result", "--class", "mug"], "has one. Leave it out"),
+        (["result", "--out", "other"], "has one. Leave it out"),
     ],
 )
 def test_what_vig_view_refuses(
@@ -333,6 +451,7 @@ def test_what_vig_view_refuses(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(session.path.parent)
+    Path("result").mkdir()
     with pytest.raises(SystemExit) as ended:
         main(["view", *arguments])
     assert ended.value.code == 2 and said in capsys.readouterr().err

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from vig.corrections import State
 from vig.errors import UserError
-from vig.viewer.session import Change, State, placed
+from vig.viewer.session import Change, placed
 from vig.viewer.worker import Worker
 
 
@@ -43,8 +44,8 @@ def begun() -> tuple[Worker, Fitting, list[str]]:
     """A worker that has begun with one correction and waits within it."""
     session, told, started = Fitting(), list[str](), threading.Event()
 
-    def tell(words: str) -> None:
-        told.append(words)
+    def tell(words: str, refused: bool = False) -> None:
+        told.append(f"no: {words}" if refused else words)
         started.set()
 
     worker = Worker(session, lambda: None, tell)  # type: ignore[arg-type]
@@ -82,7 +83,21 @@ def test_of_several_only_what_cannot_be_made_is_left_out(
     worker.correct(elevated(100.0))
     finished(worker, session)
     assert session.states[-1] == State(points={"spout": (1.0, 2.0)}, elevation_deg=10.0)
-    assert told[-1] == "**expected an elevation of at most 90**"
+    assert told[-1] == "no: expected an elevation of at most 90"
+    worker.stop()
+
+
+def test_taking_back_what_was_refused_meanwhile_takes_nothing_else_back(
+    begun: tuple[Worker, Fitting, list[str]],
+) -> None:
+    worker, session, _ = begun
+    for change in (placed("spout", 1.0, 2.0), elevated(100.0), elevated(200.0), None, None):
+        worker.correct(change)
+    finished(worker, session)
+    assert session.states[-1] == State(points={"spout": (1.0, 2.0)}, elevation_deg=10.0)
+    worker.correct(None)
+    finished(worker, session)
+    assert session.states[-1] == State(elevation_deg=10.0)
     worker.stop()
 
 
