@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
-import time
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from vig import __version__
 from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of
-from vig.corrections import CORRECTIONS, State
 from vig.errors import UserError
-from vig.explainer import Box, Explainer, checked_box
-from vig.explanation import Explanation
+from vig.explainer import Box, checked_box
 from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
 from vig.report.page import Entry, folder_html, thumbnail
+from vig.runs import RunSettings, Task, run, write_table
 
+MOST_ENTRIES = 200
+"""Photos on a run's page, at most."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
@@ -44,48 +46,63 @@ def fit(settings: Fit) -> int:
     )
     note = partial(add_line, settings.log)
     note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
-    explainer = Explainer(settings.object_class, how, settings.device)
-    results, failed, started = {}, set(), time.monotonic()
-    entries: list[Entry] = []
-
-    def fail(number: int, error: UserError) -> None:
-        print(f"vig: {error}", file=sys.stderr, flush=True)
-        failed.add(number)
-        note(f"error: {error}")
-
-    number = -1
-    for explanation in explainer.explain_many(photos, boxes, settings.workers, fail, settings.focal, hints):
-        number += 1
-        while number in failed:
-            number += 1
-        try:
-            explanation.save(folders[number], photos[number].name)
-            explanation.export(folders[number], settings.export, photos[number].name)
-            said = State.of(boxes[number], settings.focal, explanation.hints)
-            if said is not None:
-                said.write(folders[number], photos[number], explainer.object_class)
-            else:
-                (folders[number] / CORRECTIONS).unlink(missing_ok=True)
-        except UserError as error:
-            fail(number, error)
-            continue
-        if len(photos) > 1:
-            name, picture = photos[number].name, thumbnail(explanation.overlay())
-            entries.append(Entry(name, folders[number].name, explanation.to_dict(), picture))
-        results[str(photos[number])] = explanation.to_dict() | {"folder": str(folders[number])}
-        seconds, started = time.monotonic() - started, time.monotonic()
-        line = _line(photos[number].name, explanation, seconds)
-        note(line)
-        if not settings.json and not settings.quiet:
-            print(line, flush=True)
-    if entries:
-        with atomic_write(settings.out / "report.html") as temporary:
-            temporary.write_text(folder_html(entries), encoding="utf-8", errors="replace")
+    given = RunSettings(settings.object_class, how, settings.device, settings.export)
+    tasks = (
+        Task(photo, folder, box, settings.focal, told)
+        for photo, folder, box, told in zip(photos, folders, boxes, hints, strict=False)
+    )
+    rows: list[dict[str, Any]] = []
+    try:
+        for row in run(tasks, settings.out, given, settings.workers, resume=len(photos) > 1):
+            rows.append(row)
+            line = in_one_line(_line(row))
+            note(line)
+            if row["error"] is not None:
+                print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
+            elif not settings.json and not settings.quiet:
+                print(line, flush=True)
+    finally:
+        place = {str(photo): number for number, photo in enumerate(photos)}
+        rows.sort(key=lambda row: place[row["photo"]])
+        if len(photos) > 1 and rows:
+            write_table(settings.out, rows)
+            _write_page(settings.out, rows)
+    failed = sum(row["error"] is not None for row in rows)
     if settings.json:
-        print(json.dumps({"results": results, "folder": str(settings.out)}, indent=2))
-    elif results:
+        print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))
+    elif failed < len(rows):
         print(settings.out)
-    return 2 if failed else 0
+    return 0 if not failed else 1 if failed < len(rows) else 2
+
+
+def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """What each explanation.json holds, by photo."""
+    found = {}
+    for row in rows:
+        if row["error"] is None:
+            folder = out / row["folder"]
+            found[row["photo"]] = read_json(folder / "explanation.json") | {"folder": str(folder)}
+    return found
+
+
+def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
+    """report.html of a run: the photos that are least sure, `MOST_ENTRIES` of them."""
+    seen = [row for row in rows if row["error"] is None]
+    seen.sort(key=lambda row: (row["view_trusted"], row["confidence"] is not None, row["confidence"] or 0.0))
+    entries = []
+    for row in seen[:MOST_ENTRIES]:
+        with suppress(OSError), Image.open(out / row["folder"] / "overlay.png") as picture:
+            entries.append(Entry(Path(row["photo"]).name, row["folder"], row, thumbnail(np.asarray(picture))))
+    if entries:
+        errors = [row["error"] for row in rows if row["error"] is not None]
+        with atomic_write(out / "report.html") as temporary:
+            page = folder_html(entries, len(seen), errors)
+            temporary.write_text(page, encoding="utf-8", errors="replace")
+
+
+def in_one_line(words: str) -> str:
+    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in words)
 
 
 def add_line(log: Path | None, words: str) -> None:
@@ -94,8 +111,7 @@ def add_line(log: Path | None, words: str) -> None:
         return
     try:
         with open(log, "a", encoding="utf-8", errors="replace") as file:
-            line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in words)
-            print(datetime.now().isoformat(timespec="seconds"), line, file=file)
+            print(datetime.now().isoformat(timespec="seconds"), words, file=file)
     except OSError as error:
         raise UserError(
             f"expected --log FILE that can be written; got '{log}' ({error.strerror}). Name another."
@@ -142,16 +158,17 @@ def parse_box(text: str) -> Box:
         raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None
 
 
-def _line(name: str, explanation: Explanation, seconds: float) -> str:
-    hidden = explanation.hidden_fraction
-    colour = ", ".join(f"{c:.2f}" for c in explanation.latents.albedo[0].tolist())
-    sure = explanation.mask_confidence
-    mask = "" if math.isnan(sure) else f" (mask right with {sure:.0%})"
+def _line(row: dict[str, Any]) -> str:
+    if row["error"] is not None:
+        return f"error: {row['error']}"
+    hidden, sure = row["hidden_fraction"], row["mask_confidence"]
+    mask = "" if sure is None else f" (mask right with {sure:.0%})"
     seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
+    colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
+    when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
     return (
-        f"{explanation.verdict.name.lower()}: {name}, azimuth {explanation.azimuth_deg:.1f}, elevation"
-        f" {explanation.elevation_deg:.1f} degrees, albedo ({colour}),"
-        f" {seen}; {explanation.reason} ({seconds:.1f} s)"
+        f"{row['verdict']}: {Path(row['photo']).name}, azimuth {row['azimuth_deg']:.1f}, elevation"
+        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({when})"
     )
 
 

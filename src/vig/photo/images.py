@@ -137,7 +137,7 @@ def focal_of(photo: object) -> float | None:
     """The focal length in pixels that a photo file's EXIF data tell, or a PIL image's; None for none."""
     try:
         if isinstance(photo, str | Path):
-            with Image.open(photo, formats=_FORMATS) as image:
+            with Image.open(existing_file(photo), formats=_FORMATS) as image:  # a pipe would be waited for
                 return focal_of(image)
         if not isinstance(photo, Image.Image):
             return None

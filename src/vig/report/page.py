@@ -16,6 +16,7 @@ from PIL import Image
 from vig.scene.light import srgb8_from_linear
 
 QUALITY = 88
+MOST_ERRORS = 200
 THUMBNAIL = 320
 """Pixels of the longer side of a folder's pictures."""
 INTERVAL = 1.645
@@ -122,8 +123,14 @@ def thumbnail(picture: np.ndarray) -> np.ndarray:
     return np.asarray(small)
 
 
-def folder_html(entries: Sequence[Entry]) -> str:
-    """A page of several photos, each with a link to its own; what is least sure comes first."""
+def folder_html(entries: Sequence[Entry], total: int | None = None, errors: Sequence[str] = ()) -> str:
+    """A page of several photos, each with a link to its own; what is least sure comes first.
+
+    Args:
+        entries: The photos that are shown.
+        total: How many were explained, if more than are shown.
+        errors: Why others were not; the first `MOST_ERRORS` are shown.
+    """
     data = []
     for entry in entries:
         said = entry.described
@@ -141,10 +148,19 @@ def folder_html(entries: Sequence[Entry]) -> str:
                 "sure": sure + (said["verdict"] == "trusted"),
                 "hidden": hidden,
                 "azimuth": said["azimuth_deg"],
+                "elevation": said["elevation_deg"],
+                "confidence": confidence,
+                "mask": said["mask_confidence"],
                 "picture": _jpeg(entry.picture),
             }
         )
-    return _filled("folder.html", data)
+    shown = {
+        "entries": data,
+        "total": len(data) if total is None else total,
+        "failed": len(errors),
+        "errors": list(errors[:MOST_ERRORS]),
+    }
+    return _filled("folder.html", shown)
 
 
 def _filled(template: str, data: Any) -> str:

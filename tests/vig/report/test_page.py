@@ -200,7 +200,7 @@ def test_a_folders_page_lists_what_is_least_sure_first(
     said, picture = explanation.to_dict(), thumbnail(explanation.overlay())
     doubtful = said | {"verdict": "ambiguous", "confidence": 0.4, "azimuth_deg": 350.0}
     entries = [Entry("sure.png", "sure", said, picture), Entry(HOSTILE, "a b", doubtful, picture)]
-    (tmp_path / "report.html").write_text(folder_html(entries), encoding="utf-8")
+    (tmp_path / "report.html").write_text(folder_html(entries, 3, [HOSTILE]), encoding="utf-8")
     shown = browser.new_page()
     errors: list[str] = []
     shown.on("console", lambda message: errors.append(message.text))
@@ -208,6 +208,14 @@ def test_a_folders_page_lists_what_is_least_sure_first(
     shown.goto((tmp_path / "report.html").as_uri())
     assert shown.locator("strong").all_inner_texts() == [HOSTILE, "sure.png"]
     assert shown.locator("a").first.get_attribute("href") == "a%20b/report.html"
+    shown.get_by_text("as a table").click()
+    shown.get_by_role("button", name="azimuth").click()
+    assert shown.locator("#table td:first-child").all_inner_texts() == ["sure.png", HOSTILE]
+    shown.get_by_role("button", name="azimuth").click()
+    assert shown.locator("#table td:first-child").all_inner_texts() == [HOSTILE, "sure.png"]
+    shown.get_by_text("1 could not be explained").click()
+    assert shown.locator("#errors li").all_inner_texts() == [HOSTILE]
+    assert shown.get_by_text("Here are the 2 that are least sure").is_visible()
     shown.locator("#order").select_option("azimuth")
     assert shown.locator("strong").all_inner_texts() == ["sure.png", HOSTILE]
     assert shown.evaluate("window.hacked") is None and not errors
@@ -220,6 +228,6 @@ def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixtur
     photos = [str(each.photo) for each in example_photos()[:2]]
     with pytest.raises(SystemExit):
         main(["fit", *photos, "--out", str(tmp_path)])
-    listed = data_of((tmp_path / "report.html").read_text())
+    listed = data_of((tmp_path / "report.html").read_text())["entries"]
     assert {one["folder"] for one in listed} == {each.photo.stem for each in example_photos()[:2]}
     assert all((tmp_path / one["folder"] / "report.html").is_file() for one in listed)
