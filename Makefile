@@ -32,6 +32,7 @@ docs: $(INSTALLED)
 
 # Torch comes first and pinned, so that no later package can pull another build of it.
 $(INSTALLED): pyproject.toml constraints.txt
+	@echo "making the environment in $(VENV): a minute or two, some 2.6 GB"
 	$(PYTHON) -m venv $(VENV)
 	{ test -n "$(TORCH_INDEX)" && $(PIP) install --quiet --index-url "$(TORCH_INDEX)" --retries 0 --timeout 5 \
 		--constraint constraints.txt torch; } 2>/dev/null \

@@ -85,12 +85,6 @@ class State:
         """Raise UserError where something does not suit a photo of this size or the class."""
         if self.box is not None:
             Window.of(width, height, self.box)
-        for name, (x, y) in self.points.items():
-            if not (abs(x - width / 2) <= 1.5 * width and abs(y - height / 2) <= 1.5 * height):
-                raise UserError(
-                    f"expected the point '{name}' on the photo or near it, 0 to {width}, 0 to {height}; got"
-                    f" {x:g}, {y:g}. Choose another place."
-                )
         for mark in self.marks:
             reach = mark.radius if 0 < mark.radius <= width + height else math.nan
             inside = -reach < mark.x < width + reach and -reach < mark.y < height + reach
@@ -130,9 +124,9 @@ class State:
         """Photo, class and state that `write` wrote; UserError where they cannot be read."""
         path = folder / CORRECTIONS
         if not path.exists():
-            raise UserError(
-                f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. Name the photo itself."
-            )
+            inner = sorted(found.parent for found in folder.glob(f"*/{CORRECTIONS}"))
+            remedy = f"Name one in it, such as '{inner[0]}'." if inner else "Name the photo itself."
+            raise UserError(f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. {remedy}")
         with reading(path, "corrections of a photo", "Name the photo itself."):
             told = decode(_Told, {"class_": None} | _renamed(read_json(path)))
             if told.format != FORMAT:

@@ -15,6 +15,9 @@ from vig.inference import Said, WindowHints
 from vig.photo import Window
 from vig.scene import IMAGE_SIZE, ObjectClass
 
+BEYOND = 1.5
+"""Photo's sides from its middle within which a named point must be: the object may reach beyond the photo."""
+
 
 @dataclass(frozen=True, eq=False)
 class Hints:
@@ -74,7 +77,12 @@ class Hints:
                     f"expected points that the class '{object_class.name}' names ({known}); got '{name}'."
                     " Use these."
                 )
-            points[name] = _finite(f"the point '{name}'", place, 2)
+            x, y = points[name] = _finite(f"the point '{name}'", place, 2)
+            if abs(x - width / 2) > BEYOND * width or abs(y - height / 2) > BEYOND * height:
+                raise UserError(
+                    f"expected the point '{name}' on the photo or near it, 0 to {width}, 0 to {height}; got"
+                    f" {x:g}, {y:g}. Choose another place."
+                )
         changed["points"] = points
         for name, most in (("azimuth_deg", 1e6), ("elevation_deg", 90.0), ("roll_deg", 180.0)):
             if (given := getattr(self, name)) is not None:

@@ -71,6 +71,9 @@ def fit(settings: Fit) -> int:
     if settings.json:
         print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))
     elif failed < len(rows):
+        if not settings.quiet:
+            page = settings.out / ("" if len(photos) > 1 else folders[0].name) / "report.html"
+            print(f"to look at: {page}")
         print(settings.out)
     return 0 if not failed else 1 if failed < len(rows) else 2
 

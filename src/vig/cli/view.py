@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 import webbrowser
 from dataclasses import replace
@@ -31,6 +32,8 @@ def view(settings: View) -> int:
     port = free_port(settings.port)
     session = Session(Explainer(object_class or "teapot"), photo, state)
     viewer = Viewer(session, folder, port)
+    if viewer.port != settings.port:
+        print(f"port {settings.port} is taken; this page has another:", flush=True)
     print(f"http://{HOST}:{viewer.port}", flush=True)
     print(
         f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{HOST}:{viewer.port} and this machine's name",
@@ -38,6 +41,9 @@ def view(settings: View) -> int:
     )
     if not settings.no_open:
         webbrowser.open(f"http://{HOST}:{viewer.port}")
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a script's background jobs begin by ignoring it
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

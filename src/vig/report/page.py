@@ -75,6 +75,7 @@ def html(page: Page) -> str:
     data = {
         "name": page.name,
         "verdict": described["verdict"],
+        "badge": _badge(described),
         "reason": described["reason"],
         "summary": _summary(described),
         "views_note": _views_note(described),
@@ -186,7 +187,7 @@ def rows(described: dict[str, Any], parts: tuple[tuple[str, np.ndarray], ...]) -
         )
         lines.append((name, f"{described[key]:.0f}°{interval}"))
     lines += [
-        ("roll of the photo", f"{described['roll_deg']:.0f}°"),
+        ("roll of the photo", f"{round(described['roll_deg'])}°"),
         ("hidden", "nothing of it is in the photo" if hidden is None else f"{hidden:.0%} of the object"),
         ("kind", f"{described['class']}" + (f", {described['family']}" if described["family"] else "")),
         ("light", _light(described["light"])),
@@ -198,12 +199,21 @@ def rows(described: dict[str, Any], parts: tuple[tuple[str, np.ndarray], ...]) -
     return [*table, ["colours", "", colours]]
 
 
+def _badge(described: dict[str, Any]) -> str:
+    """The verdict, which is of the view, with what else of the answer can or cannot be trusted."""
+    verdict, mask = described["verdict"], "mask" in described["trusted"]
+    if described["mask_confidence"] is None or (verdict == "trusted") == mask:
+        return str(verdict)
+    return f"view {verdict}, mask {'trusted' if mask else 'not'}"
+
+
 def _summary(described: dict[str, Any]) -> str:
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if confidence is None:
         sure = "how sure was not learned"
     else:
-        sure = f"the view is right with {confidence:.0%}, the mask with {described['mask_confidence']:.0%}"
+        mask_right = described["mask_confidence"]
+        sure = f"the view is right with a probability of {confidence:.0%}, the mask of {mask_right:.0%}"
     view, mask = (part in described["trusted"] for part in ("view", "mask"))
     trusted = {
         (True, True): "its view and its mask are trusted",
@@ -217,7 +227,11 @@ def _summary(described: dict[str, Any]) -> str:
 
 def _views_note(described: dict[str, Any]) -> str:
     if described["alternatives"]:
-        return "The search tried these; vig fit --azimuth takes another one than the first."
+        other = described["alternatives"][0]["azimuth_deg"]
+        return (
+            f"The search tried these. To take the second one: vig fit --azimuth {other:.0f}, or choose it in"
+            " vig view."
+        )
     return "The search found no other view worth telling."
 
 

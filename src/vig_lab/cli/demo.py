@@ -34,7 +34,7 @@ HARD = 3
 """The example that the commands to try name: something stands before it."""
 NEXT = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
-    "vig fit {photo} --elevation 25     # tell what you know; docs/hints.md",
+    "vig fit {photo} --elevation {elevation:.0f}     # tell what you know; docs/hints.md",
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
 )
 """Commands to try after the demo."""
@@ -63,16 +63,16 @@ def demo(settings: Demo) -> int:
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
-    table = Table(title="truth > estimate", title_justify="left")
+    table = Table(title="truth | estimate", title_justify="left")
     for name in ("photo", "hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU", "verdict"):
         table.add_column(name, justify="left" if name in ("photo", "verdict") else "right")
     for row in rows:
         table.add_row(
             row["photo"],
-            f"{row['hidden'][0]:.0%} > {row['hidden'][1]:.0%}",
-            f"{row['azimuth_deg'][0]:.1f} > {row['azimuth_deg'][1]:.1f}",
-            f"{row['elevation_deg'][0]:.1f} > {row['elevation_deg'][1]:.1f}",
-            " > ".join(" ".join(f"{c:.2f}" for c in colour) for colour in row["albedo"]),
+            f"{row['hidden'][0]:.0%} | {row['hidden'][1]:.0%}",
+            f"{row['azimuth_deg'][0]:.1f} | {row['azimuth_deg'][1]:.1f}",
+            f"{row['elevation_deg'][0]:.1f} | {row['elevation_deg'][1]:.1f}",
+            " | ".join(" ".join(f"{c:.2f}" for c in colour) for colour in row["albedo"]),
             f"{row['shape_error_mm']:.1f} mm",
             f"{row['segmentation_iou']:.2f}",
             row["verdict"],
@@ -84,8 +84,9 @@ def demo(settings: Demo) -> int:
         f" {np.median([row['segmentation_iou'] for row in rows]):.2f}",
         highlight=False,
     )
-    photo = example_photos()[HARD].photo
-    lines = ["Try next:", *(f"    {line.format(photo=photo)}" for line in NEXT)]
+    hard = example_photos()[HARD]
+    told = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
+    lines = [f"The page: {page}", "Try next:", *(f"    {line.format(**told)}" for line in NEXT)]
     console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     if not settings.no_open and has_screen():
         webbrowser.open(page.resolve().as_uri())

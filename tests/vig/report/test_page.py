@@ -49,6 +49,22 @@ def test_the_page_holds_what_the_json_says(explanation: vig.Explanation) -> None
     assert data["model"]["count"] == 3 * len(explanation.object_class.shape_model.faces)
 
 
+@pytest.mark.parametrize(
+    ("verdict", "mask", "badge"),
+    [
+        (vig.Verdict.TRUSTED, True, "trusted"),
+        (vig.Verdict.TRUSTED, False, "view trusted, mask not"),
+        (vig.Verdict.AMBIGUOUS, True, "view ambiguous, mask trusted"),
+        (vig.Verdict.AMBIGUOUS, False, "ambiguous"),
+    ],
+)
+def test_the_badge_says_of_what_the_verdict_is(
+    explanation: vig.Explanation, verdict: vig.Verdict, mask: bool, badge: str
+) -> None:
+    fit = replace(explanation.fit, verdict=verdict, mask_trusted=mask)
+    assert data_of(replace(explanation, fit=fit).report())["badge"] == badge
+
+
 def test_nothing_of_a_name_is_markup(explanation: vig.Explanation) -> None:
     page = explanation.report(HOSTILE)
     assert data_of(page)["name"] == HOSTILE
