@@ -77,17 +77,21 @@ def run(
 
     Args:
         tasks: Any number, with folders within `out`.
-        out: Holds the ledger, which another run must not be writing to.
+        out: Holds the ledger.
         settings: For all photos.
         workers: Processes; with 1 it is done in this one, in order. One that is killed is replaced.
-        resume: Yield the rows of photos that the ledger has, with "done_before", and do not fit them again.
+        resume: Keep a ledger, which no other run may be writing to. Photos that it has are not fitted again;
+            their rows come first, with "done_before".
 
     Raises:
         UserError: The class cannot be loaded, `out` cannot be written, or another run writes there.
     """
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    if not resume:
+        yield from (row for _, row in _rows(list(tasks), settings, explainer, workers))
+        return
     with _ledger(out) as ledger:
-        done = _done(ledger, out) if resume else {}
+        done = _done(ledger)
         keys: dict[int, str] = {}
         waiting: list[Task] = []
         said = _described(settings, explainer)
@@ -276,7 +280,7 @@ def _ledger(out: Path) -> Iterator[Any]:
         yield file
 
 
-def _done(ledger: Any, out: Path) -> dict[str, dict[str, Any]]:
+def _done(ledger: Any) -> dict[str, dict[str, Any]]:
     """Rows of photos that were explained, by their keys; half a line, as a kill leaves it, is ended."""
     ledger.seek(0)
     found: dict[str, dict[str, Any]] = {}

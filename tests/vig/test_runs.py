@@ -96,8 +96,15 @@ def test_two_runs_do_not_write_to_one_folder(photos: Path, tmp_path: Path) -> No
     next(first)
     with pytest.raises(UserError, match="another run is writing to .*wait until it ends"):
         next(run(tasks, tmp_path / "out", RunSettings()))
+    again = next(run(tasks, tmp_path / "out", RunSettings(), resume=False))  # as of a single photo
+    assert "done_before" not in again
     first.close()
     assert next(run(tasks, tmp_path / "out", RunSettings()))["done_before"]
+
+
+def test_a_single_photo_leaves_nothing_but_its_folder(photos: Path, tmp_path: Path) -> None:
+    assert fitted(photos / "0.png", "--out", tmp_path / "out") == 0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["0"]
 
 
 def test_bad_files_of_all_kinds_are_rows_with_a_reason(
