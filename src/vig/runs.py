@@ -12,10 +12,11 @@ import hashlib
 import json
 import os
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ from vig.files import atomic_write
 from vig.hints import Hints
 from vig.inference import ExplainSettings
 from vig.parallel import Lost, map_as_done
+from vig.parallel.cluster import map_on_cluster
+from vig.photo.images import existing_file
 
 LEDGER, TABLE = "results.jsonl", "results"
 PARTIAL = ".partial"
@@ -71,7 +74,12 @@ class RunSettings:
 
 
 def run(
-    tasks: Iterable[Task], out: Path, settings: RunSettings, workers: int = 1, resume: bool = True
+    tasks: Iterable[Task],
+    out: Path,
+    settings: RunSettings,
+    workers: int = 1,
+    resume: bool = True,
+    cluster: str | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Explain photos into their folders, and yield the row of each as it is done, `COLUMNS`.
 
@@ -82,13 +90,16 @@ def run(
         workers: Processes; with 1 it is done in this one, in order. One that is killed is replaced.
         resume: Keep a ledger, which no other run may be writing to. Photos that it has are not fitted again;
             their rows come first, with "done_before".
+        cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
+            sent to its nodes and results come back: they need vig and the class, but no shared disk.
 
     Raises:
-        UserError: The class cannot be loaded, `out` cannot be written, or another run writes there.
+        UserError: The class cannot be loaded, `out` cannot be written, another run writes there, or there is
+            no such cluster.
     """
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
     if not resume:
-        yield from (row for _, row in _rows(list(tasks), settings, explainer, workers))
+        yield from (row for _, row in _rows(list(tasks), settings, explainer, workers, cluster))
         return
     with _ledger(out) as ledger:
         done = _done(ledger)
@@ -103,27 +114,83 @@ def run(
             else:
                 keys[len(waiting)] = key
                 waiting.append(task)
-        for number, row in _rows(waiting, settings, explainer, workers):
+        for number, row in _rows(waiting, settings, explainer, workers, cluster):
             ledger.write(json.dumps({"key": keys[number], "row": row}) + "\n")
             ledger.flush()
             yield row
 
 
 def _rows(
-    tasks: list[Task], settings: RunSettings, explainer: Explainer, workers: int
+    tasks: list[Task], settings: RunSettings, explainer: Explainer, workers: int, cluster: str | None
 ) -> Iterator[tuple[int, dict[str, Any]]]:
+    if cluster is not None:
+        yield from _rows_of_cluster(tasks, settings, cluster)
+        return
     if workers == 1 or len(tasks) < 2:
         yield from enumerate(map(_Work(explainer, settings.export), tasks))
         return
     for number, row in map_as_done(_prepare, settings, tasks, min(workers, len(tasks))):
-        if isinstance(row, Lost):
-            reason = (
-                f"{tasks[number].photo}: a worker process was killed {row.attempts} times while it explained"
-                " this photo, possibly out of memory; try it alone."
-            )
-            yield number, _failed(tasks[number], reason)
-        else:
-            yield number, row
+        yield number, _lost(tasks[number], row) if isinstance(row, Lost) else row
+
+
+def _lost(task: Task, lost: Lost) -> dict[str, Any]:
+    return _failed(
+        task,
+        f"{task.photo}: a worker process was killed {lost.attempts} times while it explained this photo,"
+        " possibly out of memory; try it alone.",
+    )
+
+
+def _rows_of_cluster(
+    tasks: list[Task], settings: RunSettings, address: str
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """As `_rows`; photos go as bytes, and files come back as bytes and are written here."""
+    unread: list[tuple[int, dict[str, Any]]] = []
+    sent: list[int] = []
+
+    def items() -> Iterator[tuple[Task, bytes]]:
+        for number, task in enumerate(tasks):
+            try:
+                data = existing_file(task.photo).read_bytes()
+            except (UserError, OSError) as error:
+                unread.append((number, _failed(task, str(error))))
+                continue
+            sent.append(number)
+            yield task, data
+
+    for place, found in map_on_cluster(_prepare_remote, settings, items(), address):
+        number = sent[place]
+        if isinstance(found, Lost):
+            yield number, _lost(tasks[number], found)
+            continue
+        row, files = found
+        try:
+            if row["error"] is None:
+                _store(tasks[number], files)
+        except UserError as error:
+            row = _failed(tasks[number], str(error))
+        yield number, row
+    yield from unread
+
+
+def _prepare_remote(settings: RunSettings) -> Callable[[tuple[Task, bytes]], Any]:
+    """The work of a process on a node: explains a photo's bytes, returns its row and its files' bytes."""
+    work = _prepare(settings)
+
+    def remote(item: tuple[Task, bytes]) -> tuple[dict[str, Any], dict[str, bytes]]:
+        task, data = item
+        with tempfile.TemporaryDirectory() as folder:
+            here = Path(folder) / "photo" / task.photo.name
+            here.parent.mkdir()
+            here.write_bytes(data)
+            row = work(replace(task, photo=here, folder=Path(folder) / "result" / task.folder.name))
+            found = [path for path in (Path(folder) / "result").rglob("*") if path.is_file()]
+            root = Path(folder) / "result" / task.folder.name
+            files = {str(path.relative_to(root)): path.read_bytes() for path in found}
+        error = row["error"] and row["error"].replace(str(here), str(task.photo))
+        return row | {"photo": str(task.photo), "error": error}, files
+
+    return remote
 
 
 def _prepare(settings: RunSettings) -> Callable[[Task], dict[str, Any]]:
@@ -150,32 +217,52 @@ class _Work:
 
     def write(self, task: Task, found: Explanation) -> None:
         """All files of a photo beside its folder, then in their place, explanation.json last."""
-        beside = task.folder.with_name(f".{task.folder.name}{PARTIAL}")
-        shutil.rmtree(beside, ignore_errors=True)
-        try:
+        with _beside(task) as beside:
             found.save(beside, task.photo.name)
             found.export(beside, self.export, task.photo.name)
             said = State.of(task.box, task.focal, found.hints)
-            if said is not None:
-                # Named from where it will be, which is as deep.
+            if said is not None:  # named from where it will be, which is as deep
                 said.write(beside, task.photo, found.object_class)
-            if not os.path.lexists(task.folder):
-                os.rename(beside, task.folder)
-                return
-            (task.folder / "explanation.json").unlink(missing_ok=True)
-            if said is None:
-                (task.folder / CORRECTIONS).unlink(missing_ok=True)
-            for path in sorted(beside.iterdir(), key=lambda path: path.name == "explanation.json"):
-                target = task.folder / path.name
-                if path.is_dir():
-                    shutil.rmtree(target, ignore_errors=True)
-                os.replace(path, target)
-        except OSError as error:
-            raise UserError(
-                f"cannot write {task.folder}: {error.strerror or error}; choose another --out."
-            ) from error
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+
+
+def _store(task: Task, files: dict[str, bytes]) -> None:
+    """Write files that a node sent; the photo that corrections.json names is here, not where it was sent."""
+    with _beside(task) as beside:
+        for name, data in files.items():
+            path = beside / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        corrections = beside / CORRECTIONS
+        if corrections.exists():
+            told = json.loads(corrections.read_text())
+            told["photo"] = os.path.relpath(task.photo.resolve(), beside.resolve())
+            corrections.write_text(json.dumps(told, indent=2) + "\n")
+
+
+@contextmanager
+def _beside(task: Task) -> Iterator[Path]:
+    """A folder to write into; when the block ends well it takes the place of the photo's, else it goes."""
+    beside = task.folder.with_name(f".{task.folder.name}{PARTIAL}")
+    shutil.rmtree(beside, ignore_errors=True)
+    try:
+        yield beside
+        if not os.path.lexists(task.folder):
+            os.rename(beside, task.folder)
+            return
+        (task.folder / "explanation.json").unlink(missing_ok=True)
+        if not (beside / CORRECTIONS).exists():
+            (task.folder / CORRECTIONS).unlink(missing_ok=True)
+        for path in sorted(beside.iterdir(), key=lambda path: path.name == "explanation.json"):
+            target = task.folder / path.name
+            if path.is_dir():
+                shutil.rmtree(target, ignore_errors=True)
+            os.replace(path, target)
+    except OSError as error:
+        raise UserError(
+            f"cannot write {task.folder}: {error.strerror or error}; choose another --out."
+        ) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 def row_of(task: Task, found: Explanation) -> dict[str, Any]:

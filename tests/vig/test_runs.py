@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -173,3 +175,64 @@ def deadly(settings: RunSettings) -> Any:
         return work(task)
 
     return kill_or_work
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed")
+def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, tmp_path: Path) -> None:
+    """Two nodes on this machine; one dies when two photos are there. A pipe among them is a row here, too."""
+    import ray
+    from ray.cluster_utils import Cluster
+
+    os.mkfifo(photos / "8.png")
+    (photos / "9.png").write_text("no photo")
+    names = [f"{number}.png" for number in range(10)]
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    out, killed, over = tmp_path / "out", [], threading.Event()
+    try:
+        second = cluster.add_node(num_cpus=1)
+        ray.init(address=cluster.address, log_to_driver=False)
+
+        def kill() -> None:
+            while not over.is_set():
+                finished = len(list(out.glob("*/explanation.json")))
+                if not killed and finished >= 2:
+                    cluster.remove_node(second, allow_graceful=False)
+                    killed.append(finished)
+                time.sleep(0.05)
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        try:
+            tasks = [Task(photos / name, out / name) for name in names]
+            rows = list(run(tasks, out, RunSettings(export=("coco", "bop")), cluster=cluster.address))
+        finally:
+            over.set()
+            thread.join()
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+    assert killed and killed[0] < 8
+    here = tmp_path / "here"
+    tasks = [Task(photos / name, here / name) for name in names]
+    expected = list(run(tasks, here, RunSettings(export=("coco", "bop"))))
+    rows.sort(key=lambda row: names.index(row["folder"]))
+    assert without_time(rows) == without_time(expected)
+    assert [Path(row["photo"]).name for row in rows if row["error"]] == ["8.png", "9.png"]
+    for name in names[:8]:
+        files = sorted(str(path.relative_to(here / name)) for path in (here / name).rglob("*"))
+        assert sorted(str(path.relative_to(out / name)) for path in (out / name).rglob("*")) == files
+        for file in ("explanation.json", "corrections.json", "overlay.png", "coco.json"):
+            assert (out / name / file).read_bytes() == (here / name / file).read_bytes()
+
+
+def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"no Ray cluster answers at '127.0.0.1:1'|vig\[cluster\]"):
+        list(
+            run(
+                [Task(photos / "0.png", tmp_path / "o" / "0")],
+                tmp_path / "o",
+                RunSettings(),
+                cluster="127.0.0.1:1",
+            )
+        )

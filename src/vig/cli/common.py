@@ -58,6 +58,8 @@ class Fit:
     """Fit the image's shift and magnification too? auto: yes."""
     workers: int = 1
     """Processes that share the photos out."""
+    cluster: str | None = None
+    """Address of a Ray cluster that does the work, in place of workers; auto: that of this machine."""
     device: str = "cpu"
     """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/devices.md."""
     out: Path = Path("vig-fit")

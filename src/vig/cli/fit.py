@@ -53,7 +53,7 @@ def fit(settings: Fit) -> int:
     )
     rows: list[dict[str, Any]] = []
     try:
-        for row in run(tasks, settings.out, given, settings.workers, resume=len(photos) > 1):
+        for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
             rows.append(row)
             line = in_one_line(_line(row))
             note(line)

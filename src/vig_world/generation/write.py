@@ -21,13 +21,14 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 from vig.checks import read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.parallel.cluster import require_ray
 from vig.scene import ObjectClass
 from vig_world.composition.place import zone_weights
 from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, inside, read_info
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
 from vig_world.extras import optional_import
 from vig_world.generation import bop
-from vig_world.generation.cluster import make_on_ray, require_ray
+from vig_world.generation.cluster import make_on_ray
 from vig_world.generation.files import sidecar_path, write_bytes, write_json
 from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_here, make_in_processes
