@@ -72,7 +72,7 @@ def evaluate(settings: Evaluate) -> int:
     for block in blocks(table):
         if block.title.startswith(PRINTED):
             console.print(block.rich())
-    print(f"all tables, with means and tests: {settings.out / 'table.md'}; each image: errors.csv")
+    print("table.md has further tables, errors.csv each image; they are in")
     print(settings.out)
     return 0
 

@@ -218,7 +218,10 @@ def test_the_command_writes_its_files_and_prints_the_folder_last(
     assert table["count"] == COUNT and set(table["rows"]["azimuth_deg"]) == {"baseline", "rm"}
     assert set(table["rows"]) == PAPER | {"shape_ratio", "segmentation_iou"}
     assert set(table["other_rows"]) == POSE - PAPER
-    assert max(map(len, printed.splitlines()[:-1])) <= 100
+    lines = printed.splitlines()[:-1]
+    assert max(map(len, lines)) <= 100 and len(lines) < 30, "Table 1 and the verdicts"
+    assert "Table 1" in printed and "Further metrics" not in printed
+    assert "Further metrics" in (out / "table.md").read_text()
     for said in ("Table 1", "Further metrics", "azimuth off by > 30", "predicted 90 % interval"):
         assert said in printed and said in (out / "table.md").read_text().replace("<br>", " ")
 
