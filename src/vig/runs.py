@@ -115,8 +115,14 @@ def run(
                 keys[len(waiting)] = key
                 waiting.append(task)
         for number, row in _rows(waiting, settings, explainer, workers, cluster):
-            ledger.write(json.dumps({"key": keys[number], "row": row}) + "\n")
-            ledger.flush()
+            try:
+                ledger.write(json.dumps({"key": keys[number], "row": row}) + "\n")
+                ledger.flush()
+            except OSError as error:
+                raise UserError(
+                    f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and run"
+                    " the same command again."
+                ) from error
             yield row
 
 
@@ -275,8 +281,6 @@ def row_of(task: Task, found: Explanation) -> dict[str, Any]:
         for column in range(4)
     }
     box = dict(zip(("box_x", "box_y", "box_width", "box_height"), said["box"] or [None] * 4, strict=True))
-    same = ("verdict", "reason", "confidence", "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg",
-            "hidden_fraction", "family")  # fmt: skip
     row = {
         "photo": str(task.photo),
         "folder": task.folder.name,
@@ -295,9 +299,7 @@ def row_of(task: Task, found: Explanation) -> dict[str, Any]:
         "focal_from": camera["focal_from"],
         **pose,
     }
-    return {name: row[name] if name in row else said.get(name) for name in COLUMNS} | {
-        name: said[name] for name in same
-    }
+    return {name: row[name] if name in row else said.get(name) for name in COLUMNS}
 
 
 def _failed(task: Task, error: str) -> dict[str, Any]:
@@ -319,9 +321,7 @@ def write_table(out: Path, rows: Iterable[dict[str, Any]]) -> list[Path]:
         import pyarrow
         from pyarrow import parquet
 
-        columns = {
-            name: pyarrow.array([_text(row[name]) for row in rows], _kind(name, rows)) for name in COLUMNS
-        }
+        columns = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in COLUMNS}
         with atomic_write(out / f"{TABLE}.parquet") as temporary:
             parquet.write_table(pyarrow.table(columns), temporary)
         written.append(out / f"{TABLE}.parquet")
@@ -333,8 +333,8 @@ def _text(value: Any) -> Any:
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
 
 
-def _kind(name: str, rows: list[dict[str, Any]]) -> Any:
-    """The same whatever the rows are, so that tables of several runs can be joined."""
+def _kind(name: str) -> Any:
+    """A column's type, the same whatever the rows are, so that tables of several runs can be joined."""
     import pyarrow
 
     if name in ("photo", "folder", "error", "verdict", "family", "focal_from", "reason"):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import errno
 import importlib.util
+import io
 import json
 import os
 import signal
@@ -11,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +105,21 @@ def test_two_runs_do_not_write_to_one_folder(photos: Path, tmp_path: Path) -> No
     assert "done_before" not in again
     first.close()
     assert next(run(tasks, tmp_path / "out", RunSettings()))["done_before"]
+
+
+def test_a_full_disk_is_told_and_keeps_what_is_done(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    out = tmp_path / "out"
+    out.mkdir()
+    monkeypatch.setattr("vig.runs._ledger", lambda _: nullcontext(Full("\n")))
+    with pytest.raises(UserError, match="cannot write .*results.jsonl: No space left.* same command"):
+        list(run([Task(photos / "0.png", out / "0")], out, RunSettings()))
+    assert (out / "0" / "explanation.json").exists()
 
 
 def test_a_single_photo_leaves_nothing_but_its_folder(photos: Path, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def fit(settings: Fit) -> int:
     given = RunSettings(settings.object_class, how, settings.device, settings.export)
     tasks = (
         Task(photo, folder, box, settings.focal, told)
-        for photo, folder, box, told in zip(photos, folders, boxes, hints, strict=False)
+        for photo, folder, box, told in zip(photos, folders, boxes, hints, strict=True)
     )
     rows: list[dict[str, Any]] = []
     try:
