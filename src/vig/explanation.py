@@ -73,6 +73,7 @@ class Explanation:
         farther: Distance of the eye and focal length of the fit, of the standard camera's.
         focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
         hints: What was known of the object beforehand.
+        others: (H, W) bool, pixels in which other objects are seen, where these were explained, too.
     """
 
     picture: np.ndarray
@@ -82,6 +83,7 @@ class Explanation:
     farther: float = 1.0
     focal_from: str = "assumed"
     hints: Hints | None = None
+    others: np.ndarray | None = None
 
     @property
     def photo(self) -> np.ndarray:
@@ -180,7 +182,7 @@ class Explanation:
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
         visible: np.ndarray = self._inside(self._outlines[1]) & self.amodal
-        return visible
+        return visible if self.others is None else visible & ~self.others
 
     @cached_property
     def _outlines(self) -> tuple[np.ndarray, np.ndarray]:

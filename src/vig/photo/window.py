@@ -195,6 +195,26 @@ class Window:
             source.transform(size, Image.Transform.AFFINE, transform, method, fillcolor=outside)
         )
 
+    def carried(self, image: np.ndarray, there: Window, outside: float = 0.0) -> np.ndarray:
+        """A map (S, S) of this window as another window of the photo shows it, float32.
+
+        Where that lies beyond this window it is `outside`.
+        """
+        size = len(image)
+        corners = [self.to_window(*there.to_photo(x, y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
+        (x0, y0), (x1, y1), (x2, y2) = corners
+        back, here = size / self.side, there.side / size
+        a, b, d, e = (back * here * each for each in (x1 - x0, x2 - x0, y1 - y0, y2 - y0))
+        middle = size / 2
+        transform = (
+            a, b, back * x0 + middle - (a + b) * middle, d, e, back * y0 + middle - (d + e) * middle
+        )  # fmt: skip
+        source = Image.fromarray(np.ascontiguousarray(image, np.float32))
+        method = Image.Resampling.BILINEAR
+        return np.asarray(
+            source.transform((size, size), Image.Transform.AFFINE, transform, method, fillcolor=outside)
+        )
+
     def tiles(self, width: int, height: int) -> Iterator[tuple[slice, slice]]:
         """The part of a photo that the window touches, as rows and columns of a few lines at a time."""
         half = self.side / 2 * (abs(math.cos(self.roll)) + abs(math.sin(self.roll)))

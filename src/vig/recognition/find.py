@@ -19,6 +19,9 @@ LARGE, SURE = 3, 0.85
 """Where one of the largest sizes leads to such a score, the many small windows are not looked at."""
 KEPT, MOVES = 6, 3
 """So many windows are moved onto the object that they show, so often."""
+FROM_GRID = 3
+"""So many windows are moved for each object that is sought."""
+SAME_PLACE = 0.4
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
 SHOWN = 0.5
@@ -59,6 +62,37 @@ def find(photo: np.ndarray | Halved, recognizer: Recognizer) -> Candidate:
         if best.score >= SURE:
             break
     return best
+
+
+def find_several(photo: np.ndarray | Halved, recognizer: Recognizer, most: int) -> list[Candidate]:
+    """The best places of several objects in a photo, as `find` takes it: `most` at most, the best first."""
+    windows = _grid(photo.shape[1], photo.shape[0], range(SIZES))
+    prediction = predict_windows(photo, windows, recognizer, twice=False)
+    moved = map(Candidate, _all_moved(windows, prediction), _scores(prediction))
+    windows = [each.window for each in apart(moved, FROM_GRID * most)]
+    tried: list[Candidate] = []
+    for _ in range(MOVES):
+        prediction = predict_windows(photo, windows, recognizer)
+        tried += map(Candidate, windows, _scores(prediction))
+        windows = _all_moved(windows, prediction)
+    return apart(tried, most)
+
+
+def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
+    """The best candidates, `most` of them, no two of the same place."""
+    kept: list[Candidate] = []
+    for each in sorted(candidates, key=lambda each: -each.score):
+        if len(kept) < most and not any(_same_place(each.window, other.window) for other in kept):
+            kept.append(each)
+    return kept
+
+
+def _same_place(one: Window, other: Window) -> bool:
+    """Whether the intersection of two windows, taken as level, is `SAME_PLACE` of their union or more."""
+    shared = 1.0
+    for first, second in ((one.left, other.left), (one.top, other.top)):
+        shared *= max(0.0, min(first + one.side, second + other.side) - max(first, second))
+    return shared >= SAME_PLACE * (one.side**2 + other.side**2 - shared)
 
 
 def upright(photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,7 +38,13 @@ is hidden, if one of four rooms allows it."""
 
 
 def sample(
-    library: Library, object_class: ObjectClass, seed: int, index: int, world: World = "photo"
+    library: Library,
+    object_class: ObjectClass,
+    seed: int,
+    index: int,
+    world: World = "photo",
+    smaller: float = 1.0,
+    target: float | None = None,
 ) -> SceneSpec:
     """Draw scene number `index` of a seed.
 
@@ -48,6 +55,15 @@ def sample(
     albedo, coat and lens are those of `photographs.draw_manner` instead, some objects stand on a seamless
     ground, and the rare one that no room hides as it should stands on such a ground, half as much hidden.
 
+    Args:
+        library: Of the split.
+        object_class: Of the object.
+        seed: Of the scenes.
+        index: Of the scene.
+        world: What scenes are like.
+        smaller: Factor of a photograph's object's size in the frame.
+        target: Share to be hidden, in place of one that is drawn.
+
     Raises:
         UserError: When no placement reached the target in `ATTEMPTS` rooms.
     """
@@ -57,7 +73,7 @@ def sample(
     azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(LOWEST_ELEVATION, np.pi / 2)
     albedo = rng.uniform(0.2, 0.8, 3)
     panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
-    target = target_occlusion(seed, index, split)
+    target = target_occlusion(seed, index, split) if target is None else target
     finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
     vertices = shape_vertices(shape, design, object_class)
@@ -65,6 +81,8 @@ def sample(
     if world == "photo":
         manner = draw_manner(stream(seed, index, split, MANNER_STREAM), object_class, vertices, azimuth)
         elevation, albedo, coat, lens = manner.elevation, manner.albedo, manner.coat, manner.lens
+        shift = (smaller * lens.shift[0], smaller * lens.shift[1])
+        lens = replace(lens, scale=smaller * lens.scale, shift=shift) if smaller != 1 else lens
         layouts = library.sweeps if manner.seamless else layouts
     actor = Actor.of(
         View.through(lens, object_class, azimuth, elevation, LAYOUT_SIZE),

@@ -1,0 +1,304 @@
+"""Several objects in one photo, explained together: what hides what, one light, masks that exclude each other.
+
+Each object is explained alone first. Where two silhouettes overlap, the network's probabilities of the shared
+pixels showing either object tell which is in front. Then each object is fitted again, knowing of the others:
+
+- pixels that an object before it covers show that object, not this one: they say nothing of its silhouette;
+- pixels in which objects behind or beside it are seen are not its own;
+- of its view the network is asked twice, with the photo as it is and with the others painted out; the
+  geometric mean of the two decides;
+- light, in the camera's frame, and the camera's height above the horizon are those that the others tell, as
+  Gaussians beside what the network says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from scipy import ndimage
+
+from vig.errors import UserError
+from vig.explainer import Box, Explainer, Photo
+from vig.explanation import Explanation
+from vig.inference import Said, WindowHints, explain_one
+from vig.inference.refinement import DISTINCT_AZIMUTH
+from vig.parallel import on_one_core
+from vig.photo import Halved, Window
+from vig.photo.images import coded_photo
+from vig.recognition import Prediction
+from vig.scene import rotate_z
+from vig.scene.camera import FOCAL_OVER_WIDTH
+
+LEAST_ODDS = 0.02
+"""Floor of the probabilities whose odds tell the order."""
+TOUCHING = 0.3
+"""Coverage from which two objects may hide one another."""
+BLUR = 4
+"""Pixels of a window within which an object's outline may be wrong: nothing beyond is said there."""
+PAINTED_OUT = 0.18
+"""Linear grey of what stands before an object when the network is asked without it."""
+LIGHT_PRECISION = 2.0
+"""Of each other object's light, per coefficient: what is near a lamp is lit by it more."""
+LEVEL_SPREAD = math.radians(5.0)
+"""Standard deviation of an elevation as another object tells it."""
+TELEPHOTO = 2.0
+"""Focal length of a photo of several things that does not tell its own, of the standard cameras' of their
+windows: what a photo frames is smaller than in one of its own."""
+MOST_OBJECTS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class SceneExplanation:
+    """What explains several objects in one photo of H x W pixels.
+
+    Attributes:
+        objects: N of them, in the order in which they were given; their masks exclude each other.
+        before: (N, N) bool, whether object i hides, or may hide, some of object j.
+    """
+
+    objects: tuple[Explanation, ...]
+    before: np.ndarray
+
+    @cached_property
+    def masks(self) -> np.ndarray:
+        """(N, H, W) bool, the pixels in which each is seen, of which each pixel has one at most."""
+        return np.stack([each.mask for each in self.objects])
+
+    @cached_property
+    def light(self) -> np.ndarray:
+        """(9,) SH of incident radiance in the heading frame of the camera, the mean of the objects'."""
+        return torch.stack([_heading_light(each) for each in self.objects]).mean(0).numpy()
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `scene.json` holds."""
+        return {
+            "format": 1,
+            "objects": [
+                {"class": each.object_class.name, "verdict": str(each.verdict), "box": each.box,
+                 "azimuth_deg": each.azimuth_deg, "elevation_deg": each.elevation_deg,
+                 "hidden_fraction": each.hidden_fraction}
+                for each in self.objects
+            ],
+            "before": [[int(i), int(j)] for i, j in np.argwhere(self.before)],
+            "light": self.light.tolist(),
+        }  # fmt: skip
+
+
+def explain_together(
+    photo: Photo, explainers: Sequence[Explainer], boxes: Sequence[Box], focal: float | None = None
+) -> SceneExplanation:
+    """Explain several objects of one photo together.
+
+    Args:
+        photo: As `Explainer.explain` takes it.
+        explainers: One for each object, that of its class; the same one may stand for several.
+        boxes: Round each whole object, hidden parts included.
+        focal: In pixels; see `Explainer.explain`.
+
+    Raises:
+        UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
+    """
+    if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
+        raise UserError(
+            f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
+            f" {len(explainers)} and {len(boxes)}. Give as many of both."
+        )
+    picture = coded_photo(photo)
+    alone = [
+        explainer.explain(picture, box, focal=focal) for explainer, box in zip(explainers, boxes, strict=True)
+    ]
+    return on_one_core(lambda: together(alone, explainers))
+
+
+def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
+    """The same from explanations of each object alone, of one photo."""
+    if len(alone) < 2:
+        return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))
+    seen = Halved(alone[0].picture)
+    cuts = [each.window.cut(seen) for each in alone]
+    predictions = [
+        explainer.recognizer(torch.from_numpy(cut)[None])
+        for explainer, (cut, _) in zip(explainers, cuts, strict=True)
+    ]
+    before = order(alone, predictions)
+    found = [
+        _Refit(alone, before, index).fitted(explainer, cut, valid, prediction)
+        for index, (explainer, (cut, valid), prediction) in enumerate(
+            zip(explainers, cuts, predictions, strict=True)
+        )
+    ]
+    return SceneExplanation(tuple(_exclusive(found, before)), before)
+
+
+def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
+    """Whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
+
+    By the sum, over the pixels that both cover, of the difference of their log odds of being visible as the
+    network predicts them; where there are none, the one whose box ends lower is before the other.
+    """
+    count = len(alone)
+    before = np.zeros((count, count), bool)
+    odds = []
+    for prediction in predictions:
+        visible, hidden, _ = prediction.mask[0].clamp_min(LEAST_ODDS).log().unbind(-1)
+        odds.append((visible - hidden).numpy())
+    for i in range(count):
+        for j in range(i + 1, count):
+            here, there = alone[i].window, alone[j].window
+            mine, other = alone[i].fit.coverage.numpy(), there.carried(alone[j].fit.coverage.numpy(), here)
+            if not ((mine > TOUCHING) & (other > TOUCHING)).any():
+                continue
+            both = (mine > 0.5) & (other > 0.5)
+            gain = float((odds[i] - there.carried(odds[j], here))[both].sum())
+            first = gain > 0 if gain else _bottom(alone[i]) > _bottom(alone[j])
+            before[i, j], before[j, i] = first, not first
+    return before
+
+
+def _bottom(each: Explanation) -> float:
+    return each.box[1] + each.box[3] if each.box else 0.0
+
+
+def _focal_of(alone: Sequence[Explanation]) -> float:
+    """Focal length in pixels of the photo."""
+    standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
+    if alone[0].focal_from == "assumed":
+        return TELEPHOTO * float(np.mean(standard))
+    return float(np.mean([each.farther * own for each, own in zip(alone, standard, strict=True)]))
+
+
+def _heading_light(each: Explanation) -> torch.Tensor:
+    """Light (9,) in the frame that turns along with the camera."""
+    return rotate_z(each.latents.light[0], -each.latents.azimuth[0])
+
+
+@dataclass(frozen=True)
+class _Refit:
+    """One object's fit that knows of the others."""
+
+    alone: Sequence[Explanation]
+    before: np.ndarray
+    index: int
+
+    def fitted(
+        self, explainer: Explainer, cut: np.ndarray, valid: np.ndarray, prediction: Prediction
+    ) -> Explanation:
+        found = self.alone[self.index]
+        infront, elsewhere = self._others()
+        rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
+        settings = replace(explainer.settings.filled(photo=True), farther=found.farther)
+        assert settings.appearance_weight is not None
+        prediction = _of_one_view(_agreed(prediction, rival))
+        prediction = self._level(self._lit(prediction, settings.appearance_weight))
+        said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
+        said[torch.from_numpy(elsewhere)] = Said.NOTHING
+        said[torch.from_numpy(infront)] = Said.IN_FRONT
+        hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
+        fit = explain_one(
+            torch.from_numpy(cut), prediction, found.object_class, settings, torch.from_numpy(valid),
+            explainer.recognizer.device, hints,
+        )  # fmt: skip
+        return replace(found, fit=fit)
+
+    def _others(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (S, S) bool of the window that objects before this one cover, and in which others are seen."""
+        here = self.alone[self.index].window
+        own = ndimage.binary_dilation(self.alone[self.index].fit.coverage.numpy() > 0.5, iterations=BLUR)
+        infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
+        for index, other in enumerate(self.alone):
+            if index == self.index:
+                continue
+            if self.before[index, self.index]:
+                infront |= other.window.carried(other.fit.coverage.numpy(), here) > 0.5
+            else:
+                elsewhere |= other.window.carried(other.fit.visible.numpy(), here) > 0.5
+        return infront, elsewhere & ~own & ~infront
+
+    def _level(self, prediction: Prediction) -> Prediction:
+        """The prediction with the elevation that the others tell as a second Gaussian: all stand upright."""
+        focal = _focal_of(self.alone)
+        height = self.alone[0].picture.shape[0]
+        below = [math.atan((each.window.centre[1] - height / 2) / focal) for each in self.alone]
+        told = [
+            float(each.latents.elevation) + below[self.index] - below[index]
+            for index, each in enumerate(self.alone)
+            if index != self.index
+        ]
+        place, precision = prediction.layout["elevation"], len(told) / LEVEL_SPREAD**2
+        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
+        own = deviation[:, place] ** -2
+        numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(told))) / (own + precision)
+        deviation[:, place] = (own + precision).rsqrt()
+        return replace(prediction, numbers=numbers, deviation=deviation)
+
+    def _lit(self, prediction: Prediction, power: float) -> Prediction:
+        """The prediction with the other objects' light as a second Gaussian; `power` is the first one's."""
+        others = [_heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
+        place, precision = prediction.layout["light"], LIGHT_PRECISION * len(others)
+        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
+        own = power / deviation[:, place] ** 2
+        mean = torch.stack(others).mean(0).to(numbers)
+        numbers[:, place] = (own * numbers[:, place] + precision * mean) / (own + precision)
+        deviation[:, place] = (power / (own + precision)).sqrt()
+        return replace(prediction, numbers=numbers, deviation=deviation)
+
+
+def _agreed(one: Prediction, other: Prediction) -> Prediction:
+    """What two predictions of one photo say together: geometric mean of azimuth, mean of all else."""
+    azimuth = (0.5 * (one.azimuth.clamp_min(1e-6).log() + other.azimuth.clamp_min(1e-6).log())).exp()
+    return replace(
+        one,
+        azimuth=azimuth / azimuth.sum(1, keepdim=True),
+        numbers=(one.numbers + other.numbers) / 2,
+        deviation=(one.deviation + other.deviation) / 2,
+        mask=(one.mask + other.mask) / 2,
+    )
+
+
+def _of_one_view(prediction: Prediction) -> Prediction:
+    """The prediction without all views but the likeliest: what evidence tells of others, a fit alone told."""
+    fold, bins = prediction.symmetry.fold, prediction.azimuth.shape[1]
+    if not fold:
+        return prediction
+    centres = (torch.arange(bins) + 0.5) * (2 * math.pi / (bins * fold))
+    off = prediction.symmetry.difference(centres, prediction.best().azimuth[0])
+    azimuth = torch.where(off.abs() <= DISTINCT_AZIMUTH, prediction.azimuth, 0.0)
+    return replace(prediction, azimuth=azimuth / azimuth.sum(1, keepdim=True))
+
+
+def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
+    """A window (S, S, 3) without other objects: grey where one is before this, else what is round them."""
+    painted, holes = cut.copy(), ndimage.binary_dilation(elsewhere, iterations=2)
+    filled = ~holes
+    for width in (2, 4, 8, 16, 32, 64):
+        if filled.all():
+            break
+        weight = ndimage.gaussian_filter((~holes).astype(np.float32), width)
+        colours = ndimage.gaussian_filter(np.where(holes[..., None], 0, cut), (width, width, 0))
+        known = ~filled & (weight > 0.05)
+        painted[known] = colours[known] / weight[known, None]
+        filled |= known
+    painted[infront] = PAINTED_OUT
+    return painted
+
+
+def _exclusive(found: Sequence[Explanation], before: np.ndarray) -> list[Explanation]:
+    """The same with masks that exclude each other: a pixel that two show is that of the one before."""
+    masks = [each.mask for each in found]
+    result = []
+    for index, each in enumerate(found):
+        others = np.zeros(masks[0].shape, bool)
+        for other, mask in enumerate(masks):
+            if other != index and (before[other, index] or (other < index and not before[index, other])):
+                others |= mask
+        result.append(replace(each, others=others))
+    return result
+
+
+__all__ = ["SceneExplanation", "Window", "explain_together", "order", "together"]

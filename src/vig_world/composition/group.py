@@ -1,0 +1,243 @@
+"""Draws scenes of several objects of one or more classes that stand together and hide one another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from vig.errors import UserError
+from vig.scene import ObjectClass, rotate_z
+from vig_world.assets.coats import draw_coat, mean_albedo
+from vig_world.assets.footprint import Footprint, extreme_points
+from vig_world.assets.target import draw_shape, shape_vertices, target_vertices
+from vig_world.composition.photographs import DECORATED, METAL
+from vig_world.composition.sampling import sample
+from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, Stage
+from vig_world.dataset.spec import Placed, SceneSpec, Split
+from vig_world.library import Library
+from vig_world.renderers.view import View
+from vig_world.rotations import about_z, vector_of
+from vig_world.streams import stream
+
+GROUP_STREAM = 2**20 + 8
+"""Number of the random streams of groups of a seed."""
+SMALLER = 0.45
+"""Size of the first object in the frame, over that in a photo of its own."""
+MOST_HIDDEN = 0.3
+"""Largest share of the first object that other things than the group hide."""
+NEAR = 0.14
+"""Metres between the objects of a group, at most; so much more where they are larger than teapots."""
+OVERLAP = 0.08
+"""Least share of the smaller silhouette that two objects share on the image, for one to join the group."""
+LEAST_SEEN = 0.3
+"""Share of each object that is seen, at least."""
+WITHIN = 0.97
+"""Share of each object within the frame, at least."""
+DRAWS, GROUPS = 80, 12
+"""Draws of an object to join, and of groups, before these are given up."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """One object of a group.
+
+    Attributes:
+        class_name: Of its class.
+        scene: Room, props, light and this object, all in the object's own frame: its latents are those of
+            the object alone. Its lens is not the camera's.
+        turn: Radians about +Z from its frame to the first member's.
+        position: Metres (x, y) of its origin in the first member's frame.
+    """
+
+    class_name: str
+    scene: SceneSpec
+    turn: float
+    position: tuple[float, float]
+
+    def view(self, first: View) -> View:
+        """The camera in this object's frame, from that in the first member's."""
+        rotation, offset = about_z(self.turn), np.array([*self.position, 0.0])
+        return View(first.camera, first.rotation @ rotation, first.rotation @ offset + first.translation)
+
+
+@dataclass(frozen=True)
+class GroupSpec:
+    """A scene of several objects; the first is that of `members[0]`, whose lens is the camera's."""
+
+    members: tuple[Member, ...]
+
+    def views(self, classes: Sequence[ObjectClass], width: int, height: int) -> list[View]:
+        """The camera in each member's frame, for an image of width x height pixels."""
+        scene, first = self.members[0].scene, _class_of(self.members[0], classes)
+        view = View.of_scene(scene, first, height)
+        camera = replace(view.camera, width=width, cx=view.camera.cx + (width - height) / 2)
+        return [member.view(View(camera, view.rotation, view.translation)) for member in self.members]
+
+
+def sample_group(
+    library: Library, classes: Sequence[ObjectClass], seed: int, index: int, aspect: float = 4 / 3
+) -> GroupSpec:
+    """Draw group number `index` of a seed: two to four objects, each seen to 30 % or more.
+
+    The first is drawn as `sample` draws one, smaller in the frame and little hidden by other things; the
+    others stand beside it on the same support, each overlapping another on the image.
+
+    Args:
+        library: Of the split.
+        classes: Each object is of one of them.
+        seed: Of the groups.
+        index: Of the group.
+        aspect: Width over height of the image.
+
+    Raises:
+        UserError: No group was found in `GROUPS` rooms.
+    """
+    for attempt in range(GROUPS):
+        rng = stream(seed, index, library.split, GROUP_STREAM + attempt)
+        wanted = 2 + int(rng.choice(3, p=[0.4, 0.35, 0.25]))
+        first = classes[int(rng.integers(len(classes)))]
+        hidden = float(rng.uniform(0, MOST_HIDDEN)) if rng.random() < 0.4 else 0.0
+        number = GROUPS * index + attempt
+        try:
+            scene = sample(library, first, seed, number, smaller=SMALLER, target=hidden)
+        except UserError:  # no room hides it as it should, so far from the eye
+            continue
+        group = _Group(library, classes, scene, first, aspect)
+        for _ in range(DRAWS):
+            if len(group.members) == wanted:
+                return GroupSpec(tuple(group.members))
+            group.try_one(rng)
+    raise UserError(f"group {index} of seed {seed}: expected a place for it; got none. Use another seed.")
+
+
+class _Group:
+    """A group under construction."""
+
+    def __init__(
+        self,
+        library: Library,
+        classes: Sequence[ObjectClass],
+        scene: SceneSpec,
+        first: ObjectClass,
+        aspect: float,
+    ):
+        self.library, self.classes, self.scene = library, classes, scene
+        self.members = [Member(first.name, scene, 0.0, (0.0, 0.0))]
+        narrow = View.of_scene(scene, first, 2 * LAYOUT_SIZE)
+        width = round(aspect * narrow.camera.height)
+        wide = replace(narrow.camera, width=width, cx=narrow.camera.cx + (width - narrow.camera.height) / 2)
+        self.view = View(wide, narrow.rotation, narrow.translation)
+        vertices = target_vertices(scene, first)
+        actor = Actor.of(
+            View.through(scene.lens, first, scene.azimuth, scene.elevation, LAYOUT_SIZE),
+            first, vertices, scene.elevation, scene.azimuth,
+        )  # fmt: skip
+        self.stage = Stage.empty(library, actor, scene.room)
+        for prop in scene.props:
+            footprint = Footprint.of(self.stage.points(prop), actor.view.forward)
+            self.stage.add([prop], [footprint], None)
+        self.bodies = [actor.body]
+        self.alone = [self.view.depth(vertices, first.shape_model.faces)]
+        self.others = self._depth_of_others()
+
+    def _depth_of_others(self) -> np.ndarray:
+        """Depth (H, W) of room and props in the group's view."""
+        from vig_world.renderers.raster import depth
+        from vig_world.renderers.rasterized import items_of
+
+        return depth(items_of(self.library, self.scene), self.view)[0]
+
+    def try_one(self, rng: np.random.Generator) -> None:
+        """Add an object where it has room, overlaps another on the image, and leaves all to be seen."""
+        object_class = self.classes[int(rng.integers(len(self.classes)))]
+        shape, design = draw_shape(rng, object_class, self.library.split)
+        vertices = shape_vertices(shape, design, object_class)
+        beside = self.bodies[int(rng.integers(len(self.bodies)))].outline.mean(0)
+        turn, bearing = rng.uniform(0, 2 * np.pi, 2)
+        scale = max(object_class.scale, self.stage.actor.scale)
+        reach = float(np.abs(vertices[:, :2]).max())
+        distance = reach + rng.uniform(0.02, 0.02 + reach + NEAR * scale)
+        position = beside + distance * np.array([math.cos(bearing), math.sin(bearing)])
+        moved = vertices @ about_z(turn).T.astype(np.float32) + np.array([*position, 0.0], np.float32)
+        cloud = extreme_points(moved)
+        own = self.stage.on_support(self.stage.support, cloud)
+        half = np.array(self.stage.support.half) - MARGIN
+        if (np.abs(own[:, :2]) > half).any() or own[:, 2].max() > self.stage.support.clearance - MARGIN:
+            return
+        footprint = Footprint.of(cloud, self.stage.actor.view.forward)
+        if self.stage.check(footprint):
+            return
+        alone = self.view.depth(moved, object_class.shape_model.faces)
+        if not self._joins(alone, moved):
+            return
+        self.alone.append(alone)
+        self.bodies.append(footprint)
+        self.stage.add([], [footprint], None)
+        coat = draw_coat(rng, len(object_class.shape_model.part_names), DECORATED, METAL)
+        albedo = mean_albedo(coat, vertices, object_class.shape_model)
+        place = (float(position[0]), float(position[1]))
+        scene = replace(
+            _seen_from(self.scene, object_class, self.view.eye, float(turn), place),
+            shape=tuple(shape.tolist()),
+            design=design,
+            albedo=tuple(albedo.tolist()),
+            coat=coat,
+        )
+        self.members.append(Member(object_class.name, scene, float(turn), place))
+
+    def _joins(self, alone: np.ndarray, vertices: np.ndarray) -> bool:
+        mine = np.isfinite(alone)
+        inside = vertices @ self.view.rotation.T + self.view.translation
+        camera = self.view.camera
+        pixels = camera.focal * inside[:, :2] / inside[:, 2:] + [camera.cx, camera.cy]
+        if (((pixels >= 0) & (pixels < [camera.width, camera.height])).all(1)).mean() < WITHIN:
+            return False
+        theirs = [np.isfinite(other) for other in self.alone]
+        shares = [(mine & each).sum() / max(1, min(mine.sum(), each.sum())) for each in theirs]
+        if max(shares) < OVERLAP:
+            return False
+        depths = np.stack([*self.alone, alone])
+        nearest = np.minimum(depths.min(0), self.others)
+        seen = [((each <= nearest) & np.isfinite(each)).sum() / np.isfinite(each).sum() for each in depths]
+        return min(seen) >= LEAST_SEEN
+
+
+def _seen_from(
+    scene: SceneSpec, object_class: ObjectClass, eye: np.ndarray, turn: float, place: tuple[float, float]
+) -> SceneSpec:
+    """A scene in the frame of another object, turned by `turn` and placed at (x, y) in the scene's frame.
+
+    azimuth and elevation are those of the eye (3,) about that object.
+    """
+    back, offset = about_z(-turn), np.array([*place, 0.0])
+    x, y, z = back @ (eye - offset) - [0.0, 0.0, object_class.target_height]
+    light = rotate_z(torch.tensor(scene.light, dtype=torch.float64), -turn)
+    origin = back @ (np.array(scene.room.origin) - offset)
+    room = replace(scene.room, origin=tuple(origin.tolist()), turn=scene.room.turn - turn)
+    return replace(
+        scene,
+        azimuth=math.atan2(x, -y) % (2 * math.pi),
+        elevation=math.asin(z / math.sqrt(x * x + y * y + z * z)),
+        light=tuple(light.tolist()),
+        panorama_angle=scene.panorama_angle - turn,
+        room=room,
+        props=tuple(_moved(prop, back, offset) for prop in scene.props),
+    )
+
+
+def _moved(prop: Placed, back: np.ndarray, offset: np.ndarray) -> Placed:
+    x, y, z = (back @ (np.array(prop.position) - offset)).tolist()
+    return replace(prop, position=(x, y, z), rotation=vector_of(back @ prop.matrix()))
+
+
+def _class_of(member: Member, classes: Sequence[ObjectClass]) -> ObjectClass:
+    return next(each for each in classes if each.name == member.class_name)
+
+
+def group_stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
+    """The generator of one purpose of one group."""
+    return stream(seed, index, split, GROUP_STREAM + GROUPS + purpose)
