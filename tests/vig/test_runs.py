@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import csv
 import errno
-import importlib.util
 import io
 import json
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import nullcontext
 from pathlib import Path
@@ -22,6 +20,7 @@ import pytest
 from PIL import Image
 
 import vig
+from tests.nodes import needs_ray, two_nodes
 from vig.cli.main import main
 from vig.errors import UserError
 from vig.runs import COLUMNS, PARTIAL, RunSettings, Task, run, write_table
@@ -196,40 +195,16 @@ def deadly(settings: RunSettings) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed")
+@needs_ray
 def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, tmp_path: Path) -> None:
     """Two nodes on this machine; one dies when two photos are there. A pipe among them is a row here, too."""
-    import ray
-    from ray.cluster_utils import Cluster
-
     os.mkfifo(photos / "8.png")
     (photos / "9.png").write_text("no photo")
     names = [f"{number}.png" for number in range(10)]
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    out, killed, over = tmp_path / "out", [], threading.Event()
-    try:
-        second = cluster.add_node(num_cpus=1)
-        ray.init(address=cluster.address, log_to_driver=False)
-
-        def kill() -> None:
-            while not over.is_set():
-                finished = len(list(out.glob("*/explanation.json")))
-                if not killed and finished >= 2:
-                    cluster.remove_node(second, allow_graceful=False)
-                    killed.append(finished)
-                time.sleep(0.05)
-
-        thread = threading.Thread(target=kill)
-        thread.start()
-        try:
-            tasks = [Task(photos / name, out / name) for name in names]
-            rows = list(run(tasks, out, RunSettings(export=("coco", "bop")), cluster=cluster.address))
-        finally:
-            over.set()
-            thread.join()
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
+    out = tmp_path / "out"
+    with two_nodes(lambda: len(list(out.glob("*/explanation.json"))), after=2) as (address, killed):
+        tasks = [Task(photos / name, out / name) for name in names]
+        rows = list(run(tasks, out, RunSettings(export=("coco", "bop")), cluster=address))
     assert killed and killed[0] < 8
     here = tmp_path / "here"
     tasks = [Task(photos / name, here / name) for name in names]
