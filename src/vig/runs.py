@@ -342,7 +342,7 @@ def row_of(task: Task, found: Explanation) -> dict[str, Any]:
 def _failed(task: Task, error: object) -> dict[str, Any]:
     """The row of a photo that was not explained; the reason names the photo."""
     name, told = str(task.photo), str(error)
-    told = told if name in told else f"{name}: {told}"
+    told = told if str(UserError(name)) in told else f"{name}: {told}"
     return dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": told}
 
 
@@ -362,10 +362,14 @@ def _ledger(out: Path) -> Iterator[Any]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except ImportError:  # no such locks on this system
             pass
-        except OSError:
+        except BlockingIOError:
             raise UserError(
                 f"another run is writing to '{out}'; wait until it ends or choose another --out."
             ) from None
+        except OSError as error:  # some network disks have none
+            raise UserError(
+                f"cannot lock {path}: {error.strerror}; choose an --out on a disk with file locks."
+            ) from error
         for left in out.glob(f".*{PARTIAL}"):
             shutil.rmtree(left, ignore_errors=True)
         yield file

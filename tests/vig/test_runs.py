@@ -109,6 +109,15 @@ def test_two_runs_do_not_write_to_one_folder(photos: Path, tmp_path: Path) -> No
     assert next(run(tasks, tmp_path / "out", RunSettings()))["done_before"]
 
 
+def test_a_disk_without_locks_is_told(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(file: object, kind: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    with pytest.raises(UserError, match="cannot lock .*results.jsonl: No locks available; choose an --out"):
+        next(run([Task(photos / "0.png", tmp_path / "0")], tmp_path, RunSettings()))
+
+
 def test_a_full_disk_is_told_and_keeps_what_is_done(
     photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
