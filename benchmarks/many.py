@@ -24,7 +24,7 @@ import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,6 +97,16 @@ class Photos:
         return self.folder.parent / name
 
 
+@dataclass(frozen=True)
+class Look:
+    """A process at one time: photos that are done, its own processor seconds, the peak memory in MiB of it
+    and of its children."""
+
+    done: int
+    own: float
+    peak: float
+
+
 @dataclass
 class Run:
     """A run of `vig fit` that has ended.
@@ -106,6 +116,8 @@ class Run:
         errors: What it wrote to standard error.
         processor: Seconds of it and of the processes that it waited for.
         peak: MiB of resident memory of the largest of its processes: VmHWM.
+        own: Seconds of processor time that the process which was started spent on each photo of the last
+            three quarters, its children's not counted.
         out: Its results.
     """
 
@@ -113,6 +125,7 @@ class Run:
     errors: str
     processor: float
     peak: float
+    own: float
     out: Path
 
     @staticmethod
@@ -122,16 +135,20 @@ class Run:
         with subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         ) as process:
-            peaks: list[float] = [0.0]
+            looks: list[Look] = []
             ended = threading.Event()
-            watch = threading.Thread(target=_watch, args=(process.pid, peaks, ended))
+            watch = threading.Thread(target=_watch, args=(process.pid, out, looks, ended))
             watch.start()
             errors = process.communicate()[1]
             ended.set()
             watch.join()
         after = os.times()
         spent = after.children_user + after.children_system - before.children_user - before.children_system
-        return Run(process.returncode, errors, spent, max(peaks), out)
+        peak, done = max(look.peak for look in looks), looks[-1].done
+        first = next(look for look in looks if look.done >= done / 4)
+        last = next(look for look in looks if look.done == done)
+        own = (last.own - first.own) / max(last.done - first.done, 1)
+        return Run(process.returncode, errors, spent, peak, own, out)
 
     def rows(self) -> list[dict[str, str]]:
         """Of results.csv, without what differs from run to run."""
@@ -173,8 +190,12 @@ def rates(photos: Photos) -> list[dict[str, Any]]:
     ledger = (out / "results.jsonl").stat().st_size / photos.count
     metrics.append(metric("ledger_bytes_per_photo", [ledger], "bytes"))
     with two_nodes() as address:
-        # A driver waits for no worker: the processor time of a run is its own.
-        measured("two_nodes_driver", *boxes, "--cluster", address)
+        on_nodes = Run.of(photos, photos.out("two_nodes"), *boxes, "--cluster", address)
+        if on_nodes.code:
+            sys.exit(f"two nodes: exit code {on_nodes.code}: {on_nodes.errors}")
+    metrics.append(metric("two_nodes_photos_per_s", [on_nodes.steady()], "1/s", "higher"))
+    metrics.append(metric("driver_processor_s_per_photo", [on_nodes.own], "s"))
+    metrics.append(metric("driver_peak_mib", [on_nodes.peak], "MiB"))
     return metrics
 
 
@@ -280,20 +301,23 @@ def two_nodes() -> Iterator[str]:
         cluster.shutdown()
 
 
-def _watch(root: int, peaks: list[float], ended: threading.Event) -> None:
-    """Add the peak memory of a process and of its children while they are there (Linux)."""
-    while not ended.wait(LOOK_SECONDS):
-        children = Path(f"/proc/{root}/task/{root}/children")
+def _watch(root: int, out: Path, looks: list[Look], ended: threading.Event) -> None:
+    """Look at a process until it ends (Linux)."""
+    tick = os.sysconf("SC_CLK_TCK")
+    while not looks or not ended.wait(LOOK_SECONDS):
         try:
-            pids = [root, *map(int, children.read_text().split())]
+            pids = [root, *map(int, Path(f"/proc/{root}/task/{root}/children").read_text().split())]
+            user, system = Path(f"/proc/{root}/stat").read_text().rpartition(")")[2].split()[11:13]
         except OSError:
-            continue
+            user = system = "0"
+            pids = []
+        peaks = [0.0]
         for pid in pids:
-            try:
+            with suppress(OSError, IndexError):  # it has just ended
                 status = Path(f"/proc/{pid}/status").read_text()
                 peaks.append(int(status.partition("VmHWM:")[2].split()[0]) / 1024)
-            except (OSError, IndexError):
-                continue
+        done = len(list(out.glob("*/explanation.json")))
+        looks.append(Look(done, (int(user) + int(system)) / tick, max(peaks)))
 
 
 if __name__ == "__main__":

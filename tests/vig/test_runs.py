@@ -319,25 +319,33 @@ def deadly(settings: RunSettings) -> Any:
 @pytest.mark.slow
 @needs_ray
 def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, tmp_path: Path) -> None:
-    """Two nodes on this machine; one dies when two photos are there. A pipe among them is a row here, too."""
+    """Two nodes on this machine; one dies when two photos are there. A pipe among them is a row here, too.
+
+    So are masks: one that is good, one of another size, one that is none, one that is missing.
+    """
     os.mkfifo(photos / "8.png")
     (photos / "9.png").write_text("no photo")
     names = [f"{number}.png" for number in range(10)]
     out = tmp_path / "out"
+    masks = {name: tmp_path / name for name in names[:4]}
+    for name, size in zip(names[:2], (150, 20), strict=True):
+        Image.new("L", (size, size), 255).save(masks[name])
+    masks["2.png"].write_text("no mask")
     with two_nodes(lambda: len(list(out.glob("*/explanation.json"))), after=2) as (address, killed):
-        tasks = [Task(photos / name, out / name) for name in names]
+        tasks = [Task(photos / name, out / name, mask=masks.get(name)) for name in names]
         rows = list(run(tasks, out, RunSettings(export=("coco", "bop")), cluster=address))
     assert killed and killed[0] < 8
     here = tmp_path / "here"
-    tasks = [Task(photos / name, here / name) for name in names]
+    tasks = [Task(photos / name, here / name, mask=masks.get(name)) for name in names]
     expected = list(run(tasks, here, RunSettings(export=("coco", "bop"))))
     rows.sort(key=lambda row: names.index(row["folder"]))
     assert without_time(rows) == without_time(expected)
-    assert [Path(row["photo"]).name for row in rows if row["error"]] == ["8.png", "9.png"]
-    for name in names[:8]:
+    assert [Path(row["photo"]).name for row in rows if row["error"]] == names[1:4] + names[8:]
+    for name in names[:1] + names[4:8]:
         files = sorted(str(path.relative_to(here / name)) for path in (here / name).rglob("*"))
         assert sorted(str(path.relative_to(out / name)) for path in (out / name).rglob("*")) == files
-        for file in ("explanation.json", "corrections.json", "overlay.png", "coco.json"):
+        assert ("corrections.json" in files) == (name not in masks)
+        for file in {"explanation.json", "corrections.json", "overlay.png", "coco.json"}.intersection(files):
             assert (out / name / file).read_bytes() == (here / name / file).read_bytes()
 
 
