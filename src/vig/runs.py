@@ -108,7 +108,7 @@ def run(
         def waiting() -> Iterator[Task]:
             for task in tasks:
                 key = _key(task, said)
-                row = done.get(key)
+                row = done.pop(key, None)  # each is kept once
                 if row is not None and (out / row["folder"] / "explanation.json").exists():
                     before.append(row | {"done_before": True})
                 else:
