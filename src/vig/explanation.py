@@ -23,6 +23,7 @@ from vig.photo import Window, outline_distance
 from vig.photo.images import coded, linear_photo, write_png
 from vig.renderer import render_latents
 from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
+from vig.report.page import write_thumbnail
 from vig.report.pictures import PANEL
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -308,7 +309,9 @@ class Explanation:
         if not isinstance(folder, str | Path):
             raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
         folder, angles = Path(folder), (float(self.latents.azimuth), float(self.latents.elevation))
-        write_png(folder / "overlay.png", self.overlay())
+        drawn = self.overlay()
+        write_png(folder / "overlay.png", drawn)
+        write_thumbnail(folder, drawn)
         write_png(folder / "mask.png", mask_picture(self.amodal, self.mask))
         write_png(folder / "render.png", self.panels())
         write_glb(

@@ -7,53 +7,52 @@ the same.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import os
 import shutil
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from itertools import chain, count, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from vig import __version__
 from vig.corrections import CORRECTIONS, State
 from vig.errors import UserError
 from vig.explainer import Box, Explainer
 from vig.explanation import Explanation
-from vig.files import atomic_write
 from vig.hints import Hints
 from vig.inference import ExplainSettings
 from vig.parallel import Lost, map_as_done
 from vig.parallel.cluster import map_on_cluster
-from vig.photo.images import existing_file
+from vig.photo.images import existing_file, read_mask
+from vig.results import COLUMNS
 
-LEDGER, TABLE = "results.jsonl", "results"
+Item = TypeVar("Item")
+LEDGER = "results.jsonl"
 PARTIAL = ".partial"
 FORMAT = 1
-COLUMNS = (
-    "photo", "folder", "error", "verdict", "view_trusted", "mask_trusted", "confidence", "mask_confidence",
-    "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg", "elevation_deviation_deg",
-    "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x", "box_y", "box_width",
-    "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
-    *(f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)), "reason", "seconds",
-)  # fmt: skip
-"""Of the table; docs/many.md describes them."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One photo, the folder of its results, and what is said of it."""
+    """One photo, the folder of its results, and what is said of it; `mask` is a file, read with the photo."""
 
     photo: Path
     folder: Path
     box: Box | None = None
     focal: float | None = None
     hints: Hints | None = None
+    mask: Path | None = None
+
+
+Sent = tuple[Task, bytes, bytes | None]
+"""A task, its photo's bytes and its mask's, as a node gets them."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +83,12 @@ def run(
     """Explain photos into their folders, and yield the row of each as it is done, `COLUMNS`.
 
     Args:
-        tasks: Any number, with folders within `out`.
+        tasks: Any number, with folders within `out`; they are taken as they are needed.
         out: Holds the ledger.
         settings: For all photos.
         workers: Processes; with 1 it is done in this one, in order. One that is killed is replaced.
         resume: Keep a ledger, which no other run may be writing to. Photos that it has are not fitted again;
-            their rows come first, with "done_before".
+            their rows have "done_before".
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
             sent to its nodes and results come back: they need vig and the class, but no shared disk.
 
@@ -99,44 +98,67 @@ def run(
     """
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
     if not resume:
-        yield from (row for _, row in _rows(list(tasks), settings, explainer, workers, cluster))
+        yield from (row for _, row in _rows(tasks, settings, explainer, workers, cluster))
         return
     with _ledger(out) as ledger:
-        done = _done(ledger)
-        keys: dict[int, str] = {}
-        waiting: list[Task] = []
-        said = _described(settings, explainer)
-        for task in tasks:
-            key = _key(task, said)
-            row = done.get(key)
-            if row is not None and (out / row["folder"] / "explanation.json").exists():
-                yield row | {"done_before": True}
-            else:
-                keys[len(waiting)] = key
-                waiting.append(task)
-        for number, row in _rows(waiting, settings, explainer, workers, cluster):
+        done, said = _done(ledger), _described(settings, explainer)
+        keys: dict[str, str] = {}
+        before: deque[dict[str, Any]] = deque()
+
+        def waiting() -> Iterator[Task]:
+            for task in tasks:
+                key = _key(task, said)
+                row = done.pop(key, None)  # each is kept once
+                if row is not None and (out / row["folder"] / "explanation.json").exists():
+                    before.append(row | {"done_before": True})
+                else:
+                    keys[str(task.folder)] = key
+                    yield task
+
+        for task, row in _rows(waiting(), settings, explainer, workers, cluster):
             try:
-                ledger.write(json.dumps({"key": keys[number], "row": row}) + "\n")
+                ledger.write(json.dumps({"key": keys.pop(str(task.folder)), "row": row}) + "\n")
                 ledger.flush()
             except OSError as error:
                 raise UserError(
                     f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and run"
                     " the same command again."
                 ) from error
+            yield from _taken(before)
             yield row
+        yield from _taken(before)
+
+
+def _taken(waiting: deque[Item]) -> Iterator[Item]:
+    """Take all that is there."""
+    while waiting:
+        yield waiting.popleft()
 
 
 def _rows(
-    tasks: list[Task], settings: RunSettings, explainer: Explainer, workers: int, cluster: str | None
-) -> Iterator[tuple[int, dict[str, Any]]]:
+    tasks: Iterable[Task], settings: RunSettings, explainer: Explainer, workers: int, cluster: str | None
+) -> Iterator[tuple[Task, dict[str, Any]]]:
+    """Tasks and their rows as they are done; tasks are taken as they are needed."""
     if cluster is not None:
         yield from _rows_of_cluster(tasks, settings, cluster)
         return
-    if workers == 1 or len(tasks) < 2:
-        yield from enumerate(map(_Work(explainer, settings.export), tasks))
+    tasks = iter(tasks)
+    first = list(islice(tasks, 2))
+    tasks = chain(first, tasks)
+    if workers == 1 or len(first) < 2:
+        work = _Work(explainer, settings.export)
+        yield from ((task, work(task)) for task in tasks)
         return
-    for number, row in map_as_done(_prepare, settings, tasks, min(workers, len(tasks))):
-        yield number, _lost(tasks[number], row) if isinstance(row, Lost) else row
+    given: dict[int, Task] = {}
+
+    def noted() -> Iterator[Task]:
+        for number, task in enumerate(tasks):
+            given[number] = task
+            yield task
+
+    for number, row in map_as_done(_prepare, settings, noted(), workers):
+        task = given.pop(number)
+        yield task, _lost(task, row) if isinstance(row, Lost) else row
 
 
 def _lost(task: Task, lost: Lost) -> dict[str, Any]:
@@ -148,55 +170,67 @@ def _lost(task: Task, lost: Lost) -> dict[str, Any]:
 
 
 def _rows_of_cluster(
-    tasks: list[Task], settings: RunSettings, address: str
-) -> Iterator[tuple[int, dict[str, Any]]]:
+    tasks: Iterable[Task], settings: RunSettings, address: str
+) -> Iterator[tuple[Task, dict[str, Any]]]:
     """As `_rows`; photos go as bytes, and files come back as bytes and are written here."""
-    unread: list[tuple[int, dict[str, Any]]] = []
-    sent: list[int] = []
+    unread: deque[tuple[Task, dict[str, Any]]] = deque()
+    given: dict[int, Task] = {}
+    numbers = count()
 
-    def items() -> Iterator[tuple[Task, bytes]]:
-        for number, task in enumerate(tasks):
+    def items() -> Iterator[Sent]:
+        for task in tasks:
             try:
-                data = existing_file(task.photo).read_bytes()
+                photo = existing_file(task.photo).read_bytes()
+                mask = None if task.mask is None else existing_file(task.mask).read_bytes()
             except (UserError, OSError) as error:
-                unread.append((number, _failed(task, str(error))))
+                unread.append((task, _failed(task, error)))
                 continue
-            sent.append(number)
-            yield task, data
+            given[next(numbers)] = task
+            yield task, photo, mask
 
-    for place, found in map_on_cluster(_prepare_remote, settings, items(), address):
-        number = sent[place]
+    for number, found in map_on_cluster(_prepare_remote, settings, items(), address):
+        yield from _taken(unread)
+        task = given.pop(number)
         if isinstance(found, Lost):
-            yield number, _lost(tasks[number], found)
+            yield task, _lost(task, found)
             continue
         row, files = found
         try:
             if row["error"] is None:
-                _store(tasks[number], files)
+                _store(task, files)
         except UserError as error:
-            row = _failed(tasks[number], str(error))
-        yield number, row
-    yield from unread
+            row = _failed(task, error)
+        yield task, row
+    yield from _taken(unread)
 
 
-def _prepare_remote(settings: RunSettings) -> Callable[[tuple[Task, bytes]], Any]:
+def _prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
     """The work of a process on a node: explains a photo's bytes, returns its row and its files' bytes."""
     work = _prepare(settings)
 
-    def remote(item: tuple[Task, bytes]) -> tuple[dict[str, Any], dict[str, bytes]]:
-        task, data = item
+    def remote(item: Sent) -> tuple[dict[str, Any], dict[str, bytes]]:
+        task, photo, mask = item
         with tempfile.TemporaryDirectory() as folder:
-            here = Path(folder) / "photo" / task.photo.name
-            here.parent.mkdir()
-            here.write_bytes(data)
-            row = work(replace(task, photo=here, folder=Path(folder) / "result" / task.folder.name))
-            found = [path for path in (Path(folder) / "result").rglob("*") if path.is_file()]
+            here = _put(Path(folder) / "photo" / task.photo.name, photo)
+            of_mask = None
+            if task.mask is not None and mask is not None:
+                of_mask = _put(Path(folder) / "mask" / task.mask.name, mask)
             root = Path(folder) / "result" / task.folder.name
+            row = work(replace(task, photo=here, mask=of_mask, folder=root))
+            found = [path for path in root.rglob("*") if path.is_file()]
             files = {str(path.relative_to(root)): path.read_bytes() for path in found}
-        error = row["error"] and row["error"].replace(str(here), str(task.photo))
-        return row | {"photo": str(task.photo), "error": error}, files
+        if row["error"] is not None:
+            told = row["error"].replace(str(here), str(task.photo)).replace(str(of_mask), str(task.mask))
+            row = row | {"error": told}
+        return row | {"photo": str(task.photo)}, files
 
     return remote
+
+
+def _put(path: Path, data: bytes) -> Path:
+    path.parent.mkdir()
+    path.write_bytes(data)
+    return path
 
 
 def _prepare(settings: RunSettings) -> Callable[[Task], dict[str, Any]]:
@@ -215,10 +249,13 @@ class _Work:
     def __call__(self, task: Task) -> dict[str, Any]:
         began = time.monotonic()
         try:
-            found = self.explainer.explain(task.photo, task.box, focal=task.focal, hints=task.hints)
+            hints = task.hints
+            if task.mask is not None:
+                hints = replace(hints or Hints(), mask=read_mask(task.mask))
+            found = self.explainer.explain(task.photo, task.box, focal=task.focal, hints=hints)
             self.write(task, found)
         except UserError as error:
-            return _failed(task, str(error))
+            return _failed(task, error)
         return row_of(task, found) | {"seconds": round(time.monotonic() - began, 3)}
 
     def write(self, task: Task, found: Explanation) -> None:
@@ -302,44 +339,11 @@ def row_of(task: Task, found: Explanation) -> dict[str, Any]:
     return {name: row[name] if name in row else said.get(name) for name in COLUMNS}
 
 
-def _failed(task: Task, error: str) -> dict[str, Any]:
-    return dict.fromkeys(COLUMNS) | {"photo": str(task.photo), "folder": task.folder.name, "error": error}
-
-
-def write_table(out: Path, rows: Iterable[dict[str, Any]]) -> list[Path]:
-    """Write results.csv, and results.parquet where pyarrow is installed; returns what was written."""
-    rows = [{name: row.get(name) for name in COLUMNS} for row in rows]
-    with (
-        atomic_write(out / f"{TABLE}.csv") as temporary,
-        open(temporary, "w", newline="", encoding="utf-8", errors="replace") as file,
-    ):
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
-    written = [out / f"{TABLE}.csv"]
-    with suppress(ImportError):
-        import pyarrow
-        from pyarrow import parquet
-
-        columns = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in COLUMNS}
-        with atomic_write(out / f"{TABLE}.parquet") as temporary:
-            parquet.write_table(pyarrow.table(columns), temporary)
-        written.append(out / f"{TABLE}.parquet")
-    return written
-
-
-def _text(value: Any) -> Any:
-    """Text as UTF-8 has it: file names may hold other bytes."""
-    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
-
-
-def _kind(name: str) -> Any:
-    """A column's type, the same whatever the rows are, so that tables of several runs can be joined."""
-    import pyarrow
-
-    if name in ("photo", "folder", "error", "verdict", "family", "focal_from", "reason"):
-        return pyarrow.string()
-    return pyarrow.bool_() if name.endswith("_trusted") else pyarrow.float64()
+def _failed(task: Task, error: object) -> dict[str, Any]:
+    """The row of a photo that was not explained; the reason names the photo."""
+    name, told = str(task.photo), str(error)
+    told = told if str(UserError(name)) in told else f"{name}: {told}"
+    return dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": told}
 
 
 @contextmanager
@@ -358,10 +362,14 @@ def _ledger(out: Path) -> Iterator[Any]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except ImportError:  # no such locks on this system
             pass
-        except OSError:
+        except BlockingIOError:
             raise UserError(
                 f"another run is writing to '{out}'; wait until it ends or choose another --out."
             ) from None
+        except OSError as error:  # some network disks have none
+            raise UserError(
+                f"cannot lock {path}: {error.strerror}; choose an --out on a disk with file locks."
+            ) from error
         for left in out.glob(f".*{PARTIAL}"):
             shutil.rmtree(left, ignore_errors=True)
         yield file
@@ -392,14 +400,20 @@ def _described(settings: RunSettings, explainer: Explainer) -> str:
 
 def _key(task: Task, said: str) -> str:
     """Tells whether a photo, its settings and what is said of it are those of a row."""
-    try:
-        stat = task.photo.stat()
-        photo: Any = str(task.photo.resolve()), stat.st_size, stat.st_mtime_ns
-    except OSError:
-        photo = str(task.photo)
-    digest = hashlib.sha256(repr((said, photo, str(task.folder), task.box, task.focal)).encode())
+    digest = hashlib.sha256(repr((said, _stamp(task.photo), str(task.folder), task.box, task.focal)).encode())
+    if task.mask is not None:
+        digest.update(repr(_stamp(task.mask)).encode())
     if task.hints is not None:
         digest.update(repr(task.hints.described()).encode())
         for array in (task.hints.mask, task.hints.marks):
             digest.update(b"" if array is None else array.tobytes())
     return digest.hexdigest()
+
+
+def _stamp(path: Path) -> Any:
+    """What changes when a file does."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return str(path)
+    return str(path.resolve()), stat.st_size, stat.st_mtime_ns

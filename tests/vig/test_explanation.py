@@ -75,7 +75,7 @@ def fit() -> Fit:
     )
 
 
-def test_six_files_are_written_and_the_json_says_what_was_returned(
+def test_seven_files_are_written_and_the_json_says_what_was_returned(
     fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
@@ -88,6 +88,7 @@ def test_six_files_are_written_and_the_json_says_what_was_returned(
         "render.png",
         "object.glb",
         "report.html",
+        "thumbnail.jpg",
     }
     assert json.loads((folder / "explanation.json").read_text()) == said
     assert Image.open(folder / "overlay.png").size == (150, 150)

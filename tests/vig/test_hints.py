@@ -14,12 +14,13 @@ from PIL import Image
 
 import vig
 from vig.cli.common import Fit
-from vig.cli.hints import hints_of, parse_point, read_marks, read_mask, read_pose
+from vig.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig.cli.main import main
 from vig.errors import UserError
 from vig.hints import Hints, view_of
 from vig.inference import Objective, PointTerm, Said, objective_of
 from vig.photo import Window
+from vig.photo.images import read_mask
 from vig.recognition import Prediction
 from vig_lab.examples import Example, example_photos
 
@@ -153,19 +154,14 @@ def test_a_roll_of_a_window_that_is_given_is_refused(explainer: vig.Explainer, e
         explainer.explain(example.photo, window=Window(0, 0, 150), hints=Hints(roll_deg=3.0))
 
 
-def test_masks_of_many_photos_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    read: list[Path] = []
-    monkeypatch.setattr("vig.cli.hints.read_mask", lambda path: read.append(path) or np.ones((2, 2), bool))
+def test_each_of_many_photos_has_the_mask_of_its_name(tmp_path: Path) -> None:
+    """Which is not read here, so that a bad one is the photo's own error."""
     photos = [tmp_path / f"{name}.jpg" for name in "ab"]
-    settings = Fit(tuple(photos), mask=tmp_path, visible=True)
-    with pytest.raises(UserError, match="nothing of that name"):
-        hints_of(settings, photos)
-    for name in "ab":
-        Image.new("L", (2, 2), 255).save(tmp_path / f"{name}.png")
-    told = hints_of(settings, photos)
-    assert not read
-    first = next(told)
-    assert first and first.visible and read == [tmp_path / "a.png"]
+    mask = mask_of(Fit(tuple(photos), mask=tmp_path), photos)
+    assert [mask(photo) for photo in photos] == [tmp_path / "a.png", tmp_path / "b.png"]
+    assert mask_of(Fit(tuple(photos)), photos)(photos[0]) is None
+    with pytest.raises(UserError, match="expected --mask FOLDER for 2 photos"):
+        mask_of(Fit(tuple(photos), mask=photos[0]), photos)
 
 
 @pytest.mark.parametrize("azimuth", [-3.0, -1.0, 0.0, 0.7, 3.1])

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import csv
 import errno
-import importlib.util
 import io
 import json
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -22,9 +21,12 @@ import pytest
 from PIL import Image
 
 import vig
+from tests.nodes import needs_ray, two_nodes
+from vig.cli.fit import photos_of, result_folders
 from vig.cli.main import main
 from vig.errors import UserError
-from vig.runs import COLUMNS, PARTIAL, RunSettings, Task, run, write_table
+from vig.results import COLUMNS, write_table
+from vig.runs import PARTIAL, RunSettings, Task, run
 from vig_lab.examples import example_photos
 
 COMMAND = [sys.executable, "-m", "vig", "fit"]
@@ -107,6 +109,15 @@ def test_two_runs_do_not_write_to_one_folder(photos: Path, tmp_path: Path) -> No
     assert next(run(tasks, tmp_path / "out", RunSettings()))["done_before"]
 
 
+def test_a_disk_without_locks_is_told(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(file: object, kind: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    with pytest.raises(UserError, match="cannot lock .*results.jsonl: No locks available; choose an --out"):
+        next(run([Task(photos / "0.png", tmp_path / "0")], tmp_path, RunSettings()))
+
+
 def test_a_full_disk_is_told_and_keeps_what_is_done(
     photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +131,116 @@ def test_a_full_disk_is_told_and_keeps_what_is_done(
     with pytest.raises(UserError, match="cannot write .*results.jsonl: No space left.* same command"):
         list(run([Task(photos / "0.png", out / "0")], out, RunSettings()))
     assert (out / "0" / "explanation.json").exists()
+
+
+def test_a_bad_mask_is_its_photos_error(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The others go on, and a mask that is put right is seen as a change."""
+    masks, out = tmp_path / "masks", tmp_path / "out"
+    masks.mkdir()
+    for number in range(6):
+        Image.new("L", (150, 150), 255).save(masks / f"{number}.png")
+    Image.new("L", (20, 20), 255).save(masks / "1.png")
+    (masks / "2.png").write_text("no picture")
+    os.mkfifo(masks / "6.png")
+    assert fitted(photos, "--out", out, "--mask", masks) == 1
+    bad = {Path(row["photo"]).stem: row["error"] for row in rows_of(out) if row["error"]}
+    assert list(bad) == ["1", "2", "6", "7"]
+    assert all(error.startswith(f"{photos / name}.png: ") for name, error in bad.items())
+    assert "expected mask of 150 x 150" in bad["1"] and "nothing of that name" in bad["7"]
+    said = json.loads((out / "0" / "explanation.json").read_text())
+    assert said["hints"] == {"mask": 150 * 150}
+    Image.new("L", (150, 150), 255).save(masks / "1.png")
+    os.utime(masks / "0.png", (0, 0))
+    capsys.readouterr()
+    assert fitted(photos, "--out", out, "--mask", masks) == 1
+    assert capsys.readouterr().out.count("done before") == 3
+    assert not rows_of(out)[1]["error"]
+
+
+def test_tasks_are_taken_as_they_are_needed(photos: Path, tmp_path: Path) -> None:
+    taken: list[int] = []
+
+    def tasks() -> Iterator[Task]:
+        for number in range(8):
+            taken.append(number)
+            yield Task(photos / f"{number}.png", tmp_path / "out" / str(number))
+
+    rows = run(tasks(), tmp_path / "out", RunSettings())
+    next(rows)
+    assert len(taken) == 2
+    rows.close()
+
+
+def test_a_photo_that_vanishes_during_a_run_is_its_own_error(photos: Path, tmp_path: Path) -> None:
+    tasks = [Task(photos / f"{number}.png", tmp_path / "out" / str(number)) for number in range(3)]
+    rows = run(tasks, tmp_path / "out", RunSettings())
+    first = next(rows)
+    (photos / "1.png").unlink()
+    (photos / "2.png").unlink()
+    (photos / "2.png").mkdir()
+    gone, folder = rows
+    assert first["error"] is None and "got nothing of that name" in gone["error"]
+    assert "got a folder" in folder["error"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0", "results.jsonl"]
+
+
+@pytest.mark.parametrize(
+    ("number", "told"), [(errno.ENOSPC, "No space left on device"), (errno.EROFS, "Read-only file system")]
+)
+def test_a_folder_that_cannot_be_written_is_its_photos_error(
+    number: int, told: str, photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename, out = os.rename, tmp_path / "out"
+
+    def refusing(before: str | Path, after: str | Path) -> None:
+        if Path(after).name == "1":
+            raise OSError(number, os.strerror(number))
+        rename(before, after)
+
+    monkeypatch.setattr("vig.runs.os.rename", refusing)
+    rows = list(run([Task(photos / f"{name}.png", out / name) for name in "012"], out, RunSettings()))
+    assert [row["error"] is None for row in rows] == [True, False, True]
+    assert told in rows[1]["error"] and "choose another --out" in rows[1]["error"]
+    assert sorted(path.name for path in out.iterdir()) == ["0", "2", "results.jsonl"]
+
+
+def test_results_where_none_can_be_are_refused_at_once(
+    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").write_text("a file")
+    assert fitted(photos, "--out", tmp_path / "out") == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
+def test_ctrl_c_keeps_what_is_done_and_says_so(photos: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [*COMMAND, photos, "--out", out], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as stopped:
+        assert stopped.stdout is not None and stopped.stderr is not None
+        stopped.stdout.readline()
+        stopped.send_signal(signal.SIGINT)
+        errors = stopped.stderr.read()
+    assert stopped.returncode == 130 and errors.strip() == "vig: interrupted; what is finished stays"
+    done = [row["folder"] for row in rows_of(out)]
+    assert 1 <= len(done) < 8 and (out / "sheet.jpg").exists() and (out / "report.html").exists()
+    assert sorted(path.parent.name for path in out.glob("*/explanation.json")) == sorted(done)
+
+
+def test_a_pattern_that_no_shell_expanded_is_expanded(photos: Path, tmp_path: Path) -> None:
+    (photos / "[1].png").write_bytes((photos / "1.png").read_bytes())
+    (photos / "notes.txt").write_text("no photo")
+    assert photos_of((photos / "[0-2].png",)) == [photos / f"{number}.png" for number in range(3)]
+    assert photos_of((photos / "[1].png",)) == [photos / "[1].png"]  # a file of that name
+    assert len(photos_of((tmp_path / "**" / "*.png",))) == 9
+    assert photos_of((tmp_path / "ph*",)) == photos_of((photos,))
+    with pytest.raises(UserError, match=r"expected photos that match '.*\*\.jpg'; got none\. Check"):
+        photos_of((photos / "*.jpg",))
+    assert result_folders([Path("results.csv.png"), Path("a.png")], tmp_path) == [
+        tmp_path / "results.csv-2", tmp_path / "a",
+    ]  # fmt: skip
 
 
 def test_a_single_photo_leaves_nothing_but_its_folder(photos: Path, tmp_path: Path) -> None:
@@ -196,51 +317,35 @@ def deadly(settings: RunSettings) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed")
+@needs_ray
 def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, tmp_path: Path) -> None:
-    """Two nodes on this machine; one dies when two photos are there. A pipe among them is a row here, too."""
-    import ray
-    from ray.cluster_utils import Cluster
+    """Two nodes on this machine; one dies when two photos are there. A pipe among them is a row here, too.
 
+    So are masks: one that is good, one of another size, one that is none, one that is missing.
+    """
     os.mkfifo(photos / "8.png")
     (photos / "9.png").write_text("no photo")
     names = [f"{number}.png" for number in range(10)]
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    out, killed, over = tmp_path / "out", [], threading.Event()
-    try:
-        second = cluster.add_node(num_cpus=1)
-        ray.init(address=cluster.address, log_to_driver=False)
-
-        def kill() -> None:
-            while not over.is_set():
-                finished = len(list(out.glob("*/explanation.json")))
-                if not killed and finished >= 2:
-                    cluster.remove_node(second, allow_graceful=False)
-                    killed.append(finished)
-                time.sleep(0.05)
-
-        thread = threading.Thread(target=kill)
-        thread.start()
-        try:
-            tasks = [Task(photos / name, out / name) for name in names]
-            rows = list(run(tasks, out, RunSettings(export=("coco", "bop")), cluster=cluster.address))
-        finally:
-            over.set()
-            thread.join()
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
+    out = tmp_path / "out"
+    masks = {name: tmp_path / name for name in names[:4]}
+    for name, size in zip(names[:2], (150, 20), strict=True):
+        Image.new("L", (size, size), 255).save(masks[name])
+    masks["2.png"].write_text("no mask")
+    with two_nodes(lambda: len(list(out.glob("*/explanation.json"))), after=2) as (address, killed):
+        tasks = [Task(photos / name, out / name, mask=masks.get(name)) for name in names]
+        rows = list(run(tasks, out, RunSettings(export=("coco", "bop")), cluster=address))
     assert killed and killed[0] < 8
     here = tmp_path / "here"
-    tasks = [Task(photos / name, here / name) for name in names]
+    tasks = [Task(photos / name, here / name, mask=masks.get(name)) for name in names]
     expected = list(run(tasks, here, RunSettings(export=("coco", "bop"))))
     rows.sort(key=lambda row: names.index(row["folder"]))
     assert without_time(rows) == without_time(expected)
-    assert [Path(row["photo"]).name for row in rows if row["error"]] == ["8.png", "9.png"]
-    for name in names[:8]:
+    assert [Path(row["photo"]).name for row in rows if row["error"]] == names[1:4] + names[8:]
+    for name in names[:1] + names[4:8]:
         files = sorted(str(path.relative_to(here / name)) for path in (here / name).rglob("*"))
         assert sorted(str(path.relative_to(out / name)) for path in (out / name).rglob("*")) == files
-        for file in ("explanation.json", "corrections.json", "overlay.png", "coco.json"):
+        assert ("corrections.json" in files) == (name not in masks)
+        for file in {"explanation.json", "corrections.json", "overlay.png", "coco.json"}.intersection(files):
             assert (out / name / file).read_bytes() == (here / name / file).read_bytes()
 
 

@@ -18,7 +18,7 @@ class Fit:
     """Explain photos of one object each: a folder of numbers, pictures and the object per photo."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
-    """Photos, or folders of them: any size, any format that pillow reads."""
+    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, any format that pillow reads."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
     for each. Without it the object is sought in the photo."""
@@ -72,6 +72,21 @@ class Fit:
     """Also add what is said of each photo, with the time, to this file."""
     json: bool = False
     """Print one JSON object instead of lines."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write the results of many photos as one file in the format of another tool."""
+
+    results: tyro.conf.Positional[Path]
+    """Folder of `vig fit` of several photos."""
+    to: tuple[Literal["bop", "coco"], ...]
+    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, a COCO result file of the
+    visible masks."""
+    out: Path | None = None
+    """Folder for the files; by default that of the results."""
+    json: bool = False
+    """Print one JSON object."""
 
 
 @dataclass(frozen=True)

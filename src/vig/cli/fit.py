@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import glob
 import json
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,18 +19,22 @@ from PIL import Image
 from vig import __version__
 from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
-from vig.cli.hints import hints_of
+from vig.cli.hints import hints_of, mask_of
 from vig.errors import UserError
 from vig.explainer import Box, checked_box
 from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
-from vig.report.page import Entry, folder_html, thumbnail
-from vig.runs import RunSettings, Task, run, write_table
+from vig.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
+from vig.report.sheet import sheet_name, write_sheets
+from vig.results import TABLES, write_table
+from vig.runs import LEDGER, RunSettings, Task, run
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
+TAKEN = {"report.html", sheet_name(0), LEDGER, *TABLES}
+"""Names within a run's folder that no photo's folder may have."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
@@ -36,7 +42,7 @@ def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
     photos = photos_of(settings.images)
     boxes = boxes_of(settings, photos)
-    hints = hints_of(settings, photos)
+    hints, mask = hints_of(settings, photos), mask_of(settings, photos)
     folders = result_folders(photos, settings.out)
     how = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
@@ -48,8 +54,8 @@ def fit(settings: Fit) -> int:
     note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
     given = RunSettings(settings.object_class, how, settings.device, settings.export)
     tasks = (
-        Task(photo, folder, box, settings.focal, told)
-        for photo, folder, box, told in zip(photos, folders, boxes, hints, strict=True)
+        Task(photo, folder, box, settings.focal, hints, mask(photo))
+        for photo, folder, box in zip(photos, folders, boxes, strict=True)
     )
     rows: list[dict[str, Any]] = []
     try:
@@ -67,6 +73,7 @@ def fit(settings: Fit) -> int:
         if len(photos) > 1 and rows:
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
+            write_sheets(settings.out, rows)
     failed = sum(row["error"] is not None for row in rows)
     if settings.json:
         print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))
@@ -89,13 +96,12 @@ def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
 
 
 def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
-    """report.html of a run: the photos that are least sure, `MOST_ENTRIES` of them."""
-    seen = [row for row in rows if row["error"] is None]
-    seen.sort(key=lambda row: (row["view_trusted"], row["confidence"] is not None, row["confidence"] or 0.0))
+    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
+    seen = sorted((row for row in rows if row["error"] is None), key=strange_first)
     entries = []
     for row in seen[:MOST_ENTRIES]:
-        with suppress(OSError), Image.open(out / row["folder"] / "overlay.png") as picture:
-            entries.append(Entry(Path(row["photo"]).name, row["folder"], row, thumbnail(np.asarray(picture))))
+        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
+            entries.append(Entry(Path(row["photo"]).name, row["folder"], row, np.asarray(picture)))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
         with atomic_write(out / "report.html") as temporary:
@@ -125,7 +131,7 @@ def photos_of(images: tuple[Path, ...]) -> list[Path]:
     """The photos that are named, and those in folders that are; UserError when there are none."""
     photos: list[Path] = []
     known = Image.registered_extensions()
-    for image in images:
+    for image in (each for given in images for each in _expanded(given)):
         found = (
             [path for path in image.iterdir() if path.suffix.lower() in known] if image.is_dir() else [image]
         )
@@ -135,6 +141,16 @@ def photos_of(images: tuple[Path, ...]) -> list[Path]:
     if not photos:
         raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
     return photos
+
+
+def _expanded(given: Path) -> list[Path]:
+    """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
+    pattern = str(given)
+    if os.path.lexists(given) or not glob.has_magic(pattern):
+        return [given]
+    if found := sorted(glob.glob(pattern, recursive=True)):
+        return [Path(each) for each in found]
+    raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
 
 
 def boxes_of(settings: Fit, photos: list[Path]) -> list[Box | None]:
@@ -177,7 +193,7 @@ def _line(row: dict[str, Any]) -> str:
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
     """A folder for each photo, named after it; a number is added where two photos share a name."""
-    used: set[str] = set()
+    used = set(TAKEN)
     folders = []
     for image in images:
         name, number = image.stem, 2

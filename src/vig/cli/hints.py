@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from itertools import repeat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from vig.cli.common import Fit
 from vig.errors import UserError
 from vig.hints import Hints
 from vig.inference import Said
-from vig.photo.images import coded_photo, existing_file, refuse
+from vig.photo.images import eight_bit_photo, refuse
 
 CHANNELS = ((0, Said.IN_FRONT), (1, Said.SEEN), (2, Said.NOTHING))
 """What a pixel of marks says whose red, green or blue is far above the others."""
@@ -23,19 +21,12 @@ FAR = 80
 ONE_PHOTO = ("marks", "points", "azimuth", "pose")
 
 
-def hints_of(settings: Fit, photos: list[Path]) -> Iterator[Hints | None]:
-    """Hints for each photo, None where nothing is said; masks are read as they are needed.
-
-    UserError at once where something cannot be used or a mask is missing.
-    """
+def hints_of(settings: Fit, photos: list[Path]) -> Hints | None:
+    """What is said of each photo, but for its mask; UserError where something cannot be used."""
     if len(photos) > 1:
         for name in ONE_PHOTO:
             if getattr(settings, name) not in (None, ()):
                 raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
-        if settings.mask is not None and not settings.mask.is_dir():
-            raise UserError(
-                f"expected --mask FOLDER for {len(photos)} photos; got '{settings.mask}'. Name one."
-            )
     said = Hints(
         marks=None if settings.marks is None else read_marks(settings.marks),
         visible=settings.visible,
@@ -45,13 +36,17 @@ def hints_of(settings: Fit, photos: list[Path]) -> Iterator[Hints | None]:
         roll_deg=settings.roll,
         pose=None if settings.pose is None else read_pose(settings.pose),
     )
-    if settings.mask is None:
-        return repeat(said or None, len(photos))
-    folder = settings.mask if settings.mask.is_dir() else None
-    masks = [settings.mask if folder is None else folder / f"{photo.stem}.png" for photo in photos]
-    for mask in masks:
-        existing_file(mask)
-    return (replace(said, mask=read_mask(mask)) for mask in masks)
+    return said or None
+
+
+def mask_of(settings: Fit, photos: list[Path]) -> Callable[[Path], Path | None]:
+    """Tells the file of a photo's mask, which is read with the photo; UserError for one mask of several."""
+    given = settings.mask
+    if given is None or not given.is_dir():
+        if given is not None and len(photos) > 1:
+            raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{given}'. Name one.")
+        return lambda photo: given
+    return lambda photo: given / f"{photo.stem}.png"
 
 
 def parse_point(text: str) -> tuple[str, tuple[float, float]]:
@@ -66,15 +61,9 @@ def parse_point(text: str) -> tuple[str, tuple[float, float]]:
     return name, (x, y)
 
 
-def read_mask(path: Path) -> np.ndarray:
-    """A mask (H, W) bool from a picture: True where it is brighter than half."""
-    seen: np.ndarray = _bytes(path).mean(-1) > 127
-    return seen
-
-
 def read_marks(path: Path) -> np.ndarray:
     """Marks (H, W) uint8, `Said`, from a picture."""
-    colours = _bytes(path).astype(int)
+    colours = eight_bit_photo(path).astype(int)
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in CHANNELS:
         others = np.delete(colours, channel, axis=-1).max(-1)
@@ -94,11 +83,3 @@ def read_pose(path: Path) -> np.ndarray:
         if pose.shape != (4, 4):
             raise ValueError(f"its shape is {pose.shape}")
     return pose
-
-
-def _bytes(path: Path) -> np.ndarray:
-    """A picture (H, W, 3) uint8."""
-    coded = coded_photo(path)
-    if coded.dtype != np.uint8:
-        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
-    return coded

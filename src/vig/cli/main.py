@@ -9,11 +9,12 @@ from typing import Any
 import tyro
 
 from vig import __version__
-from vig.cli.common import Doctor, Fit, Verb, View, verbs_of_packages
+from vig.cli.common import Doctor, Export, Fit, Verb, View, verbs_of_packages
 from vig.errors import UserError
 
 VERBS = (
     Verb("fit", Fit, "vig.cli.fit:fit"),
+    Verb("export", Export, "vig.cli.export:export"),
     Verb("view", View, "vig.cli.view:view"),
     Verb("doctor", Doctor, "vig.cli.doctor:run_doctor"),
 )

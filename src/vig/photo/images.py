@@ -133,6 +133,20 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> 
     return np.array(array, np.float32, order="C")  # a copy: the caller may use the array again
 
 
+def eight_bit_photo(path: Path) -> np.ndarray:
+    """A picture's bytes (H, W, 3) uint8; UserError for one with more bits or transparency."""
+    found = coded_photo(path)
+    if found.dtype != np.uint8:
+        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
+    return found
+
+
+def read_mask(path: Path) -> np.ndarray:
+    """A mask (H, W) bool from a picture: True where it is brighter than half."""
+    seen: np.ndarray = eight_bit_photo(path).mean(-1) > 127
+    return seen
+
+
 def focal_of(photo: object) -> float | None:
     """The focal length in pixels that a photo file's EXIF data tell, or a PIL image's; None for none."""
     try:

@@ -5,20 +5,25 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from vig.files import atomic_write
 from vig.scene.light import srgb8_from_linear
 
 QUALITY = 88
 MOST_ERRORS = 200
 THUMBNAIL = 320
 """Pixels of the longer side of a folder's pictures."""
+THUMBNAIL_FILE = "thumbnail.jpg"
+STRANGE = ("failed", "reverted", "ambiguous", "trusted")
+"""Verdicts in the order in which their photos should be looked at."""
 INTERVAL = 1.645
 """Standard deviations to either side that hold 90 % of a Gaussian."""
 
@@ -124,8 +129,21 @@ def thumbnail(picture: np.ndarray) -> np.ndarray:
     return np.asarray(small)
 
 
+def write_thumbnail(folder: Path, picture: np.ndarray) -> None:
+    """Write thumbnail.jpg of a picture (H, W, 3) uint8: what pages and sheets of many photos show."""
+    with atomic_write(folder / THUMBNAIL_FILE) as temporary:
+        Image.fromarray(thumbnail(picture)).save(temporary, "JPEG", quality=QUALITY)
+
+
+def strange_first(row: Mapping[str, Any]) -> tuple[int, float]:
+    """Sort key of photos: errors, then by verdict (`STRANGE`); within each the least confidence first."""
+    if row.get("error") is not None:
+        return -1, 0.0
+    return STRANGE.index(row["verdict"]), row["confidence"] or 0.0
+
+
 def folder_html(entries: Sequence[Entry], total: int | None = None, errors: Sequence[str] = ()) -> str:
-    """A page of several photos, each with a link to its own; what is least sure comes first.
+    """A page of several photos, each with a link to its own; what is strangest comes first.
 
     Args:
         entries: The photos that are shown.
@@ -133,20 +151,19 @@ def folder_html(entries: Sequence[Entry], total: int | None = None, errors: Sequ
         errors: Why others were not; the first `MOST_ERRORS` are shown.
     """
     data = []
-    for entry in entries:
+    for place, entry in enumerate(sorted(entries, key=lambda entry: strange_first(entry.described))):
         said = entry.described
         confidence, hidden = said["confidence"], said["hidden_fraction"]
         words = [f"azimuth {said['azimuth_deg']:.0f}°"]
         words += [] if hidden is None else [f"{hidden:.0%} hidden"]
         words += [] if confidence is None else [f"right with {confidence:.0%}"]
-        sure = 0.5 if confidence is None else confidence
         data.append(
             {
                 "name": entry.name,
                 "folder": entry.folder,
                 "verdict": said["verdict"],
                 "words": ", ".join(words),
-                "sure": sure + (said["verdict"] == "trusted"),
+                "place": place,
                 "hidden": hidden,
                 "azimuth": said["azimuth_deg"],
                 "elevation": said["elevation_deg"],

@@ -57,6 +57,7 @@ def evaluate(settings: Evaluate) -> int:
             advance=lambda done: progress.advance(task, done),
             cache=settings.out / "fits",
             processes=True,
+            cluster=settings.cluster,
         )
     write_csv(settings.out / "errors.csv", dataset, results)
     table = summarise(results, dataset, renderer, settings.min_occlusion, settings.max_occlusion)

@@ -134,6 +134,8 @@ class Evaluate:
     """Recognition weights other than those of the class."""
     workers: int | None = None
     """Fits at a time; one per CPU by default."""
+    cluster: str | None = None
+    """Address of a Ray cluster that does the fits, in place of workers; auto: that of this machine."""
     json: bool = False
     """Print table.json instead of a table."""
 

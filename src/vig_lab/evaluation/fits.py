@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from safetensors.numpy import save_file
 
 from vig import __version__
 from vig.checks import check_arrays, decode, parse_json, read_tensors
+from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import (
     CONFIDENCE_FEATURES,
@@ -26,7 +26,8 @@ from vig.inference import (
     explain_one,
     load_fit_kernels,
 )
-from vig.parallel.processes import map_in_processes
+from vig.parallel.cluster import map_on_cluster
+from vig.parallel.processes import Lost, map_in_processes
 from vig.parallel.threads import map_on_threads
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
@@ -98,6 +99,7 @@ def fit_all(
     folder: Path | None = None,
     key: str = "",
     processes: bool = False,
+    cluster: str | None = None,
 ) -> Fits:
     """Fit photos from their prediction. After Ctrl-C, fits that were not begun are not waited for.
 
@@ -114,6 +116,10 @@ def fit_all(
         key: See `key_of`.
         processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
             the same fits.
+        cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine.
+
+    Raises:
+        UserError: There is no such cluster, or too many of its processes died of one photo.
     """
     load_fit_kernels(object_class.shape_model.modes)
     chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
@@ -123,17 +129,24 @@ def fit_all(
     missing = [number for number, part in enumerate(parts) if part is None]
     todo = [index for number in missing for index in chunks[number]]
     advance(len(images) - len(todo))
-    separate = processes and workers > 1 and len(todo) >= LEAST_FOR_PROCESSES
-    fitted = (_fitted_in_processes if separate else _fitted_on_threads)(
-        [(photos[i], prediction[i : i + 1]) for i in todo], object_class, settings, workers
-    )
+    given = [(photos[i], prediction[i : i + 1]) for i in todo]
+    if cluster is not None and todo:
+        fitted = _fitted_on_cluster(given, object_class, settings, cluster)
+    elif processes and workers > 1 and len(todo) >= LEAST_FOR_PROCESSES:
+        fitted = _fitted_in_processes(given, object_class, settings, workers)
+    else:
+        fitted = _fitted_on_threads(given, object_class, settings, workers)
+    done: dict[int, dict[int, Fits]] = {number: {} for number in missing}
     with closing(fitted):
-        for number in missing:
-            single = []
-            for fit in islice(fitted, len(chunks[number])):
-                single.append(fit)
-                advance(1)
-            part = parts[number] = Fits.joined(single)
+        for place, fit in fitted:
+            index = todo[place]
+            number = index // CHUNK
+            done[number][index] = fit
+            advance(1)
+            if len(done[number]) < len(chunks[number]):
+                continue
+            single = done.pop(number)
+            part = parts[number] = Fits.joined([single[each] for each in chunks[number]])
             path = paths[number]
             if path is not None:
                 _write(path, part, keys[number])
@@ -145,6 +158,8 @@ Arrays = tuple[np.ndarray, ...]
 """A photo and the parts of its prediction."""
 Shared = tuple[ObjectClass, ExplainSettings]
 """What all fits of a run have in common."""
+Fitted = Generator[tuple[int, Fits]]
+"""Numbers of photos and their fits, as they are done."""
 
 
 def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
@@ -160,20 +175,33 @@ def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
 
 def _fitted_on_threads(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
-) -> Generator[Fits]:
+) -> Fitted:
     before = torch.get_num_threads()
     torch.set_num_threads(workers)
     try:
-        yield from map_on_threads(_fitting((object_class, settings)), photos)
+        yield from enumerate(map_on_threads(_fitting((object_class, settings)), photos))
     finally:
         torch.set_num_threads(before)
 
 
 def _fitted_in_processes(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
-) -> Generator[Fits]:
+) -> Fitted:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
-    yield from map_in_processes(_fitting_arrays, (object_class, settings), arrays, workers)
+    yield from enumerate(map_in_processes(_fitting_arrays, (object_class, settings), arrays, workers))
+
+
+def _fitted_on_cluster(
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, address: str
+) -> Fitted:
+    arrays = (_arrays(photo, prediction) for photo, prediction in photos)
+    for number, fit in map_on_cluster(_fitting_arrays, (object_class, settings), arrays, address):
+        if isinstance(fit, Lost):
+            raise UserError(
+                f"processes of the cluster were killed {fit.attempts} times at the same photo, possibly out"
+                " of memory; what is done stays. Give each task more memory and run it again."
+            )
+        yield number, fit
 
 
 def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
@@ -185,7 +213,7 @@ def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
     fitted = _fitting(shared)
 
     def one(arrays: Arrays) -> Fits:
-        photo, *parts = map(torch.from_numpy, arrays)
+        photo, *parts = map(torch.tensor, arrays)  # copies: what a cluster sends is read-only
         return fitted((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
 
     return one

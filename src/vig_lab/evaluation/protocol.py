@@ -61,6 +61,7 @@ def evaluate(
     advance: Callable[[int], None] = lambda done: None,
     cache: Path | None = None,
     processes: bool = False,
+    cluster: str | None = None,
 ) -> dict[str, MethodResult]:
     """Run methods over all images.
 
@@ -78,6 +79,7 @@ def evaluate(
             those of other code are not recognised: remove the folder after a change of it.
         processes: Workers may be processes, see `fit_all`; a script must then guard what it runs by
             `if __name__ == "__main__"`.
+        cluster: Address of a Ray cluster that does the fits, in place of workers; see `fit_all`.
 
     Raises:
         UserError: An unknown method, no method, or a dataset of another class.
@@ -102,6 +104,7 @@ def evaluate(
             None if cache is None else cache / name,
             key_of(recognizer, object_class, chosen),
             processes,
+            cluster,
         )
     results = {}
     for method in methods:

@@ -72,7 +72,7 @@ def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
     error = refused(capsys, "fit", bad, photo, "--out", tmp_path / "out", code=1)
     assert "bad.png" in error
     names = {path.name for path in (tmp_path / "out" / "photo").iterdir()}
-    pictures = {"overlay.png", "mask.png", "render.png"}
+    pictures = {"overlay.png", "mask.png", "render.png", "thumbnail.jpg"}
     assert names == pictures | {"explanation.json", "corrections.json", "object.glb", "report.html"}
 
 

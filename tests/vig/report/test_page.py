@@ -210,7 +210,7 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
     assert iou(expected) > 0.9 > iou(expected.flip(1)) and iou(expected) > iou(expected.flip(0))
 
 
-def test_a_folders_page_lists_what_is_least_sure_first(
+def test_a_folders_page_lists_what_is_strangest_first(
     browser: Any, explanation: vig.Explanation, tmp_path: Path
 ) -> None:
     said, picture = explanation.to_dict(), thumbnail(explanation.overlay())
@@ -231,7 +231,7 @@ def test_a_folders_page_lists_what_is_least_sure_first(
     assert shown.locator("#table td:first-child").all_inner_texts() == [HOSTILE, "sure.png"]
     shown.get_by_text("1 could not be explained").click()
     assert shown.locator("#errors li").all_inner_texts() == [HOSTILE]
-    assert shown.get_by_text("Here are the 2 that are least sure").is_visible()
+    assert shown.get_by_text("Here are the 2 that are strangest").is_visible()
     shown.locator("#order").select_option("azimuth")
     assert shown.locator("strong").all_inner_texts() == ["sure.png", HOSTILE]
     assert shown.evaluate("window.hacked") is None and not errors

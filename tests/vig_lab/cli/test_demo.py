@@ -14,6 +14,7 @@ from vig_lab.examples import example_photos
 
 pytestmark = pytest.mark.slow
 FILES = {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb", "report.html"}
+FILES |= {"thumbnail.jpg"}
 
 
 def run(capsys, *arguments: object) -> str:

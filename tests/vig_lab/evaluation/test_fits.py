@@ -9,13 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.numpy import load_file
 
+from tests.nodes import needs_ray, two_nodes
+from vig.cli.main import main
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_lab.evaluation import evaluate, fits
 from vig_world.dataset import Dataset
+from vig_world.generation.write import make_dataset
 
 Run = Callable[..., int]
 
@@ -102,3 +106,42 @@ def test_other_photos_are_fitted_again_where_they_differ(run, dataset: Dataset) 
     darker.__dict__["images"] = images
     run()
     assert run(darker) == 2
+
+
+@needs_ray
+@pytest.mark.slow
+def test_an_evaluation_on_a_cluster_one_of_whose_nodes_is_killed_has_the_same_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two nodes on this machine; one dies when a chunk of two fits is there. The rest is resumed here."""
+    monkeypatch.setattr(fits, "CHUNK", 2)
+    data, out, here = tmp_path / "data", tmp_path / "out", tmp_path / "here"
+    make_dataset(data, 16, 5, split="test", workers=1, progress=False)
+    command = ["evaluate", "--dataset", str(data), "--methods", "robust", "gaussian", "--workers", "1"]
+    with two_nodes(lambda: len(list(out.glob("fits/*/*.safetensors"))), after=1) as (address, killed):
+        assert ended([*command, "--out", str(out), "--cluster", address]) == 0
+    assert killed and killed[0] < 8
+    assert ended([*command, "--out", str(here)]) == 0
+    names = sorted(str(path.relative_to(here)) for path in here.rglob("*") if path.is_file())
+    assert len([name for name in names if name.startswith("fits")]) == 16
+    assert names == sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
+    for name in names:
+        if name.endswith(".safetensors"):  # which holds its metadata in any order
+            one, other = load_file(out / name), load_file(here / name)
+            assert one.keys() == other.keys()
+            for key in one:  # NaN stands for unknown
+                np.testing.assert_array_equal(one[key], other[key])
+        else:
+            assert (out / name).read_bytes() == (here / name).read_bytes()
+    for number in ("000004", "000010"):
+        (out / "fits" / "spatial" / f"{number}.safetensors").unlink()
+    before = (out / "fits" / "spatial" / "000000.safetensors").stat().st_mtime_ns
+    assert ended([*command, "--out", str(out)]) == 0
+    assert (out / "fits" / "spatial" / "000000.safetensors").stat().st_mtime_ns == before
+    assert (out / "errors.csv").read_bytes() == (here / "errors.csv").read_bytes()
+
+
+def ended(arguments: list[str]) -> int:
+    with pytest.raises(SystemExit) as exit:
+        main(arguments)
+    return int(exit.value.code or 0)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import builtins
 import hashlib
-import importlib.util
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.nodes import needs_ray, two_nodes
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.write import make_dataset
 
 COUNT, SEED = 48, 12
-needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed")
 
 
 def hashes(root: Path) -> dict[str, str]:
@@ -52,35 +49,10 @@ def test_where_there_is_no_cluster_it_is_told(address: str, tmp_path: Path, teap
 @pytest.mark.slow
 def test_a_node_that_is_killed_loses_nothing(tmp_path: Path, teapot: ObjectClass) -> None:
     """Two nodes on this machine; one dies when a few samples are written."""
-    import ray
-    from ray.cluster_utils import Cluster
-
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    out, killed = tmp_path / "ray", []
-    try:
-        second = cluster.add_node(num_cpus=1)
-        ray.init(address=cluster.address, log_to_driver=False)
-        over = threading.Event()
-
-        def kill() -> None:
-            while not over.is_set():
-                finished = len(list((out / "train" / "partial").glob("*.json")))
-                if not killed and finished >= 8:
-                    cluster.remove_node(second, allow_graceful=False)
-                    killed.append(finished)
-                time.sleep(0.01)
-
-        thread = threading.Thread(target=kill)
-        thread.start()
-        try:
-            address = cluster.address
-            make_dataset(out, COUNT, SEED, progress=False, object_class=teapot, ray=address)
-        finally:
-            over.set()
-            thread.join()
-    finally:
-        ray.shutdown()
-        cluster.shutdown()
+    out = tmp_path / "ray"
+    partial = out / "train" / "partial"
+    with two_nodes(lambda: len(list(partial.glob("*.json"))), after=8) as (address, killed):
+        make_dataset(out, COUNT, SEED, progress=False, object_class=teapot, ray=address)
     assert 8 <= killed[0] < COUNT - 8  # in the middle
     here = make_dataset(tmp_path / "here", COUNT, SEED, workers=1, progress=False, object_class=teapot)
     assert hashes(out) == hashes(here)
