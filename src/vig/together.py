@@ -1,4 +1,4 @@
-"""Several objects in one photo, explained together: what hides what, one light, masks that exclude each other.
+"""Several objects in one photo, explained together: what hides what, one light, exclusive masks.
 
 Each object is explained alone first. Where two silhouettes overlap, the network's probabilities of the shared
 pixels showing either object tell which is in front. Then each object is fitted again, knowing of the others:
@@ -29,7 +29,7 @@ from vig.explanation import Explanation
 from vig.inference import Said, WindowHints, explain_one
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.parallel import on_one_core
-from vig.photo import Halved, Window
+from vig.photo import Halved
 from vig.photo.images import coded_photo
 from vig.recognition import Prediction
 from vig.scene import rotate_z
@@ -207,9 +207,10 @@ class _Refit:
         return replace(found, fit=fit)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (S, S) bool of the window that objects before this one cover, and in which others are seen."""
+        """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
         here = self.alone[self.index].window
-        own = ndimage.binary_dilation(self.alone[self.index].fit.coverage.numpy() > 0.5, iterations=BLUR)
+        covered = self.alone[self.index].fit.coverage.numpy() > 0.5
+        own = ndimage.binary_dilation(covered, iterations=BLUR)
         infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
         for index, other in enumerate(self.alone):
             if index == self.index:
@@ -301,4 +302,4 @@ def _exclusive(found: Sequence[Explanation], before: np.ndarray) -> list[Explana
     return result
 
 
-__all__ = ["SceneExplanation", "Window", "explain_together", "order", "together"]
+__all__ = ["SceneExplanation", "explain_together", "order", "together"]

@@ -19,6 +19,8 @@ from vig_world.composition.sampling import sample
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, Stage
 from vig_world.dataset.spec import Placed, SceneSpec, Split
 from vig_world.library import Library
+from vig_world.renderers.raster import depth
+from vig_world.renderers.rasterized import items_of
 from vig_world.renderers.view import View
 from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
@@ -146,9 +148,6 @@ class _Group:
 
     def _depth_of_others(self) -> np.ndarray:
         """Depth (H, W) of room and props in the group's view."""
-        from vig_world.renderers.raster import depth
-        from vig_world.renderers.rasterized import items_of
-
         return depth(items_of(self.library, self.scene), self.view)[0]
 
     def try_one(self, rng: np.random.Generator) -> None:

@@ -1,0 +1,151 @@
+"""Objects that hide one another, each alone and together: `python -m benchmarks.together [--json FILE]`.
+
+Groups of two to four teapots and mugs of the generator are explained from boxes round the whole objects, each
+object alone and all together. Printed: errors of azimuth and elevation in degrees, the IoU of visible masks,
+the error of the hidden share, and how many pairs have the wrong order: what hides what by the masks where
+both fits cover a pixel, or, together, as it is told; a pair without an answer counts as wrong. Of all but the
+last the difference, together less alone, with its standard error over objects. `--sheet` draws groups.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from benchmarks.measuring import metric, write
+from vig import Explainer, Explanation
+from vig.parallel import on_one_core
+from vig.scene import ObjectClass
+from vig.together import together
+from vig_world.generation.groups import Group, make_group
+from vig_world.library import Library
+
+CLASSES = "teapot", "mug"
+COLOURS = (255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)
+COLUMNS, SHOWN = 4, 24
+RIGHT = 15.0, 30.0
+"""Degrees within which an azimuth counts as right."""
+
+
+def judged(group: Group, found: tuple[Explanation, ...], before: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """Rows (N, 4) of azimuth and elevation errors in degrees, IoU and error of the hidden share; how many
+    pairs have the wrong order, and of how many.
+    """
+    rows = []
+    for number, (each, truth) in enumerate(zip(found, group.truth(), strict=True)):
+        off = (each.azimuth_deg - truth["azimuth_deg"] + 180) % 360 - 180
+        seen, visible = each.mask, group.visible[number]
+        hidden = 1.0 if each.hidden_fraction is None else each.hidden_fraction
+        rows.append([
+            abs(off), abs(each.elevation_deg - truth["elevation_deg"]),
+            (seen & visible).sum() / max(1, (seen | visible).sum()), abs(hidden - truth["hidden_fraction"]),
+        ])  # fmt: skip
+    one_way = group.before & ~group.before.T
+    return np.array(rows), int((one_way & ~(before & ~before.T)).sum()), int(one_way.sum())
+
+
+def order_of_masks(found: tuple[Explanation, ...]) -> np.ndarray:
+    """What hides what (N, N) bool where two fits cover the same pixels, by whose masks has more of them."""
+    count = len(found)
+    before = np.zeros((count, count), bool)
+    for i in range(count):
+        for j in range(count):
+            both = found[i].amodal & found[j].amodal
+            before[i, j] = (found[i].mask & both).sum() > (found[j].mask & both).sum()
+    return before
+
+
+def drawn(group: Group, found: tuple[Explanation, ...]) -> Image.Image:
+    """A photo with each object's whole outline, and its visible pixels tinted."""
+    picture = group.photo.astype(np.float32)
+    edges = np.zeros(picture.shape[:2], bool)
+    for number, each in enumerate(found):
+        colour = np.array(COLOURS[number], np.float32)
+        picture[each.mask] = 0.65 * picture[each.mask] + 0.35 * colour
+        whole = each.amodal
+        inner = whole[1:-1, 1:-1] & whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
+        edges = whole.copy()
+        edges[1:-1, 1:-1] &= ~inner
+        picture[edges] = colour
+    image = Image.fromarray(picture.astype(np.uint8))
+    for number, (each, truth) in enumerate(zip(found, group.truth(), strict=True)):
+        words = f"{truth['class']} {each.azimuth_deg:.0f} ({truth['azimuth_deg']:.0f})"
+        ImageDraw.Draw(image).text((4, 4 + 11 * number), words, fill=COLOURS[number])
+    return image
+
+
+def main() -> None:
+    """Measure, print, and write JSON and a sheet where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--groups", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=31)
+    parser.add_argument("--split", choices=("validation", "test"), default="test")
+    parser.add_argument("--sheet", type=Path)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    classes = [ObjectClass.load(name) for name in CLASSES]
+    explainers, library = {each.name: Explainer(each) for each in classes}, Library(arguments.split)
+    rows: dict[str, list[np.ndarray]] = {"alone": [], "together": []}
+    wrong, pairs, tiles = {"alone": 0, "together": 0}, 0, []
+    for index in range(arguments.groups):
+        group = make_group(library, classes, arguments.seed, index)
+        chosen = [explainers[member.class_name] for member in group.spec.members]
+        boxes = [(float(x), float(y), float(w), float(h)) for x, y, w, h in group.boxes]
+        alone = tuple(one.explain(group.photo, box) for one, box in zip(chosen, boxes, strict=True))
+        scene = on_one_core(partial(together, alone, chosen))
+        for name, found, before in (
+            ("alone", alone, order_of_masks(alone)), ("together", scene.objects, scene.before)
+        ):  # fmt: skip
+            judgement, bad, of = judged(group, found, before)
+            rows[name].append(judgement)
+            wrong[name] += bad
+        pairs += of
+        if len(tiles) < SHOWN:
+            tiles.append(drawn(group, scene.objects))
+        if index % 20 == 19:
+            print(f"{index + 1} groups", flush=True)
+    found = report({name: np.concatenate(each) for name, each in rows.items()}, wrong, pairs)
+    if arguments.sheet:
+        width, height = tiles[0].size
+        sheet = Image.new("RGB", (COLUMNS * width, -(-len(tiles) // COLUMNS) * height))
+        for place, tile in enumerate(tiles):
+            sheet.paste(tile, (place % COLUMNS * width, place // COLUMNS * height))
+        sheet.save(arguments.sheet)
+    if arguments.json:
+        write(arguments.json, found)
+
+
+def report(rows: dict[str, np.ndarray], wrong: dict[str, int], pairs: int) -> list[dict[str, Any]]:
+    """Print the table; returns it as metrics."""
+    azimuth = {name: each[:, 0] for name, each in rows.items()}
+    columns: dict[str, dict[str, np.ndarray]] = {"azimuth error, mean": azimuth}
+    for most in RIGHT:
+        columns[f"azimuth within {most:.0f}"] = {name: off < most for name, off in azimuth.items()}
+    for number, name in ((1, "elevation error, mean"), (2, "IoU, mean"), (3, "hidden share error, mean")):
+        columns[name] = {way: each[:, number] for way, each in rows.items()}
+    objects = len(azimuth["alone"])
+    print(f"{objects} objects, {pairs} pairs of which one hides some of the other")
+    print(f"{'':26}{'alone':>9}{'together':>10}{'difference':>12}")
+    medians = {name: float(np.median(off)) for name, off in azimuth.items()}
+    print(f"{'azimuth error, median':26}{medians['alone']:9.2f}{medians['together']:10.2f}")
+    found = [metric(f"azimuth_median_{name}", [value], "degrees") for name, value in medians.items()]
+    for name, ways in columns.items():
+        change = ways["together"].astype(float) - ways["alone"].astype(float)
+        error = change.std() / math.sqrt(objects)
+        means = {way: float(values.mean()) for way, values in ways.items()}
+        print(f"{name:26}{means['alone']:9.3f}{means['together']:10.3f}{change.mean():+8.3f} ± {error:.3f}")
+        plain = name.replace(", ", "_").replace(" ", "_")
+        found += [metric(f"{plain}_{way}", [value], "") for way, value in means.items()]
+    shares = {name: count / max(1, pairs) for name, count in wrong.items()}
+    print(f"{'wrong order':26}{shares['alone']:9.3f}{shares['together']:10.3f}")
+    return found + [metric(f"wrong_order_{name}", [share], "") for name, share in shares.items()]
+
+
+if __name__ == "__main__":
+    main()
