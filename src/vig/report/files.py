@@ -36,9 +36,9 @@ def mask_picture(amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
     return picture
 
 
-def write_json(folder: Path, described: dict[str, Any]) -> None:
-    """Write explanation.json."""
-    with atomic_write(folder / "explanation.json") as temporary:
+def write_json(folder: Path, described: dict[str, Any], name: str = "explanation.json") -> None:
+    """Write explanation.json, or what another file of a result's folder describes."""
+    with atomic_write(folder / name) as temporary:
         Path(temporary).write_text(json.dumps(described, indent=2) + "\n")
 
 

@@ -21,6 +21,8 @@ QUALITY = 88
 MOST_ERRORS = 200
 THUMBNAIL = 320
 """Pixels of the longer side of a folder's pictures."""
+WHOLE = 1200
+"""And of the picture of several objects."""
 THUMBNAIL_FILE = "thumbnail.jpg"
 STRANGE = ("failed", "reverted", "ambiguous", "trusted")
 """Verdicts in the order in which their photos should be looked at."""
@@ -124,9 +126,14 @@ class Entry:
 
 def thumbnail(picture: np.ndarray) -> np.ndarray:
     """A picture (H, W, 3) uint8 as small as a folder's page shows it."""
-    small = Image.fromarray(picture)
-    small.thumbnail((THUMBNAIL, THUMBNAIL), Image.Resampling.BICUBIC, reducing_gap=2.0)
-    return np.asarray(small)
+    return small(picture, THUMBNAIL)
+
+
+def small(picture: np.ndarray, side: int) -> np.ndarray:
+    """A picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
+    image = Image.fromarray(picture)
+    image.thumbnail((side, side), Image.Resampling.BICUBIC, reducing_gap=2.0)
+    return np.asarray(image)
 
 
 def write_thumbnail(folder: Path, picture: np.ndarray) -> None:
@@ -142,13 +149,23 @@ def strange_first(row: Mapping[str, Any]) -> tuple[int, float]:
     return STRANGE.index(row["verdict"]), row["confidence"] or 0.0
 
 
-def folder_html(entries: Sequence[Entry], total: int | None = None, errors: Sequence[str] = ()) -> str:
-    """A page of several photos, each with a link to its own; what is strangest comes first.
+def folder_html(
+    entries: Sequence[Entry],
+    total: int | None = None,
+    errors: Sequence[str] = (),
+    title: str | None = None,
+    picture: np.ndarray | None = None,
+    note: str = "",
+) -> str:
+    """A page of several photos, or objects of one, each with a link to its own; the strangest comes first.
 
     Args:
         entries: The photos that are shown.
         total: How many were explained, if more than are shown.
         errors: Why others were not; the first `MOST_ERRORS` are shown.
+        title: In place of their number.
+        picture: (H, W, 3) uint8, of all of them.
+        note: Under the title.
     """
     data = []
     for place, entry in enumerate(sorted(entries, key=lambda entry: strange_first(entry.described))):
@@ -177,6 +194,9 @@ def folder_html(entries: Sequence[Entry], total: int | None = None, errors: Sequ
         "total": len(data) if total is None else total,
         "failed": len(errors),
         "errors": list(errors[:MOST_ERRORS]),
+        "title": title,
+        "picture": None if picture is None else _jpeg(small(picture, WHOLE)),
+        "note": note,
     }
     return _filled("folder.html", shown)
 
