@@ -39,6 +39,8 @@ MAY_IMPORT["vig.hints"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.corrections"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.explanation"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.explainer"] = set(MAY_IMPORT)
+
+MAY_IMPORT["vig.tracking"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.runs"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.viewer"] = set(MAY_IMPORT)
 MAY_IMPORT["vig.cli"] = set(MAY_IMPORT)

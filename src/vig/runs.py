@@ -10,11 +10,12 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import math
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,8 +32,9 @@ from vig.inference import ExplainSettings
 from vig.parallel import Lost, map_as_done
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.images import existing_file
+from vig.tracking import TrackedFrame, track
 
-LEDGER, TABLE = "results.jsonl", "results"
+LEDGER, TABLE, TRACK = "results.jsonl", "results", "track"
 PARTIAL = ".partial"
 FORMAT = 1
 COLUMNS = (
@@ -40,9 +42,16 @@ COLUMNS = (
     "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg", "elevation_deviation_deg",
     "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x", "box_y", "box_width",
     "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
-    *(f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)), "reason", "seconds",
+    *(POSE := [f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)]), "reason",
+    "seconds",
 )  # fmt: skip
 """Of the table; docs/many.md describes them."""
+TRACK_COLUMNS = (
+    "photo", "folder", "frame", "lost", "refitted", "alone_azimuth_deg", "azimuth_deg",
+    "azimuth_deviation_deg", "alone_elevation_deg", "elevation_deg", "elevation_deviation_deg", "roll_deg",
+    "hidden_fraction", "focal_px", "center_x", "center_y", *POSE,
+)  # fmt: skip
+"""Of the table of a track, likewise."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +133,55 @@ def run(
                     " the same command again."
                 ) from error
             yield row
+
+
+def run_tracked(
+    tasks: list[Task], out: Path, settings: RunSettings, done: Callable[[dict[str, Any]], None]
+) -> list[TrackedFrame]:
+    """Explain the frames of a video together into their folders, and write `track.csv` and `track.parquet`.
+
+    It is done in this process, from the first frame on each time.
+
+    Args:
+        tasks: In the frames' order; the box is that of the first.
+        out: As in `run`.
+        settings: For all frames.
+        done: Is called with the row of a frame as it is done, once more where it is fitted again.
+
+    Raises:
+        UserError: As `vig.track`, or `out` cannot be written, or another run writes there.
+    """
+    explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    work, began = _Work(explainer, settings.export), [time.monotonic()]
+
+    def seen(number: int, found: Explanation) -> None:
+        work.write(tasks[number], found)
+        now = time.monotonic()
+        done(row_of(tasks[number], found) | {"seconds": round(now - began[0], 3)})
+        began[0] = now
+
+    with _ledger(out):
+        first = tasks[0]
+        photos = [task.photo for task in tasks]
+        frames = track(photos, explainer, first.box, first.focal, first.hints, seen)
+        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, frames, strict=True)]
+        write_table(out, rows, TRACK, TRACK_COLUMNS)
+    return frames
+
+
+def _row_of_track(task: Task, frame: TrackedFrame) -> dict[str, Any]:
+    camera, pose = frame.camera, frame.camera_from_object[:3].ravel().tolist()
+    return {
+        "photo": str(task.photo),
+        "folder": task.folder.name,
+        "frame": frame.number,
+        "roll_deg": math.degrees(camera.roll),
+        "focal_px": camera.focal,
+        "center_x": camera.cx,
+        "center_y": camera.cy,
+        **{name: value for name, value in vars(frame).items() if name in TRACK_COLUMNS},
+        **dict(zip(POSE, pose, strict=True)),
+    }
 
 
 def _rows(
@@ -306,25 +364,27 @@ def _failed(task: Task, error: str) -> dict[str, Any]:
     return dict.fromkeys(COLUMNS) | {"photo": str(task.photo), "folder": task.folder.name, "error": error}
 
 
-def write_table(out: Path, rows: Iterable[dict[str, Any]]) -> list[Path]:
+def write_table(
+    out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Sequence[str] = COLUMNS
+) -> list[Path]:
     """Write results.csv, and results.parquet where pyarrow is installed; returns what was written."""
-    rows = [{name: row.get(name) for name in COLUMNS} for row in rows]
+    rows = [{name: row.get(name) for name in columns} for row in rows]
     with (
-        atomic_write(out / f"{TABLE}.csv") as temporary,
+        atomic_write(out / f"{table}.csv") as temporary,
         open(temporary, "w", newline="", encoding="utf-8", errors="replace") as file,
     ):
-        writer = csv.DictWriter(file, COLUMNS)
+        writer = csv.DictWriter(file, columns)
         writer.writeheader()
         writer.writerows(rows)
-    written = [out / f"{TABLE}.csv"]
+    written = [out / f"{table}.csv"]
     with suppress(ImportError):
         import pyarrow
         from pyarrow import parquet
 
-        columns = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in COLUMNS}
-        with atomic_write(out / f"{TABLE}.parquet") as temporary:
-            parquet.write_table(pyarrow.table(columns), temporary)
-        written.append(out / f"{TABLE}.parquet")
+        arrays = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in columns}
+        with atomic_write(out / f"{table}.parquet") as temporary:
+            parquet.write_table(pyarrow.table(arrays), temporary)
+        written.append(out / f"{table}.parquet")
     return written
 
 
@@ -339,7 +399,7 @@ def _kind(name: str) -> Any:
 
     if name in ("photo", "folder", "error", "verdict", "family", "focal_from", "reason"):
         return pyarrow.string()
-    return pyarrow.bool_() if name.endswith("_trusted") else pyarrow.float64()
+    return pyarrow.bool_() if name.endswith("_trusted") or name in ("lost", "refitted") else pyarrow.float64()
 
 
 @contextmanager

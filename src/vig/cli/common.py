@@ -18,7 +18,10 @@ class Fit:
     """Explain photos of one object each: a folder of numbers, pictures and the object per photo."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
-    """Photos, or folders of them: any size, any format that pillow reads."""
+    """Photos, or folders of them: any size, any format that pillow reads; videos, taken as their frames."""
+    track: bool = False
+    """The photos are one folder or video of one object: follow it from frame to frame and smooth its views;
+    --box is that of the first frame. docs/many.md."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
     for each. Without it the object is sought in the photo."""

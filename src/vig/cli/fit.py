@@ -24,17 +24,22 @@ from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
+from vig.photo.video import frames_of, is_video
 from vig.report.page import Entry, folder_html, thumbnail
-from vig.runs import RunSettings, Task, run, write_table
+from vig.runs import RunSettings, Task, run, run_tracked, write_table
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
+FRAMES = "frames"
+"""Folder of the frames of videos within that of the results."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
 def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
-    photos = photos_of(settings.images)
+    if settings.track:
+        _check_track(settings)
+    photos = photos_of(settings.images, settings.out)
     boxes = boxes_of(settings, photos)
     hints = hints_of(settings, photos)
     folders = result_folders(photos, settings.out)
@@ -47,23 +52,30 @@ def fit(settings: Fit) -> int:
     note = partial(add_line, settings.log)
     note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
     given = RunSettings(settings.object_class, how, settings.device, settings.export)
-    tasks = (
+    tasks = [
         Task(photo, folder, box, settings.focal, told)
         for photo, folder, box, told in zip(photos, folders, boxes, hints, strict=True)
-    )
+    ]
+    found: dict[str, dict[str, Any]] = {}
+
+    def done(row: dict[str, Any]) -> None:
+        found[row["folder"]] = row
+        line = in_one_line(_line(row))
+        note(line)
+        if row["error"] is not None:
+            print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
+        elif not settings.json and not settings.quiet:
+            print(line, flush=True)
+
     rows: list[dict[str, Any]] = []
     try:
-        for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
-            rows.append(row)
-            line = in_one_line(_line(row))
-            note(line)
-            if row["error"] is not None:
-                print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
-            elif not settings.json and not settings.quiet:
-                print(line, flush=True)
+        if settings.track:
+            run_tracked(tasks, settings.out, given, done)
+        else:
+            for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
+                done(row)
     finally:
-        place = {str(photo): number for number, photo in enumerate(photos)}
-        rows.sort(key=lambda row: place[row["photo"]])
+        rows += [found[folder.name] for folder in folders if folder.name in found]
         if len(photos) > 1 and rows:
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
@@ -121,11 +133,35 @@ def add_line(log: Path | None, words: str) -> None:
         ) from None
 
 
-def photos_of(images: tuple[Path, ...]) -> list[Path]:
-    """The photos that are named, and those in folders that are; UserError when there are none."""
+def _check_track(settings: Fit) -> None:
+    """UserError where what was given does not go with `--track`."""
+    if len(settings.images) != 1 or not (settings.images[0].is_dir() or is_video(settings.images[0])):
+        came = f"{len(settings.images)} names" if len(settings.images) != 1 else f"'{settings.images[0]}'"
+        raise UserError(
+            f"expected one folder of frames or one video with --track; got {came}. Track one by one."
+        )
+    for name in ("boxes", "cluster", "mask", "marks", "points", "azimuth", "pose"):
+        if getattr(settings, name) not in (None, ()):
+            raise UserError(f"expected --track without --{name}; got both. Leave one out.")
+    if settings.workers > 1:
+        raise UserError(
+            "expected --track with one worker, as frames follow from each other. Leave out --workers."
+        )
+
+
+def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
+    """The photos that are named, those in folders that are, and frames of videos, which are put into
+    `out`/frames first; UserError when there are none.
+    """
     photos: list[Path] = []
     known = Image.registered_extensions()
+    folders = iter(
+        result_folders([image for image in images if is_video(image) and not image.is_dir()], out / FRAMES)
+    )
     for image in images:
+        if is_video(image) and not image.is_dir():
+            photos += frames_of(image, next(folders))
+            continue
         found = (
             [path for path in image.iterdir() if path.suffix.lower() in known] if image.is_dir() else [image]
         )

@@ -89,7 +89,9 @@ def turned(scene: SceneSpec, angle: float) -> SceneSpec:
     origin = turn @ np.array(room.origin)
     light = rotate_z(torch.tensor(scene.light, dtype=torch.float64), angle)
     props = (
-        replace(prop, position=_triple(turn @ np.array(prop.position)), rotation=vector_of(turn @ prop.matrix()))
+        replace(
+            prop, position=_triple(turn @ np.array(prop.position)), rotation=vector_of(turn @ prop.matrix())
+        )
         for prop in scene.props
     )
     return replace(
