@@ -23,8 +23,8 @@ from vig_world.streams import stream
 HIDDEN, OPEN = (0.55, 0.95), 0.15
 """Share of the object that is hidden as the props pass, and at most that is when they are away."""
 TURNING_STREAM = 2**20 + 5
-TURNS = (0.5, 1.0)
-"""Of the object in a video, of either sense."""
+TURNS, UNEVEN = (0.5, 1.0), 0.5
+"""Of the object in a video, of either sense; how much its speed may vary."""
 WAY = 1.2
 """By how much the props move to either side, of the object's greatest distance from its axis."""
 
@@ -36,21 +36,27 @@ class Turning:
     Attributes:
         scene: Half-way through the video.
         turn: Radians by which the object turns about its vertical axis, from the first frame to the last.
+        uneven: By what share its speed rises and falls about the mean, once in the video.
+        phase: Where in that it begins, radians.
         way: (3,) metres by which what hides it moves meanwhile.
     """
 
     scene: SceneSpec
     turn: float
+    uneven: float
+    phase: float
     way: tuple[float, float, float]
 
     def frames(self, count: int) -> Iterator[SceneSpec]:
         """The scenes of `count` frames; each one's azimuth and hidden parts are those of the frame."""
+        whole = 2 * math.pi
         for time in np.linspace(-0.5, 0.5, count).tolist():
+            turn = time + self.uneven / whole * math.sin(whole * time + self.phase)
             shift = time * np.array(self.way)
             props = tuple(
                 prop if prop.role == "clutter" else _moved(prop, shift) for prop in self.scene.props
             )
-            yield turned(replace(self.scene, props=props), -time * self.turn)
+            yield turned(replace(self.scene, props=props), -turn * self.turn)
 
 
 def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: int) -> Turning:
@@ -77,7 +83,8 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
     reach = float(np.linalg.norm(vertices[:, :2], axis=1).max())
     turn = 2 * math.pi * rng.uniform(*TURNS) * rng.choice([-1.0, 1.0])
     x, y, z = (2 * WAY * reach * rng.choice([-1.0, 1.0]) * actor.aside).tolist()
-    return Turning(scene, float(turn), (x, y, z))
+    uneven, phase = rng.uniform(0, [UNEVEN, 2 * math.pi]).tolist()
+    return Turning(scene, float(turn), uneven, phase, (x, y, z))
 
 
 def turned(scene: SceneSpec, angle: float) -> SceneSpec:

@@ -18,7 +18,7 @@ from vig.tracking.following import Sighting, window_at
 
 
 def sighting(azimuth: float, probability: float = 0.8, **changed: Any) -> Sighting:
-    """Of a pot in the middle of a frame of 150 x 150; azimuth in degrees, the other side is an alternative."""
+    """Of a pot in the middle of a frame of 150 x 150; azimuth in degrees; the other side is another view."""
     given = math.radians(azimuth)
     fields: dict[str, Any] = {
         "window": Window(0, 0, 150),
