@@ -32,7 +32,7 @@ from vig.inference import ExplainSettings
 from vig.parallel import Lost, map_as_done
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.images import existing_file
-from vig.tracking import TrackedFrame, track
+from vig.tracking import Track, TrackedFrame, track
 
 LEDGER, TABLE, TRACK = "results.jsonl", "results", "track"
 PARTIAL = ".partial"
@@ -137,8 +137,8 @@ def run(
 
 def run_tracked(
     tasks: list[Task], out: Path, settings: RunSettings, done: Callable[[dict[str, Any]], None]
-) -> list[TrackedFrame]:
-    """Explain the frames of a video together into their folders, and write `track.csv` and `track.parquet`.
+) -> Track:
+    """Explain the frames of a video together into their folders, and write track.csv, .parquet and .json.
 
     It is done in this process, from the first frame on each time.
 
@@ -163,10 +163,13 @@ def run_tracked(
     with _ledger(out):
         first = tasks[0]
         photos = [task.photo for task in tasks]
-        frames = track(photos, explainer, first.box, first.focal, first.hints, seen)
-        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, frames, strict=True)]
+        found = track(photos, explainer, first.box, first.focal, first.hints, seen)
+        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, found.frames, strict=True)]
         write_table(out, rows, TRACK, TRACK_COLUMNS)
-    return frames
+        told = {"class": explainer.object_class.name, "shape": found.shape.tolist()}
+        with atomic_write(out / f"{TRACK}.json") as temporary:
+            temporary.write_text(json.dumps(told | {"albedo": found.albedo.tolist()}, indent=2) + "\n")
+    return found
 
 
 def _row_of_track(task: Task, frame: TrackedFrame) -> dict[str, Any]:

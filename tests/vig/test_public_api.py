@@ -31,6 +31,7 @@ PUBLIC = {
     "Explanation",
     "Latents",
     "ObjectClass",
+    "Track",
     "TrackedFrame",
     "UserError",
     "Verdict",

@@ -16,19 +16,19 @@ from vig.scene import Camera
 from vig.tracking.following import Follower, Sighting, window_at
 from vig.tracking.smoothing import BINS, likeliest_path, smoothed
 
-UNKNOWN, FLIPPED = 0.05, 0.3
-"""Probability that a view is none of a frame's, beside what its confidence leaves; and the share of what that
-leaves for the view from the other side."""
-TEMPER = 0.5
-"""Power of a frame's view probabilities: neighbouring frames err alike."""
-NARROWER = 4.0
+UNKNOWN = 0.05
+"""Probability that a view is none of a frame's, beside what its confidence leaves."""
+NARROWER = 2.0
 """A deviation of azimuth counts views from the other side, too: about one view it is so much smaller."""
 LEAST_SPREAD, MOST_SPREAD = math.radians(3.0), math.radians(12.0)
 FAR = math.radians(25.0)
 """A frame whose own view is farther from the chosen one is fitted again near that."""
 OFF = 0.15
 """So is one whose place, in sides, or log size is farther from the smoothed one."""
-TURN, TILT = math.radians(0.5), math.radians(0.1)
+ALIKE = 2.0, 3.0
+"""Factors of the smoothed deviations of azimuth and elevation, as neighbouring frames err alike: so that 90 %
+intervals held on videos of the validation split."""
+TURN, TILT = math.radians(0.7), math.radians(0.05)
 """Standard deviations of the change of the speed of azimuth, of elevation and roll, from frame to frame."""
 SHIFT = 0.003
 """Likewise of place, in sides of the box, and log size."""
@@ -71,6 +71,21 @@ class TrackedFrame:
     def camera_from_object(self) -> np.ndarray:
         """Pose (4, 4) float64, metres, as that of `Explanation`."""
         return self.camera.camera_from_world(math.radians(self.azimuth_deg), math.radians(self.elevation_deg))
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a video says of its object.
+
+    Attributes:
+        frames: Of each frame.
+        shape: (K,) coefficients, the mean of the frames' by what each shows and how sure it is.
+        albedo: (3,) linear RGB, likewise.
+    """
+
+    frames: tuple[TrackedFrame, ...]
+    shape: np.ndarray
+    albedo: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -138,7 +153,7 @@ def track(
     focal: float | None = None,
     hints: Hints | None = None,
     seen: Callable[[int, Explanation], None] | None = None,
-) -> list[TrackedFrame]:
+) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
     Each frame is explained where the object is expected; what is elsewhere, of another size or colour is not
@@ -190,7 +205,12 @@ def track(
             again[number] = Sighting.of(found)
             if seen is not None:
                 seen(number, found)
-    return _frames(alone, again, Course.of(again, path, fold), fold)
+    weight = [0.0 if each.lost else each.seen**2 * each.probabilities[0] for each in alone]
+    shape, albedo = (
+        np.average([getattr(each, name) for each in alone], axis=0, weights=np.array(weight) + 1e-9)
+        for name in ("shape", "albedo")
+    )
+    return Track(tuple(_frames(alone, again, Course.of(again, path, fold), fold)), shape, albedo)
 
 
 def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
@@ -204,14 +224,10 @@ def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
         if sighting.lost:
             continue
         rest = max(0.0, 1 - float(sighting.probabilities.sum()))
-        flip = FLIPPED * rest if fold == 1 else 0.0
-        azimuths = fold * np.array([*sighting.azimuths, sighting.azimuths[0] + math.pi])
-        shares = np.array([*sighting.probabilities, flip])
-        off = (azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
+        off = (fold * sighting.azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
         spread = fold * _spread(sighting)
         density = np.exp(-0.5 * (off / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
-        floor = (rest - flip + UNKNOWN) / (2 * math.pi)
-        evidence[number] = TEMPER * np.log(shares @ density + floor)
+        evidence[number] = np.log(sighting.probabilities @ density + (rest + UNKNOWN) / (2 * math.pi))
     return likeliest_path(evidence) / fold
 
 
@@ -224,9 +240,9 @@ def _frames(
         TrackedFrame(
             number=number,
             azimuth_deg=float(azimuth[0, number]) % (360 / fold),
-            azimuth_deviation_deg=float(azimuth[1, number]),
+            azimuth_deviation_deg=ALIKE[0] * float(azimuth[1, number]),
             elevation_deg=float(elevation[0, number]),
-            elevation_deviation_deg=float(elevation[1, number]),
+            elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
             alone_azimuth_deg=math.degrees(before.azimuths[0]),
             alone_elevation_deg=math.degrees(before.elevation),
             camera=replace(

@@ -48,6 +48,7 @@ class Sighting:
         place: (3,) centre x, y and log of the longer side of the box of the whole object, pixels.
         hidden: Share hidden; None where the object is nowhere in the frame.
         albedo: (3,) linear RGB.
+        shape: (K,) coefficients.
         lost: Whether the frame does not tell where the object is.
     """
 
@@ -61,6 +62,7 @@ class Sighting:
     place: np.ndarray
     hidden: float | None
     albedo: np.ndarray
+    shape: np.ndarray
     lost: bool
 
     @staticmethod
@@ -83,6 +85,7 @@ class Sighting:
             place=_place_of(found),
             hidden=hidden,
             albedo=found.latents.albedo[0].numpy(),
+            shape=found.latents.shape[0].numpy(),
             lost=found.verdict is Verdict.FAILED or hidden is None or hidden > MOST_HIDDEN,
         )
 

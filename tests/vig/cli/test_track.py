@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,8 @@ def test_a_folder_of_frames_is_tracked(
     pose = np.array([float(rows[0][f"camera_from_object_{r}{c}"]) for r in range(3) for c in range(4)])
     turn = pose.reshape(3, 4)[:, :3]
     assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+    told = json.loads((out / "track.json").read_text())
+    assert told["class"] == "teapot" and len(told["albedo"]) == 3
     assert (out / "results.csv").exists() and (out / "report.html").exists()
 
 

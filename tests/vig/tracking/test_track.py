@@ -31,6 +31,7 @@ def sighting(azimuth: float, probability: float = 0.8, **changed: Any) -> Sighti
         "place": np.array([75.0, 75.0, math.log(100)]),
         "hidden": 0.0,
         "albedo": np.full(3, 0.5),
+        "shape": np.zeros(4),
         "lost": False,
     }
     return Sighting(**fields | changed)
@@ -84,7 +85,10 @@ def test_the_window_of_a_place_is_that_of_its_box() -> None:
 
 def test_a_pot_that_turns_behind_a_jug(video: Video, explainer: vig.Explainer) -> None:
     calls: list[int] = []
-    frames = vig.track(video.frames, explainer, video.box, seen=lambda number, _: calls.append(number))
+    found = vig.track(video.frames, explainer, video.box, seen=lambda number, _: calls.append(number))
+    frames = found.frames
+    assert found.shape.shape == (explainer.object_class.shape_model.modes,)
+    assert found.albedo.shape == (3,) and (found.albedo > 0).all()
     azimuth = np.array([frame.azimuth_deg for frame in frames])
     alone = np.array([frame.alone_azimuth_deg for frame in frames])
     assert video.hidden.max() > 0.7
@@ -117,7 +121,7 @@ def test_the_track_does_not_jump_to_another_pot(video: Video, explainer: vig.Exp
         frames.append(wide)
     start = 20 if side == "left" else 190
     x, y, w, h = video.box
-    found = vig.track(frames, explainer, (x + start, y, w, h))
+    found = vig.track(frames, explainer, (x + start, y, w, h)).frames
     middle = np.array([frame.camera.cx for frame in found])
     expected = x + w / 2 + start + (-2 if side == "left" else 2) * np.arange(8)
     assert np.abs(middle - expected).max() < 0.25 * w
