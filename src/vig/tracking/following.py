@@ -27,6 +27,8 @@ GAIN, SPEED_GAIN, SIZE_GAIN, ROLL_GAIN, COLOUR_GAIN = 0.7, 0.2, 0.4, 0.3, 0.2
 """Of a frame in which all is seen."""
 SLOWING = 0.9
 """Of the speed for each frame without the object."""
+LEAST_SURE = 0.5
+"""Probability of the view in the first frame from which the colour in its box is taken for the object's."""
 SOUGHT = 3.0
 """Sides of the square about the predicted place in which a lost object is sought."""
 NO_CONFIDENCE = (0.6, 0.2)
@@ -109,7 +111,7 @@ class Follower:
         place: Where the object is expected, as `Sighting.place`; None before it was seen.
         speed: (2,) of its centre, pixels a frame.
         roll: Of the window, radians.
-        albedo: Of the object so far.
+        albedo: Of the object so far; None before it was seen.
         missed: Number of frames since it was last seen.
     """
 
@@ -119,7 +121,7 @@ class Follower:
     place: np.ndarray | None = None
     speed: np.ndarray = field(default_factory=lambda: np.zeros(2))
     roll: float = 0.0
-    albedo: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    albedo: np.ndarray | None = None
     missed: int = 0
 
     def explain(self, frame: Photo, box: Box | None = None) -> tuple[Explanation, Sighting]:
@@ -129,6 +131,10 @@ class Follower:
             seen = Sighting.of(found)
             if not seen.lost:
                 self.place, self.roll, self.albedo = seen.place, seen.camera.roll, seen.albedo
+            if box is not None:  # whatever is seen there: the object may be hidden from the start
+                x, y, w, h = box
+                self.place = np.array([x + w / 2, y + h / 2, math.log(max(w, h))])
+                self.albedo = self.albedo if seen.probabilities[0] > LEAST_SURE else None
             return found, seen
         self.place = self.place + [*self.speed, 0.0]
         found, seen = self._at(frame, window_at(self.place, self.roll))
@@ -163,7 +169,8 @@ class Follower:
     def _is_object(self, seen: Sighting) -> bool:
         """Whether what is seen may be the object: near the predicted place, as large, of its colour."""
         off, wider = seen.place - self.place, min(1 + WIDENED * self.missed, WIDEST)
-        apart = np.log(seen.albedo + 0.05) - np.log(self.albedo + 0.05)  # dark ones are alike
+        known = seen.albedo if self.albedo is None else self.albedo
+        apart = np.log(seen.albedo + 0.05) - np.log(known + 0.05)  # dark ones are alike
         return (
             not seen.lost
             and math.hypot(*off[:2]) < wider * AWAY * math.exp(self._side)
@@ -183,7 +190,8 @@ class Follower:
         self.place = self.place + sure * np.array([GAIN, GAIN, SIZE_GAIN]) * off
         self.speed = self.speed + sure * SPEED_GAIN * off[:2]
         self.roll += sure * ROLL_GAIN * (seen.camera.roll - self.roll)
-        self.albedo = self.albedo + sure * COLOUR_GAIN * (seen.albedo - self.albedo)
+        known = seen.albedo if self.albedo is None else self.albedo
+        self.albedo = known + sure * COLOUR_GAIN * (seen.albedo - known)
         self.missed = 0
 
 

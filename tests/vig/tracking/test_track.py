@@ -14,7 +14,7 @@ from vig.errors import UserError
 from vig.photo import Window
 from vig.scene import Camera
 from vig.tracking.course import FAR, Course, views_of
-from vig.tracking.following import Sighting, window_at
+from vig.tracking.following import Follower, Sighting, window_at
 
 
 def sighting(azimuth: float, probability: float = 0.8, **changed: Any) -> Sighting:
@@ -129,6 +129,18 @@ def test_the_track_does_not_jump_to_another_pot(video: Video, explainer: vig.Exp
     assert not any(frame.lost for frame in found[:3] + found[6:])
     alone = explainer.explain(frames[4])
     assert abs(alone.camera.cx - expected[4]) > w  # by itself this frame shows the other pot
+
+
+def test_an_object_that_is_hidden_at_first_is_awaited_in_its_box(
+    video: Video, explainer: vig.Explainer
+) -> None:
+    hidden = np.full((150, 150, 3), (40, 90, 60), np.uint8)
+    x, y, w, h = video.box
+    follower = Follower(explainer)
+    follower.explain(hidden, video.box)
+    assert follower.place is not None and follower.albedo is None
+    assert follower.place.tolist() == [x + w / 2, y + h / 2, math.log(max(w, h))]
+    assert not follower.explain(video.frames[0])[1].lost
 
 
 @pytest.mark.parametrize(
