@@ -1,6 +1,6 @@
 """Videos of a turning pot with something passing before it: each frame explained alone, and tracked.
 
-    python -m benchmarks.tracking [--videos 8] [--frames 36] [--split test] [--seed 7]
+    python -m benchmarks.tracking [--videos 12] [--frames 48] [--split test] [--seed 7]
 
 The generator makes the frames (`vig_world.composition.turning`). Alone, the pot is sought in every frame; to
 track it, in the first. `followed` is the frames' own fits where the track expects the pot. A jump is by how
@@ -138,8 +138,8 @@ def table(found: list[Errors]) -> list[dict[str, Any]]:
 def main() -> None:
     """Measure, print, and write JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--videos", type=int, default=8)
-    parser.add_argument("--frames", type=int, default=36)
+    parser.add_argument("--videos", type=int, default=12)
+    parser.add_argument("--frames", type=int, default=48)
     parser.add_argument("--split", choices=("train", "test", "validation"), default="test")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--show", type=Path, help="folder for the videos' frames, side by side")

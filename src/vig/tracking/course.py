@@ -32,6 +32,8 @@ TURN, TILT = math.radians(0.7), math.radians(0.05)
 """Standard deviations of the change of the speed of azimuth, of elevation and roll, from frame to frame."""
 SHIFT = 0.003
 """Likewise of place, in sides of the box, and log size."""
+TILT_SPEED = math.radians(0.1)
+"""Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
 PLACE_NOISE, ANGLE_NOISE = (0.02, 0.3), (math.radians(3.0), math.radians(30.0))
 """Deviations of one frame's place, log size, elevation and roll when all is seen, and what is added when
 all is hidden."""
@@ -117,8 +119,10 @@ class Course:
         places = np.stack([each.place for each in sightings])
         side = math.exp(float(np.median(places[~lost, 2])))
 
-        def smooth(values: Sequence[float] | np.ndarray, noise: np.ndarray, change: float) -> np.ndarray:
-            return smoothed(np.array(values), np.where(lost, math.inf, noise), change)
+        def smooth(
+            values: Sequence[float] | np.ndarray, noise: np.ndarray, change: float, speed: float = math.inf
+        ) -> np.ndarray:
+            return smoothed(np.array(values), np.where(lost, math.inf, noise), change, speed)
 
         off = np.array([_off(each.azimuths[0], at, fold) for each, at in zip(sightings, path, strict=True)])
         spread = np.where(np.abs(off) > FAR, math.inf, [_spread(each) for each in sightings])
@@ -131,8 +135,8 @@ class Course:
         ]
         return Course(
             azimuth=smooth(path + off, spread, TURN),
-            elevation=smooth([each.elevation for each in sightings], angle, TILT),
-            roll=smooth([c.roll for c in cameras], angle, TILT)[0],
+            elevation=smooth([each.elevation for each in sightings], angle, TILT, TILT_SPEED),
+            roll=smooth([c.roll for c in cameras], angle, TILT, TILT_SPEED)[0],
             place=np.stack([*place, smooth(places[:, 2], noise, SHIFT)[0]], axis=1),
             middle=np.stack(middle, axis=1),
             scale=smooth([math.log(c.focal / c.distance) for c in cameras], noise, SHIFT)[0],

@@ -54,7 +54,9 @@ def likeliest_path(log_evidence: np.ndarray) -> np.ndarray:
     return centres
 
 
-def smoothed(values: np.ndarray, deviation: np.ndarray, acceleration: float) -> np.ndarray:
+def smoothed(
+    values: np.ndarray, deviation: np.ndarray, acceleration: float, speed: float = math.inf
+) -> np.ndarray:
     """Smooth what frames measure: Rauch, Tung and Striebel's smoother of a place with its speed.
 
     Single measurements may be far off: their noise is Student's, by iterated reweighting.
@@ -63,6 +65,7 @@ def smoothed(values: np.ndarray, deviation: np.ndarray, acceleration: float) -> 
         values: (T,) what is measured.
         deviation: (T,) its standard deviations; inf where nothing was.
         acceleration: Standard deviation of the change of speed from a frame to the next.
+        speed: Standard deviation of the speed in the first frame, at most 100 times that.
 
     Returns:
         (2, T) means and standard deviations; without any measurement 0 and inf.
@@ -73,17 +76,22 @@ def smoothed(values: np.ndarray, deviation: np.ndarray, acceleration: float) -> 
     variance = np.where(known, deviation, 1.0) ** 2
     weight = np.ones(len(values))
     for _ in range(ROUNDS):
-        found = _smoothed(values, np.where(known, variance / weight, math.inf), acceleration)
+        found = _smoothed(values, np.where(known, variance / weight, math.inf), acceleration, speed)
         weight = (TAILS + 1) / (TAILS + (values - found[0]) ** 2 / variance)
     return found
 
 
-def _smoothed(values: np.ndarray, variance: np.ndarray, acceleration: float) -> np.ndarray:
+def _smoothed(
+    values: np.ndarray, variance: np.ndarray, acceleration: float, speed: float = math.inf
+) -> np.ndarray:
     """`smoothed` of Gaussian noise of such variances (T,)."""
     step = np.array([[1.0, 1.0], [0.0, 1.0]])
     noise = acceleration**2 * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
     first = int(np.flatnonzero(np.isfinite(variance))[0])
-    mean, spread = np.array([values[first], 0.0]), np.diag([1e6 * variance[first], 1e4 * acceleration**2])
+    mean, spread = (
+        np.array([values[first], 0.0]),
+        np.diag([1e6 * variance[first], min(speed, 100 * acceleration) ** 2]),
+    )
     means: list[np.ndarray] = []
     spreads: list[np.ndarray] = []
     predicted: list[tuple[np.ndarray, np.ndarray]] = []
