@@ -101,3 +101,11 @@ def test_frames_before_the_first_measurement_are_extrapolated() -> None:
     mean, spread = smoothed(values, deviation, 0.01)
     assert np.abs(mean - values).max() < 0.3
     assert spread[0] > spread[4]
+
+
+def test_a_few_frames_do_not_tell_a_speed_that_is_unlikely() -> None:
+    """What they show is their mean, and stays so where nothing is seen."""
+    values, deviation = np.zeros(20), np.full(20, math.inf)
+    values[:4], deviation[:4] = [0.0, 0.4, 0.8, 1.2], 1.0
+    assert abs(smoothed(values, deviation, 0.01, speed=0.01)[0][-1] - 0.6) < 0.3
+    assert smoothed(values, deviation, 0.01)[0][-1] > 2.0
