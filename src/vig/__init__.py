@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from vig.scene.camera import Camera as Camera
     from vig.scene.latents import Latents as Latents
     from vig.scene.object_class import ObjectClass as ObjectClass
+    from vig.tracking import Track as Track
+    from vig.tracking import TrackedFrame as TrackedFrame
+    from vig.tracking import track as track
 
 __version__ = "0.2.0"
 
@@ -29,9 +32,12 @@ _HOMES = {
     "Hints": "vig.hints",
     "Latents": "vig.scene",
     "ObjectClass": "vig.scene",
+    "Track": "vig.tracking",
+    "TrackedFrame": "vig.tracking",
     "UserError": "vig.errors",
     "Verdict": "vig.inference",
     "render": "vig.renderer",
+    "track": "vig.tracking",
 }
 """Where each public name lives: imported when it is first asked for, so that `import vig` is quick."""
 

@@ -102,14 +102,31 @@ class Explainer:
         known = _focal(photo, None if focal is None else checked_focal(focal))
         return on_one_core(partial(self._explained, photo, box, window, known, hints))
 
-    def _explained(
-        self, photo: Photo, box: Box | None, window: Window | None, focal: Focal | None, hints: Hints | None
+    def explain_followed(
+        self, photo: Photo, window: Window, focal: float | None = None, hints: Hints | None = None
     ) -> Explanation:
+        """Explain a photo in which the object is known to be in the middle of a window, as in a video.
+
+        As `explain` with a box of that window, which may reach beyond the photo and be turned.
+        """
+        known = _focal(photo, None if focal is None else checked_focal(focal))
+        return on_one_core(partial(self._explained, photo, None, window, known, hints, framed=False))
+
+    def _explained(
+        self,
+        photo: Photo,
+        box: Box | None,
+        window: Window | None,
+        focal: Focal | None,
+        hints: Hints | None,
+        framed: bool = True,
+    ) -> Explanation:
+        """`framed`: whether a window that is given is the standard camera's picture."""
         if hints is not None and not isinstance(hints, Hints):
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
         seen, (height, width) = Halved(coded), coded.shape[:2]
-        settings, found = self.settings.filled(photo=window is None), 1.0
+        settings, found = self.settings.filled(photo=window is None or not framed), 1.0
         hints = hints.checked(width, height, self.object_class) if hints else None
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:

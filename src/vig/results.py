@@ -21,38 +21,48 @@ from vig.scene import Camera
 TABLE = "results"
 TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
 COLUMNS = (
-    "photo", "folder", "error", "verdict", "view_trusted", "mask_trusted", "confidence", "mask_confidence",
-    "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg", "elevation_deviation_deg",
-    "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x", "box_y", "box_width",
-    "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
-    *(f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)), "reason", "seconds",
+    "photo", "folder", "object", "class", "error", "verdict", "view_trusted", "mask_trusted", "confidence",
+    "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg",
+    "elevation_deviation_deg", "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b",
+    "box_x", "box_y", "box_width", "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
+    *(POSE := [f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)]), "reason",
+    "seconds",
 )  # fmt: skip
 """Of the table; docs/many.md describes them."""
+TRACK = "track"
+TRACK_COLUMNS = (
+    "photo", "folder", "frame", "lost", "refitted", "alone_azimuth_deg", "azimuth_deg",
+    "azimuth_deviation_deg", "alone_elevation_deg", "elevation_deg", "elevation_deviation_deg", "roll_deg",
+    "hidden_fraction", "focal_px", "center_x", "center_y", *POSE,
+)  # fmt: skip
+"""Of the table of a track, likewise."""
 
-TEXTS = {"photo", "folder", "error", "verdict", "family", "focal_from", "reason"}
+TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
 NUMBERED = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", r"()(?:^|/)([0-9]+)")
 """Ends of paths that number scene and image: those of BOP, and files named by a number, as in COCO."""
 
 
-def write_table(out: Path, rows: Iterable[dict[str, Any]]) -> list[Path]:
+def write_table(
+    out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Sequence[str] = COLUMNS
+) -> list[Path]:
     """Write results.csv, and results.parquet where pyarrow is installed; returns what was written."""
-    rows = [{name: row.get(name) for name in COLUMNS} for row in rows]
+    rows = [{name: row.get(name) for name in columns} for row in rows]
     with (
-        atomic_write(out / f"{TABLE}.csv") as temporary,
+        atomic_write(out / f"{table}.csv") as temporary,
         open(temporary, "w", newline="", encoding="utf-8", errors="replace") as file,
     ):
-        writer = csv.DictWriter(file, COLUMNS)
+        writer = csv.DictWriter(file, columns)
         writer.writeheader()
         writer.writerows(rows)
-    written = [out / f"{TABLE}.csv"]
+    written = [out / f"{table}.csv"]
     with suppress(ImportError):
         import pyarrow
         from pyarrow import parquet
 
-        columns = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in COLUMNS}
-        with atomic_write(out / f"{TABLE}.parquet") as temporary:
-            parquet.write_table(pyarrow.table(columns), temporary)
-        written.append(out / f"{TABLE}.parquet")
+        arrays = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in columns}
+        with atomic_write(out / f"{table}.parquet") as temporary:
+            parquet.write_table(pyarrow.table(arrays), temporary)
+        written.append(out / f"{table}.parquet")
     return written
 
 
@@ -83,7 +93,8 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
     Args:
         folder: Of the run.
         path: Of the file.
-        object_id: Of the class in the dataset.
+        object_id: Of the class in the dataset; where there are several classes that of the first by name,
+            the others follow.
 
     Returns:
         The path.
@@ -92,7 +103,7 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
         UserError: The results cannot be read or the file not be written.
     """
     rows = read_results(folder)
-    scenes = _numbers([row["photo"] for row in rows])
+    scenes, number = _numbers([row["photo"] for row in rows]), _of_classes(rows, object_id)
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print("scene_id,im_id,obj_id,score,R,t,time", file=file)
         for row in rows:
@@ -102,7 +113,10 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
             turn = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
             place = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
             scene, image = scenes[row["photo"]]
-            print(f"{scene},{image},{object_id},{_score(row)},{turn},{place},{row['seconds']}", file=file)
+            print(
+                f"{scene},{image},{number[row['class']]},{_score(row)},{turn},{place},{row['seconds']}",
+                file=file,
+            )
     return Path(path)
 
 
@@ -116,7 +130,7 @@ def coco_json(folder: str | Path, path: str | Path, category_id: int = OBJECT_ID
     Args:
         folder: Of the run.
         path: Of the file.
-        category_id: Of the class in the dataset.
+        category_id: As `object_id` in `bop_csv`.
 
     Returns:
         The path.
@@ -125,7 +139,7 @@ def coco_json(folder: str | Path, path: str | Path, category_id: int = OBJECT_ID
         UserError: The results cannot be read or the file not be written.
     """
     rows = read_results(folder)
-    images = _numbers([row["photo"] for row in rows], NUMBERED[1:])
+    images, number = _numbers([row["photo"] for row in rows], NUMBERED[1:]), _of_classes(rows, category_id)
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         before = "["
         for row in rows:
@@ -137,7 +151,7 @@ def coco_json(folder: str | Path, path: str | Path, category_id: int = OBJECT_ID
             if seen.any():
                 found = {
                     "image_id": images[row["photo"]][1],
-                    "category_id": category_id,
+                    "category_id": number[row["class"]],
                     "segmentation": run_lengths(seen),
                     "bbox": box_of(seen),
                     "score": _score(row),
@@ -158,6 +172,11 @@ def _numbers(photos: Sequence[str], patterns: Sequence[str] = NUMBERED) -> dict[
         if len(set(found)) == len(each):
             return dict(zip(each, found, strict=True))
     return {photo: (0, number) for number, photo in enumerate(each)}
+
+
+def _of_classes(rows: Sequence[dict[str, Any]], first: int) -> dict[str, int]:
+    names = sorted({row["class"] for row in rows if row["class"] is not None})
+    return {name: first + place for place, name in enumerate(names)}
 
 
 def _pose_of_photo(path: Path) -> np.ndarray:
@@ -197,4 +216,8 @@ def _kind(name: str) -> Any:
 
     if name in TEXTS:
         return pyarrow.string()
-    return pyarrow.bool_() if name.endswith("_trusted") else pyarrow.float64()
+    return pyarrow.bool_() if _is_truth(name) else pyarrow.float64()
+
+
+def _is_truth(name: str) -> bool:
+    return name.endswith("_trusted") or name in ("lost", "refitted")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -26,12 +27,15 @@ from vig.corrections import CORRECTIONS, State
 from vig.errors import UserError
 from vig.explainer import Box, Explainer
 from vig.explanation import Explanation
+from vig.files import atomic_write
 from vig.hints import Hints
 from vig.inference import ExplainSettings
 from vig.parallel import Lost, map_as_done
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.images import existing_file, read_mask
-from vig.results import COLUMNS
+from vig.results import COLUMNS, POSE, TRACK, TRACK_COLUMNS, write_table
+from vig.together import explain_found, explain_together
+from vig.tracking import Track, TrackedFrame, track
 
 Item = TypeVar("Item")
 LEDGER = "results.jsonl"
@@ -41,7 +45,18 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Task:
-    """One photo, the folder of its results, and what is said of it; `mask` is a file, read with the photo."""
+    """One photo, the folder of its results, and what is said of it.
+
+    Attributes:
+        photo: Its file.
+        folder: Within that of the run.
+        box: Round its one object; None where that is to be found.
+        focal: In pixels, where it is known.
+        hints: On its one object.
+        mask: A file, read with the photo.
+        objects: Class and box of each of several objects, which are explained together.
+        most: So many objects, of any of the run's classes, are to be found and explained together.
+    """
 
     photo: Path
     folder: Path
@@ -49,8 +64,12 @@ class Task:
     focal: float | None = None
     hints: Hints | None = None
     mask: Path | None = None
+    objects: tuple[tuple[str, Box], ...] = ()
+    most: int = 0
 
 
+Rows = list[dict[str, Any]]
+"""Of one photo: a row for each object, or one with the error."""
 Sent = tuple[Task, bytes, bytes | None]
 """A task, its photo's bytes and its mask's, as a node gets them."""
 
@@ -61,6 +80,7 @@ class RunSettings:
 
     Attributes:
         object_class: A packaged class or the folder of a pack.
+        others: Further classes that objects may be of, where a photo has several.
         explain: How to fit.
         device: See `Explainer`.
         export: Formats that are written, too; see `Explanation.export`.
@@ -70,6 +90,7 @@ class RunSettings:
     explain: ExplainSettings = ExplainSettings()
     device: str = "cpu"
     export: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
 
 
 def run(
@@ -80,7 +101,7 @@ def run(
     resume: bool = True,
     cluster: str | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Explain photos into their folders, and yield the row of each as it is done, `COLUMNS`.
+    """Explain photos into their folders, and yield the row of each object as it is done, `COLUMNS`.
 
     Args:
         tasks: Any number, with folders within `out`; they are taken as they are needed.
@@ -98,7 +119,8 @@ def run(
     """
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
     if not resume:
-        yield from (row for _, row in _rows(tasks, settings, explainer, workers, cluster))
+        for _, rows in _rows(tasks, settings, explainer, workers, cluster):
+            yield from rows
         return
     with _ledger(out) as ledger:
         done, said = _done(ledger), _described(settings, explainer)
@@ -108,16 +130,16 @@ def run(
         def waiting() -> Iterator[Task]:
             for task in tasks:
                 key = _key(task, said)
-                row = done.pop(key, None)  # each is kept once
-                if row is not None and (out / row["folder"] / "explanation.json").exists():
-                    before.append(row | {"done_before": True})
+                rows = done.pop(key, [])  # each is kept once
+                if rows and all((out / row["folder"] / "explanation.json").exists() for row in rows):
+                    before.extend(row | {"done_before": True} for row in rows)
                 else:
                     keys[str(task.folder)] = key
                     yield task
 
-        for task, row in _rows(waiting(), settings, explainer, workers, cluster):
+        for task, rows in _rows(waiting(), settings, explainer, workers, cluster):
             try:
-                ledger.write(json.dumps({"key": keys.pop(str(task.folder)), "row": row}) + "\n")
+                ledger.write(json.dumps({"key": keys.pop(str(task.folder)), "rows": rows}) + "\n")
                 ledger.flush()
             except OSError as error:
                 raise UserError(
@@ -125,7 +147,7 @@ def run(
                     " the same command again."
                 ) from error
             yield from _taken(before)
-            yield row
+            yield from rows
         yield from _taken(before)
 
 
@@ -135,9 +157,61 @@ def _taken(waiting: deque[Item]) -> Iterator[Item]:
         yield waiting.popleft()
 
 
+def run_tracked(
+    tasks: list[Task], out: Path, settings: RunSettings, done: Callable[[dict[str, Any]], None]
+) -> Track:
+    """Explain the frames of a video together into their folders, and write track.csv, .parquet and .json.
+
+    It is done in this process, from the first frame on each time.
+
+    Args:
+        tasks: In the frames' order; the box is that of the first.
+        out: As in `run`.
+        settings: For all frames.
+        done: Is called with the row of a frame as it is done, once more where it is fitted again.
+
+    Raises:
+        UserError: As `vig.track`, or `out` cannot be written, or another run writes there.
+    """
+    explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    work, began = _Work(explainer, settings), [time.monotonic()]
+
+    def seen(number: int, found: Explanation) -> None:
+        work.write(tasks[number], found)
+        now = time.monotonic()
+        done(row_of(tasks[number], found) | {"seconds": round(now - began[0], 3)})
+        began[0] = now
+
+    with _ledger(out):
+        first = tasks[0]
+        photos = [task.photo for task in tasks]
+        found = track(photos, explainer, first.box, first.focal, first.hints, seen)
+        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, found.frames, strict=True)]
+        write_table(out, rows, TRACK, TRACK_COLUMNS)
+        told = {"class": explainer.object_class.name, "shape": found.shape.tolist()}
+        with atomic_write(out / f"{TRACK}.json") as temporary:
+            temporary.write_text(json.dumps(told | {"albedo": found.albedo.tolist()}, indent=2) + "\n")
+    return found
+
+
+def _row_of_track(task: Task, frame: TrackedFrame) -> dict[str, Any]:
+    camera, pose = frame.camera, frame.camera_from_object[:3].ravel().tolist()
+    return {
+        "photo": str(task.photo),
+        "folder": task.folder.name,
+        "frame": frame.number,
+        "roll_deg": math.degrees(camera.roll),
+        "focal_px": camera.focal,
+        "center_x": camera.cx,
+        "center_y": camera.cy,
+        **{name: value for name, value in vars(frame).items() if name in TRACK_COLUMNS},
+        **dict(zip(POSE, pose, strict=True)),
+    }
+
+
 def _rows(
     tasks: Iterable[Task], settings: RunSettings, explainer: Explainer, workers: int, cluster: str | None
-) -> Iterator[tuple[Task, dict[str, Any]]]:
+) -> Iterator[tuple[Task, Rows]]:
     """Tasks and their rows as they are done; tasks are taken as they are needed."""
     if cluster is not None:
         yield from _rows_of_cluster(tasks, settings, cluster)
@@ -146,7 +220,7 @@ def _rows(
     first = list(islice(tasks, 2))
     tasks = chain(first, tasks)
     if workers == 1 or len(first) < 2:
-        work = _Work(explainer, settings.export)
+        work = _Work(explainer, settings)
         yield from ((task, work(task)) for task in tasks)
         return
     given: dict[int, Task] = {}
@@ -156,12 +230,12 @@ def _rows(
             given[number] = task
             yield task
 
-    for number, row in map_as_done(_prepare, settings, noted(), workers):
+    for number, rows in map_as_done(_prepare, settings, noted(), workers):
         task = given.pop(number)
-        yield task, _lost(task, row) if isinstance(row, Lost) else row
+        yield task, _lost(task, rows) if isinstance(rows, Lost) else rows
 
 
-def _lost(task: Task, lost: Lost) -> dict[str, Any]:
+def _lost(task: Task, lost: Lost) -> Rows:
     return _failed(
         task,
         f"{task.photo}: a worker process was killed {lost.attempts} times while it explained this photo,"
@@ -171,9 +245,9 @@ def _lost(task: Task, lost: Lost) -> dict[str, Any]:
 
 def _rows_of_cluster(
     tasks: Iterable[Task], settings: RunSettings, address: str
-) -> Iterator[tuple[Task, dict[str, Any]]]:
+) -> Iterator[tuple[Task, Rows]]:
     """As `_rows`; photos go as bytes, and files come back as bytes and are written here."""
-    unread: deque[tuple[Task, dict[str, Any]]] = deque()
+    unread: deque[tuple[Task, Rows]] = deque()
     given: dict[int, Task] = {}
     numbers = count()
 
@@ -194,21 +268,21 @@ def _rows_of_cluster(
         if isinstance(found, Lost):
             yield task, _lost(task, found)
             continue
-        row, files = found
+        rows, files = found
         try:
-            if row["error"] is None:
+            if rows[0]["error"] is None:
                 _store(task, files)
         except UserError as error:
-            row = _failed(task, error)
-        yield task, row
+            rows = _failed(task, error)
+        yield task, rows
     yield from _taken(unread)
 
 
 def _prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
-    """The work of a process on a node: explains a photo's bytes, returns its row and its files' bytes."""
+    """The work of a process on a node: explains a photo's bytes, returns its rows and its files' bytes."""
     work = _prepare(settings)
 
-    def remote(item: Sent) -> tuple[dict[str, Any], dict[str, bytes]]:
+    def remote(item: Sent) -> tuple[Rows, dict[str, bytes]]:
         task, photo, mask = item
         with tempfile.TemporaryDirectory() as folder:
             here = _put(Path(folder) / "photo" / task.photo.name, photo)
@@ -216,13 +290,15 @@ def _prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
             if task.mask is not None and mask is not None:
                 of_mask = _put(Path(folder) / "mask" / task.mask.name, mask)
             root = Path(folder) / "result" / task.folder.name
-            row = work(replace(task, photo=here, mask=of_mask, folder=root))
+            rows = work(replace(task, photo=here, mask=of_mask, folder=root))
             found = [path for path in root.rglob("*") if path.is_file()]
             files = {str(path.relative_to(root)): path.read_bytes() for path in found}
-        if row["error"] is not None:
-            told = row["error"].replace(str(here), str(task.photo)).replace(str(of_mask), str(task.mask))
-            row = row | {"error": told}
-        return row | {"photo": str(task.photo)}, files
+        for row in rows:
+            row["photo"] = str(task.photo)
+            if row["error"] is not None:
+                told = row["error"].replace(str(here), str(task.photo))
+                row["error"] = told.replace(str(of_mask), str(task.mask))
+        return rows, files
 
     return remote
 
@@ -233,22 +309,25 @@ def _put(path: Path, data: bytes) -> Path:
     return path
 
 
-def _prepare(settings: RunSettings) -> Callable[[Task], dict[str, Any]]:
+def _prepare(settings: RunSettings) -> Callable[[Task], Rows]:
     """The work of a worker process."""
-    explainer = Explainer(settings.object_class, settings.explain, settings.device)
-    return _Work(explainer, settings.export)
+    return _Work(Explainer(settings.object_class, settings.explain, settings.device), settings)
 
 
-@dataclass
 class _Work:
-    """Explains a photo, writes its folder, and returns its row."""
+    """Explains a photo, writes its folder, and returns its rows, one for each object."""
 
-    explainer: Explainer
-    export: tuple[str, ...]
+    def __init__(self, explainer: Explainer, settings: RunSettings):
+        self.explainer, self.settings, self.export = explainer, settings, settings.export
+        self.by_class = {str(settings.object_class): explainer}
 
-    def __call__(self, task: Task) -> dict[str, Any]:
+    def __call__(self, task: Task) -> Rows:
         began = time.monotonic()
         try:
+            if task.objects or task.most:
+                rows = self.several(task)
+                seconds = round((time.monotonic() - began) / len(rows), 3)
+                return [row | {"seconds": seconds} for row in rows]
             hints = task.hints
             if task.mask is not None:
                 hints = replace(hints or Hints(), mask=read_mask(task.mask))
@@ -256,7 +335,29 @@ class _Work:
             self.write(task, found)
         except UserError as error:
             return _failed(task, error)
-        return row_of(task, found) | {"seconds": round(time.monotonic() - began, 3)}
+        return [row_of(task, found) | {"seconds": round(time.monotonic() - began, 3)}]
+
+    def of_class(self, name: str) -> Explainer:
+        """The explainer of a class, which is loaded when it is first needed."""
+        if name not in self.by_class:
+            self.by_class[name] = Explainer(name, self.settings.explain, self.settings.device)
+        return self.by_class[name]
+
+    def several(self, task: Task) -> Rows:
+        """The rows of a photo of several objects."""
+        if task.objects:
+            explainers = [self.of_class(name) for name, _ in task.objects]
+            boxes = [box for _, box in task.objects]
+            scene = explain_together(task.photo, explainers, boxes, task.focal)
+        else:
+            names = (str(self.settings.object_class), *self.settings.others)
+            scene = explain_found(task.photo, [self.of_class(name) for name in names], task.most, task.focal)
+        with _beside(task) as beside:
+            scene.save(beside, task.photo.name, self.export)
+        return [
+            row_of(task, found) | {"folder": f"{task.folder.name}/{name}", "object": number}
+            for number, (name, found) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
+        ]
 
     def write(self, task: Task, found: Explanation) -> None:
         """All files of a photo beside its folder, then in their place, explanation.json last."""
@@ -321,6 +422,7 @@ def row_of(task: Task, found: Explanation) -> dict[str, Any]:
     row = {
         "photo": str(task.photo),
         "folder": task.folder.name,
+        "object": 1,
         "error": None,
         "view_trusted": "view" in said["trusted"],
         "mask_trusted": "mask" in said["trusted"],
@@ -339,11 +441,11 @@ def row_of(task: Task, found: Explanation) -> dict[str, Any]:
     return {name: row[name] if name in row else said.get(name) for name in COLUMNS}
 
 
-def _failed(task: Task, error: object) -> dict[str, Any]:
-    """The row of a photo that was not explained; the reason names the photo."""
+def _failed(task: Task, error: object) -> Rows:
+    """The one row of a photo that was not explained; the reason names the photo."""
     name, told = str(task.photo), str(error)
     told = told if str(UserError(name)) in told else f"{name}: {told}"
-    return dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": told}
+    return [dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": told}]
 
 
 @contextmanager
@@ -375,16 +477,16 @@ def _ledger(out: Path) -> Iterator[Any]:
         yield file
 
 
-def _done(ledger: Any) -> dict[str, dict[str, Any]]:
+def _done(ledger: Any) -> dict[str, Rows]:
     """Rows of photos that were explained, by their keys; half a line, as a kill leaves it, is ended."""
     ledger.seek(0)
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, Rows] = {}
     line = "\n"
     for line in ledger:
         with suppress(ValueError, KeyError, TypeError):
             told = json.loads(line)
-            if told["row"]["error"] is None and isinstance(told["row"]["folder"], str):
-                found[str(told["key"])] = told["row"]
+            if all(row["error"] is None and isinstance(row["folder"], str) for row in told["rows"]):
+                found[str(told["key"])] = told["rows"]
     if not line.endswith("\n"):
         ledger.write("\n")
     return found
@@ -395,12 +497,14 @@ def _described(settings: RunSettings, explainer: Explainer) -> str:
     folder = explainer.object_class.folder
     files = [] if folder is None else sorted(folder.iterdir())
     pack = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files]
-    return repr((FORMAT, __version__, settings.explain, sorted(settings.export), str(folder), pack))
+    what = settings.explain, sorted(settings.export), settings.others
+    return repr((FORMAT, __version__, what, str(folder), pack))
 
 
 def _key(task: Task, said: str) -> str:
     """Tells whether a photo, its settings and what is said of it are those of a row."""
-    digest = hashlib.sha256(repr((said, _stamp(task.photo), str(task.folder), task.box, task.focal)).encode())
+    about = task.box, task.focal, task.objects, task.most
+    digest = hashlib.sha256(repr((said, _stamp(task.photo), str(task.folder), about)).encode())
     if task.mask is not None:
         digest.update(repr(_stamp(task.mask)).encode())
     if task.hints is not None:

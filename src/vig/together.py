@@ -289,15 +289,14 @@ class _Refit:
         rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
         settings = replace(explainer.settings.filled(photo=True), farther=found.farther)
         assert settings.appearance_weight is not None
-        prediction = _of_one_view(_agreed(prediction, rival))
-        prediction = self._level(self._lit(prediction, settings.appearance_weight))
+        agreed = self._level(self._lit(_agreed(prediction, rival), settings.appearance_weight))
         said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
         said[torch.from_numpy(elsewhere)] = Said.NOTHING
         said[torch.from_numpy(infront)] = Said.IN_FRONT
         hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
         fit = explain_one(
-            torch.from_numpy(cut), prediction, found.object_class, settings, torch.from_numpy(valid),
-            explainer.recognizer.device, hints,
+            torch.from_numpy(cut), _of_one_view(agreed), found.object_class, settings, torch.from_numpy(valid),
+            explainer.recognizer.device, hints, agreed,
         )  # fmt: skip
         return replace(found, fit=fit)
 

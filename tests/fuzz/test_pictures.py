@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from tests.fuzz.mutations import damaged, outcomes
-from vig.cli.fit import parse_box
+from vig.cli.boxes import parse_box
 from vig.errors import UserError
 from vig.photo.images import read_photo
 from vig.photo.window import Window

@@ -31,10 +31,13 @@ PUBLIC = {
     "Explanation",
     "Latents",
     "ObjectClass",
+    "Track",
+    "TrackedFrame",
     "UserError",
     "Verdict",
     "__version__",
     "render",
+    "track",
 }
 BOX = (27.0, 37.0, 124.0, 79.0)
 """Round the teapot of `photo`, by its packaged amodal mask."""

@@ -15,17 +15,24 @@ from vig.names import LikelihoodName, OptimizerName
 
 @dataclass(frozen=True)
 class Fit:
-    """Explain photos of one object each: a folder of numbers, pictures and the object per photo."""
+    """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
-    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, any format that pillow reads."""
+    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, any format that pillow reads;
+    videos, taken as their frames."""
+    track: bool = False
+    """The photos are one folder or video of one object: follow it from frame to frame and smooth its views;
+    --box is that of the first frame. docs/many.md."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
     for each. Without it the object is sought in the photo."""
     boxes: Path | None = None
-    """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names."""
+    """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names; for
+    several objects in one photo, a list of boxes, or of {"box": [x, y, w, h], "class": "mug"}."""
+    objects: int | None = None
+    """Find up to so many objects in each photo, of any of the classes named, and explain them together."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
-    """A packaged class or the folder of a class pack."""
+    """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
     mask: Path | None = None

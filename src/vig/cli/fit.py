@@ -17,31 +17,36 @@ import numpy as np
 from PIL import Image
 
 from vig import __version__
-from vig.checks import decode, read_json, reading
+from vig.checks import read_json
+from vig.cli.boxes import boxes_of, classes_of
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of, mask_of
 from vig.errors import UserError
-from vig.explainer import Box, checked_box
 from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
+from vig.photo.video import frames_of, is_video
 from vig.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
 from vig.report.sheet import sheet_name, write_sheets
 from vig.results import TABLES, write_table
-from vig.runs import LEDGER, RunSettings, Task, run
+from vig.runs import LEDGER, RunSettings, Task, run, run_tracked
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
-TAKEN = {"report.html", sheet_name(0), LEDGER, *TABLES}
+FRAMES = "frames"
+"""Folder of the frames of videos within that of the results."""
+TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES}
 """Names within a run's folder that no photo's folder may have."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
 def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
-    photos = photos_of(settings.images)
-    boxes = boxes_of(settings, photos)
+    if settings.track:
+        _check_track(settings)
+    photos = photos_of(settings.images, settings.out)
+    boxes, first, others = boxes_of(settings, photos), *classes_of(settings)
     hints, mask = hints_of(settings, photos), mask_of(settings, photos)
     folders = result_folders(photos, settings.out)
     how = ExplainSettings(
@@ -52,24 +57,31 @@ def fit(settings: Fit) -> int:
     )
     note = partial(add_line, settings.log)
     note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
-    given = RunSettings(settings.object_class, how, settings.device, settings.export)
+    given = RunSettings(first, how, settings.device, settings.export, others)
     tasks = (
-        Task(photo, folder, box, settings.focal, hints, mask(photo))
-        for photo, folder, box in zip(photos, folders, boxes, strict=True)
+        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0)
+        for photo, folder, (box, objects) in zip(photos, folders, boxes, strict=True)
     )
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+
+    def done(row: dict[str, Any]) -> None:
+        found.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
+        line = in_one_line(_line(row))
+        note(line)
+        if row["error"] is not None:
+            print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
+        elif not settings.json and not settings.quiet:
+            print(line, flush=True)
+
     rows: list[dict[str, Any]] = []
     try:
-        for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
-            rows.append(row)
-            line = in_one_line(_line(row))
-            note(line)
-            if row["error"] is not None:
-                print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
-            elif not settings.json and not settings.quiet:
-                print(line, flush=True)
+        if settings.track:
+            run_tracked(list(tasks), settings.out, given, done)
+        else:
+            for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
+                done(row)
     finally:
-        place = {str(photo): number for number, photo in enumerate(photos)}
-        rows.sort(key=lambda row: place[row["photo"]])
+        rows += [row for folder in folders for row in found.get(folder.name, {}).values()]
         if len(photos) > 1 and rows:
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
@@ -86,12 +98,16 @@ def fit(settings: Fit) -> int:
 
 
 def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """What each explanation.json holds, by photo."""
-    found = {}
+    """What each explanation.json holds, by photo; a list of them where a photo has several objects."""
+    found: dict[str, Any] = {}
     for row in rows:
         if row["error"] is None:
             folder = out / row["folder"]
-            found[row["photo"]] = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            said = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            if "/" in row["folder"]:
+                found.setdefault(row["photo"], []).append(said)
+            else:
+                found[row["photo"]] = said
     return found
 
 
@@ -101,7 +117,7 @@ def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     entries = []
     for row in seen[:MOST_ENTRIES]:
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
-            entries.append(Entry(Path(row["photo"]).name, row["folder"], row, np.asarray(picture)))
+            entries.append(Entry(_name(row), row["folder"], row, np.asarray(picture)))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
         with atomic_write(out / "report.html") as temporary:
@@ -127,11 +143,36 @@ def add_line(log: Path | None, words: str) -> None:
         ) from None
 
 
-def photos_of(images: tuple[Path, ...]) -> list[Path]:
-    """The photos that are named, and those in folders that are; UserError when there are none."""
+def _check_track(settings: Fit) -> None:
+    """UserError where what was given does not go with `--track`."""
+    if len(settings.images) != 1 or not (settings.images[0].is_dir() or is_video(settings.images[0])):
+        came = f"{len(settings.images)} names" if len(settings.images) != 1 else f"'{settings.images[0]}'"
+        raise UserError(
+            f"expected one folder of frames or one video with --track; got {came}. Track one by one."
+        )
+    for name in ("boxes", "cluster", "mask", "marks", "points", "azimuth", "pose"):
+        if getattr(settings, name) not in (None, ()):
+            raise UserError(f"expected --track without --{name}; got both. Leave one out.")
+    if settings.workers > 1:
+        raise UserError(
+            "expected --track with one worker, as frames follow from each other. Leave out --workers."
+        )
+
+
+def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
+    """The photos that are named, those in folders that are, and frames of videos, which are put into
+    `out`/frames first; UserError when there are none.
+    """
     photos: list[Path] = []
     known = Image.registered_extensions()
-    for image in (each for given in images for each in _expanded(given)):
+    expanded = [each for given in images for each in _expanded(given)]
+    folders = iter(
+        result_folders([image for image in expanded if is_video(image) and not image.is_dir()], out / FRAMES)
+    )
+    for image in expanded:
+        if is_video(image) and not image.is_dir():
+            photos += frames_of(image, next(folders))
+            continue
         found = (
             [path for path in image.iterdir() if path.suffix.lower() in known] if image.is_dir() else [image]
         )
@@ -153,28 +194,10 @@ def _expanded(given: Path) -> list[Path]:
     raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
 
 
-def boxes_of(settings: Fit, photos: list[Path]) -> list[Box | None]:
-    """A box for each photo from `--box` or `--boxes`, None where neither names one."""
-    if settings.boxes is None:
-        return [None if settings.box is None else parse_box(settings.box)] * len(photos)
-    if settings.box is not None:
-        raise UserError("expected --box or --boxes; got both. Give one.")
-    with reading(settings.boxes, "boxes by the photos' file names", 'Write {"photo.jpg": [x, y, w, h]}.'):
-        named = decode(dict[str, tuple[float, float, float, float]], read_json(settings.boxes))
-    if unknown := sorted(named.keys() - {photo.name for photo in photos}):
-        raise UserError(
-            f"expected boxes of the {len(photos)} photos; got one of '{unknown[0]}' in '{settings.boxes}'."
-            " Use the photos' file names."
-        )
-    return [checked_box(named[photo.name]) if photo.name in named else None for photo in photos]
-
-
-def parse_box(text: str) -> Box:
-    """ "x,y,w,h" as four numbers; UserError when it is not."""
-    try:
-        return checked_box(text.replace(" ", "").split(","))
-    except UserError:
-        raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None
+def _name(row: dict[str, Any]) -> str:
+    """The photo's name, and which of its objects a row is of where it has several."""
+    _, several, which = row["folder"].partition("/")
+    return Path(row["photo"]).name + (f" {which}" if several else "")
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -186,7 +209,7 @@ def _line(row: dict[str, Any]) -> str:
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
     when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
     return (
-        f"{row['verdict']}: {Path(row['photo']).name}, azimuth {row['azimuth_deg']:.1f}, elevation"
+        f"{row['verdict']}: {_name(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
         f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({when})"
     )
 

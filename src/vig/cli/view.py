@@ -8,8 +8,8 @@ import webbrowser
 from dataclasses import replace
 from pathlib import Path
 
+from vig.cli.boxes import parse_box
 from vig.cli.common import View
-from vig.cli.fit import parse_box
 from vig.corrections import State
 from vig.errors import UserError
 from vig.explainer import Explainer

@@ -63,8 +63,12 @@ def explain_one(
     valid: torch.Tensor | None = None,
     device: str = "cpu",
     hints: WindowHints | None = None,
+    judge: Prediction | None = None,
 ) -> Fit:
-    """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`."""
+    """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`.
+
+    judge: by which confidence is told in place of that prediction, where views were ruled out in it.
+    """
     if hints is not None:
         unit, farther = object_class.at_unit_scale, settings.filled().farther
         prediction = hints.corrected(prediction, unit, unit.camera(photo.shape[1], farther or 1.0))
@@ -77,6 +81,6 @@ def explain_one(
         # Learned from fits with an outlier model: without one the evidence has another scale.
         calibrated = settings.calibrated and settings.likelihood.alpha < 1
         calibration = (settings.calibration or calibration_of(object_class)) if calibrated else None
-        return assess(objectives[1.0], selection, prediction, settings, calibration)
+        return assess(objectives[1.0], selection, judge or prediction, settings, calibration)
 
     return on_one_core(fit)

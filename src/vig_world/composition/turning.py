@@ -1,0 +1,120 @@
+"""Videos of a turning object before a still camera, while what hides it passes from one side to the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from vig.scene import ObjectClass
+from vig.scene.light import rotate_z
+from vig_world.assets.target import target_vertices
+from vig_world.composition.sampling import measure, sample
+from vig_world.composition.stage import LAYOUT_SIZE, Actor
+from vig_world.dataset.spec import Placed, SceneSpec
+from vig_world.library import Library
+from vig_world.renderers.view import View
+from vig_world.rotations import about_z, vector_of
+from vig_world.streams import stream
+
+HIDDEN, OPEN = (0.55, 0.95), 0.15
+"""Share of the object that is hidden as the props pass, and at most that is when they are away."""
+TURNING_STREAM = 2**20 + 5
+TURNS, UNEVEN = (0.5, 1.0), 0.5
+"""Of the object in a video, of either sense; how much its speed may vary."""
+WAY = 1.2
+"""By how much the props move to either side, of the object's greatest distance from its axis."""
+
+
+@dataclass(frozen=True)
+class Turning:
+    """A video: its scene as the props hide most, and how they and the object move.
+
+    Attributes:
+        scene: Half-way through the video.
+        turn: Radians by which the object turns about its vertical axis, from the first frame to the last.
+        uneven: By what share its speed rises and falls about the mean, once in the video.
+        phase: Where in that it begins, radians.
+        way: (3,) metres by which what hides it moves meanwhile.
+    """
+
+    scene: SceneSpec
+    turn: float
+    uneven: float
+    phase: float
+    way: tuple[float, float, float]
+
+    def frames(self, count: int) -> Iterator[SceneSpec]:
+        """The scenes of `count` frames; each one's azimuth and hidden parts are those of the frame."""
+        whole = 2 * math.pi
+        for time in np.linspace(-0.5, 0.5, count).tolist():
+            turn = time + self.uneven / whole * math.sin(whole * time + self.phase)
+            shift = time * np.array(self.way)
+            props = tuple(
+                prop if prop.role == "clutter" else _moved(prop, shift) for prop in self.scene.props
+            )
+            yield turned(replace(self.scene, props=props), -turn * self.turn)
+
+
+def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: int) -> Turning:
+    """Draw video number `index` of a seed, from the photographs of `sample`.
+
+    Of scenes `100 index`, `100 index + 1` ... it is the first that props hide by a share within `HIDDEN`,
+    while room and clutter hide no more than `OPEN`.
+
+    Raises:
+        UserError: A scene cannot be drawn; see `sample`.
+    """
+    rng = stream(seed, index, library.split, TURNING_STREAM)
+    number = 100 * index
+    while True:
+        scene = sample(library, object_class, seed, number)
+        number += 1
+        if not HIDDEN[0] <= scene.occlusion <= HIDDEN[1]:
+            continue
+        vertices, view = target_vertices(scene, object_class), View.of_scene(scene, object_class, LAYOUT_SIZE)
+        actor = Actor.of(view, object_class, vertices, scene.elevation, scene.azimuth)
+        staying = [prop for prop in scene.props if prop.role == "clutter"]
+        if measure(library, actor, scene.room, staying) <= OPEN:
+            break
+    reach = float(np.linalg.norm(vertices[:, :2], axis=1).max())
+    turn = 2 * math.pi * rng.uniform(*TURNS) * rng.choice([-1.0, 1.0])
+    x, y, z = (2 * WAY * reach * rng.choice([-1.0, 1.0]) * actor.aside).tolist()
+    uneven, phase = rng.uniform(0, [UNEVEN, 2 * math.pi]).tolist()
+    return Turning(scene, float(turn), uneven, phase, (x, y, z))
+
+
+def turned(scene: SceneSpec, angle: float) -> SceneSpec:
+    """The scene with its object turned back by `angle` radians about +Z, told in the object's own frame.
+
+    The object's frame is the world's: everything else turns about it by the angle, the eye included.
+    """
+    turn, room = about_z(angle), scene.room
+    origin = turn @ np.array(room.origin)
+    light = rotate_z(torch.tensor(scene.light, dtype=torch.float64), angle)
+    props = (
+        replace(
+            prop, position=_triple(turn @ np.array(prop.position)), rotation=vector_of(turn @ prop.matrix())
+        )
+        for prop in scene.props
+    )
+    return replace(
+        scene,
+        azimuth=(scene.azimuth + angle) % (2 * math.pi),
+        light=tuple(light.tolist()),
+        panorama_angle=scene.panorama_angle + angle,
+        room=replace(room, origin=_triple(origin), turn=room.turn + angle),
+        props=tuple(props),
+    )
+
+
+def _moved(prop: Placed, shift: np.ndarray) -> Placed:
+    return replace(prop, position=_triple(np.array(prop.position) + shift))
+
+
+def _triple(numbers: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = numbers.tolist()
+    return x, y, z

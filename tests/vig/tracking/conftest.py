@@ -1,0 +1,45 @@
+"""Frames of a turning teapot, small and with known views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import vig
+from vig_world.composition.turning import draw_turning
+from vig_world.library import Library
+from vig_world.renderers.rasterized import render
+
+
+@dataclass(frozen=True)
+class Video:
+    """Frames (H, W, 3) uint8, azimuths (T,) in degrees, shares hidden (T,), box in the first frame."""
+
+    frames: list[np.ndarray]
+    azimuths: np.ndarray
+    hidden: np.ndarray
+    box: tuple[float, float, float, float]
+
+
+@pytest.fixture(scope="session")
+def explainer() -> vig.Explainer:
+    return vig.Explainer("teapot")
+
+
+@pytest.fixture(scope="session")
+def video(explainer: vig.Explainer) -> Video:
+    """Twelve frames of the middle of a video in which a jug passes before the pot."""
+    library = Library("validation")
+    turning = draw_turning(library, explainer.object_class, 3, 2)
+    scenes = list(turning.frames(36))[::3]
+    pictures = [render(library, scene, explainer.object_class) for scene in scenes]
+    rows, columns = np.nonzero(pictures[0].amodal)
+    corner = float(columns.min()), float(rows.min())
+    return Video(
+        [picture.image for picture in pictures],
+        np.degrees([scene.azimuth for scene in scenes]),
+        np.array([picture.occlusion for picture in pictures]),
+        (*corner, float(np.ptp(columns) + 1), float(np.ptp(rows) + 1)),
+    )
