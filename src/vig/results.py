@@ -23,8 +23,8 @@ TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
 COLUMNS = (
     "photo", "folder", "object", "class", "error", "verdict", "view_trusted", "mask_trusted", "confidence",
     "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg",
-    "elevation_deviation_deg", "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b",
-    "box_x", "box_y", "box_width", "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
+    "elevation_deviation_deg", "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x",
+    "box_y", "box_width", "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
     *(POSE := [f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)]), "reason",
     "seconds",
 )  # fmt: skip

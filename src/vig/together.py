@@ -294,10 +294,9 @@ class _Refit:
         said[torch.from_numpy(elsewhere)] = Said.NOTHING
         said[torch.from_numpy(infront)] = Said.IN_FRONT
         hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
-        fit = explain_one(
-            torch.from_numpy(cut), _of_one_view(agreed), found.object_class, settings, torch.from_numpy(valid),
-            explainer.recognizer.device, hints, agreed,
-        )  # fmt: skip
+        photo, known, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
+        view = _of_one_view(agreed)
+        fit = explain_one(photo, view, found.object_class, settings, known, device, hints, agreed)
         return replace(found, fit=fit)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
