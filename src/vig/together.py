@@ -5,8 +5,8 @@ pixels showing either object tell which is in front. Then each object is fitted 
 
 - pixels that an object before it covers show that object, not this one: they say nothing of its silhouette;
 - pixels in which objects behind or beside it are seen are not its own;
-- of its view the network is asked twice, with the photo as it is and with the others painted out; the
-  geometric mean of the two decides;
+- its view is that of the fit alone; but of an object with others before it the network is asked twice, with
+  the photo as it is and with the others painted out: a view that both find clearly likelier is taken;
 - light, in the camera's frame, and the camera's height above the horizon are those that the others tell, as
   Gaussians beside what the network says.
 """
@@ -29,6 +29,7 @@ from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.files import atomic_write
 from vig.inference import Said, WindowHints, explain_one
+from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.parallel import on_one_core
 from vig.photo import Halved
@@ -49,6 +50,8 @@ BLUR = 4
 """Pixels of a window within which an object's outline may be wrong: nothing beyond is said there."""
 PAINTED_OUT = 0.18
 """Linear grey of what stands before an object when the network is asked without it."""
+SURER = 1.0
+"""Nats by which another view must be likelier than that of the fit alone."""
 LIGHT_PRECISION = 2.0
 """Of each other object's light, per coefficient: what is near a lamp is lit by it more."""
 LEVEL_SPREAD = math.radians(5.0)
@@ -286,17 +289,23 @@ class _Refit:
     ) -> Explanation:
         found = self.alone[self.index]
         infront, elsewhere = self._others()
-        rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
+        view = found.latents.azimuth[0]
+        if infront.any():
+            rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
+            prediction = _agreed(prediction, rival)
+            asked = torch.stack([prediction.best().azimuth[0], view])
+            likeliest, own = prediction.log_mass(asked).tolist()
+            view = asked[0] if likeliest - own > SURER else view
         settings = replace(explainer.settings.filled(photo=True), farther=found.farther)
         assert settings.appearance_weight is not None
-        agreed = self._level(self._lit(_agreed(prediction, rival), settings.appearance_weight))
+        prediction = self._level(self._lit(prediction, settings.appearance_weight))
         said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
         said[torch.from_numpy(elsewhere)] = Said.NOTHING
         said[torch.from_numpy(infront)] = Said.IN_FRONT
         hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
         photo, known, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
-        view = _of_one_view(agreed)
-        fit = explain_one(photo, view, found.object_class, settings, known, device, hints, agreed)
+        seen = _of_view(prediction, view)
+        fit = explain_one(photo, seen, found.object_class, settings, known, device, hints, prediction)
         return replace(found, fit=fit)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
@@ -355,15 +364,15 @@ def _agreed(one: Prediction, other: Prediction) -> Prediction:
     )
 
 
-def _of_one_view(prediction: Prediction) -> Prediction:
-    """The prediction without all views but the likeliest: what evidence tells of others, a fit alone told."""
+def _of_view(prediction: Prediction, azimuth: torch.Tensor) -> Prediction:
+    """The prediction without all views but one: what evidence tells of others, the fit alone told."""
     fold, bins = prediction.symmetry.fold, prediction.azimuth.shape[1]
     if not fold:
         return prediction
     centres = (torch.arange(bins) + 0.5) * (2 * math.pi / (bins * fold))
-    off = prediction.symmetry.difference(centres, prediction.best().azimuth[0])
-    azimuth = torch.where(off.abs() <= DISTINCT_AZIMUTH, prediction.azimuth, 0.0)
-    return replace(prediction, azimuth=azimuth / azimuth.sum(1, keepdim=True))
+    off = prediction.symmetry.difference(centres, azimuth)
+    near = torch.where(off.abs() <= DISTINCT_AZIMUTH, prediction.azimuth + LEAST_VIEW, 0.0)
+    return replace(prediction, azimuth=near / near.sum(1, keepdim=True))
 
 
 def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
