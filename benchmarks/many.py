@@ -4,8 +4,9 @@
 without), two workers, and on two Ray nodes of one processor each on this machine. Steady rates are those of
 the last three quarters of a run, start left out; processor time is all that a run took less that of the same
 command again, which finds everything done. `--kills 20` kills a whole run so many times and compares its
-rows with those of a run that was left alone; `--broken` adds 50 files of all kinds that are no photos. Both
-exit with 1 where something is missing.
+rows with those of a run that was left alone, or, with `--nodes`, of one on two Ray nodes of which one is
+killed on the way; `--broken` adds 50 files of all kinds that are no photos. Both exit with 1 where something
+is missing.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ from vig_lab.evaluation.protocol import silhouettes
 BROKEN = 50
 COMMAND = [sys.executable, "-m", "vig", "fit"]
 LOOK_SECONDS = 0.2
+LATE = 0.7
+"""Share of the photos that are done when a node is killed."""
 
 
 def main() -> None:
@@ -50,6 +53,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2, help="of the runs of --kills and --broken")
     parser.add_argument("--kills", type=int, default=0, help="instead: kill a run so many times")
+    parser.add_argument("--nodes", action="store_true", help="with --kills: compare with a run on two nodes")
     parser.add_argument(
         "--broken", action="store_true", help=f"instead: add {BROKEN} files that are no photos"
     )
@@ -58,7 +62,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         photos = Photos.made(Path(folder), arguments.photos, arguments.side, arguments.seed)
         if arguments.kills or arguments.broken:
-            good = not arguments.kills or killed(photos, arguments.kills, arguments.workers, arguments.seed)
+            kills, workers = arguments.kills, arguments.workers
+            good = not kills or killed(photos, kills, workers, arguments.seed, arguments.nodes)
             good &= not arguments.broken or broken(photos, arguments.workers)
             sys.exit(0 if good else 1)
         metrics = rates(photos)
@@ -189,7 +194,7 @@ def rates(photos: Photos) -> list[dict[str, Any]]:
     metrics.append(metric("bytes_per_photo", sizes, "bytes"))
     ledger = (out / "results.jsonl").stat().st_size / photos.count
     metrics.append(metric("ledger_bytes_per_photo", [ledger], "bytes"))
-    with two_nodes() as address:
+    with two_nodes(photos.out("two_nodes")) as address:
         on_nodes = Run.of(photos, photos.out("two_nodes"), *boxes, "--cluster", address)
         if on_nodes.code:
             sys.exit(f"two nodes: exit code {on_nodes.code}: {on_nodes.errors}")
@@ -199,19 +204,27 @@ def rates(photos: Photos) -> list[dict[str, Any]]:
     return metrics
 
 
-def killed(photos: Photos, kills: int, workers: int, seed: int) -> bool:
-    """Kill a whole run `kills` times at random moments; whether its rows are those of one left alone."""
-    arguments = ["--boxes", str(photos.boxes), "--workers", str(workers)]
+def killed(photos: Photos, kills: int, workers: int, seed: int, nodes: bool) -> bool:
+    """Kill a whole run `kills` times at random moments; whether its rows are those of one left alone, or of
+    one on two nodes of which one was killed.
+    """
+    boxes = ["--boxes", str(photos.boxes)]
+    arguments = [*boxes, "--workers", str(workers)]
     began = time.monotonic()
-    alone = Run.of(photos, photos.out("alone"), *arguments)
+    if nodes:
+        with two_nodes(photos.out("alone"), int(LATE * photos.count)) as address:
+            alone = Run.of(photos, photos.out("alone"), *boxes, "--cluster", address)
+    else:
+        alone = Run.of(photos, photos.out("alone"), *arguments)
     took = time.monotonic() - began
+    print(f"{len(alone.rows())} rows in {took:.0f} s, exit code {alone.code}", flush=True)
     rng, out = np.random.default_rng(np.random.SeedSequence(seed)), photos.out("killed")
     ended = 0
     for _ in range(kills):
         command = [*COMMAND, str(photos.folder), "--out", str(out), "--quiet", *arguments]
         with subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL) as process:
             try:
-                process.wait(rng.uniform(0, took))
+                process.wait(rng.uniform(0, 2 * took / kills))
                 ended += 1
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
@@ -289,15 +302,31 @@ def _bind(path: Path) -> None:
 
 
 @contextmanager
-def two_nodes() -> Iterator[str]:
-    """A Ray cluster of two nodes of one processor each; its address."""
+def two_nodes(out: Path, killed_at: int | None = None) -> Iterator[str]:
+    """A Ray cluster of two nodes of one processor each; its address. The second is killed once so many photos
+    of `out` are there.
+    """
     from ray.cluster_utils import Cluster
 
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    over = threading.Event()
+
+    def kill() -> None:
+        while killed_at is not None and not over.wait(LOOK_SECONDS):
+            if (done := len(list(out.glob("*/explanation.json")))) >= killed_at:
+                cluster.remove_node(second, allow_graceful=False)
+                print(f"one node killed at {done} photos", flush=True)
+                return
+
     try:
-        cluster.add_node(num_cpus=1)
+        second = cluster.add_node(num_cpus=1)
+        thread = threading.Thread(target=kill)
+        thread.start()
         yield cluster.address
+        over.set()
+        thread.join()
     finally:
+        over.set()
         cluster.shutdown()
 
 

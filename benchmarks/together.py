@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from benchmarks.measuring import metric, write
+from benchmarks.measuring import metric, report, write
 from vig import Explainer, Explanation
 from vig.parallel import on_one_core
 from vig.scene import ObjectClass
@@ -110,7 +110,7 @@ def main() -> None:
             tiles.append(drawn(group, scene.objects))
         if index % 20 == 19:
             print(f"{index + 1} groups", flush=True)
-    found = report({name: np.concatenate(each) for name, each in rows.items()}, wrong, pairs)
+    found = tabled({name: np.concatenate(each) for name, each in rows.items()}, wrong, pairs)
     if arguments.sheet:
         width, height = tiles[0].size
         sheet = Image.new("RGB", (COLUMNS * width, -(-len(tiles) // COLUMNS) * height))
@@ -118,10 +118,10 @@ def main() -> None:
             sheet.paste(tile, (place % COLUMNS * width, place // COLUMNS * height))
         sheet.save(arguments.sheet)
     if arguments.json:
-        write(arguments.json, found)
+        write(report(found, 1), arguments.json)
 
 
-def report(rows: dict[str, np.ndarray], wrong: dict[str, int], pairs: int) -> list[dict[str, Any]]:
+def tabled(rows: dict[str, np.ndarray], wrong: dict[str, int], pairs: int) -> list[dict[str, Any]]:
     """Print the table; returns it as metrics."""
     azimuth = {name: each[:, 0] for name, each in rows.items()}
     columns: dict[str, dict[str, np.ndarray]] = {"azimuth error, mean": azimuth}

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from vig.scene.camera import Camera as Camera
     from vig.scene.latents import Latents as Latents
     from vig.scene.object_class import ObjectClass as ObjectClass
+    from vig.together import SceneExplanation as SceneExplanation
+    from vig.together import explain_found as explain_found
+    from vig.together import explain_together as explain_together
     from vig.tracking import Track as Track
     from vig.tracking import TrackedFrame as TrackedFrame
     from vig.tracking import track as track
@@ -36,6 +39,9 @@ _HOMES = {
     "TrackedFrame": "vig.tracking",
     "UserError": "vig.errors",
     "Verdict": "vig.inference",
+    "SceneExplanation": "vig.together",
+    "explain_found": "vig.together",
+    "explain_together": "vig.together",
     "render": "vig.renderer",
     "track": "vig.tracking",
 }

@@ -32,7 +32,7 @@ from vig.inference import Said, WindowHints, explain_one
 from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.parallel import on_one_core
-from vig.photo import Halved
+from vig.photo import Halved, focal_of
 from vig.photo.images import coded, coded_photo, write_png
 from vig.recognition import Prediction
 from vig.recognition.find import apart, find_several
@@ -168,11 +168,12 @@ def explain_together(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
             f" {len(explainers)} and {len(boxes)}. Give as many of both."
         )
-    picture = coded_photo(photo)
+    picture, known = coded_photo(photo), _known(photo, focal)
     alone = [
-        explainer.explain(picture, box, focal=focal) for explainer, box in zip(explainers, boxes, strict=True)
+        known.noted(explainer.explain(picture, box, focal=known.focal))
+        for explainer, box in zip(explainers, boxes, strict=True)
     ]
-    return on_one_core(lambda: together(alone, explainers))
+    return on_one_core(partial(together, alone, explainers))
 
 
 def explain_found(
@@ -194,7 +195,7 @@ def explain_found(
     """
     if not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
-    picture = coded_photo(photo)
+    picture, known = coded_photo(photo), _known(photo, focal)
     seen = Halved(picture)
     found = [
         (candidate, explainer)
@@ -208,10 +209,26 @@ def explain_found(
         raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
     chosen = [owner[id(candidate)] for candidate in kept]
     alone = [
-        explainer.explain_followed(picture, candidate.window, focal)
+        known.noted(explainer.explain_followed(picture, candidate.window, known.focal))
         for explainer, candidate in zip(chosen, kept, strict=True)
     ]
-    return on_one_core(lambda: together(alone, chosen))
+    return on_one_core(partial(together, alone, chosen))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A photo's focal length in pixels, if it is known, and whether its EXIF data tell it."""
+
+    focal: float | None
+    exif: bool
+
+    def noted(self, found: Explanation) -> Explanation:
+        return replace(found, focal_from="exif") if self.exif else found
+
+
+def _known(photo: Photo, focal: float | None) -> _Known:
+    told = None if focal is not None else focal_of(photo)
+    return _Known(focal if told is None else told, told is not None)
 
 
 def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:

@@ -33,7 +33,8 @@ def boxes_of(settings: Fit, photos: list[Path]) -> list[tuple[Box | None, Object
     if settings.box is not None:
         raise UserError("expected --box or --boxes; got both. Give one.")
     with reading(settings.boxes, "boxes by the photos' file names", REMEDY):
-        named = {name: _read(each, settings) for name, each in dict(read_json(settings.boxes)).items()}
+        told = decode(dict[str, Any], read_json(settings.boxes))
+        named = {name: _read(each, settings) for name, each in told.items()}
     if unknown := sorted(named.keys() - {photo.name for photo in photos}):
         raise UserError(
             f"expected boxes of the {len(photos)} photos; got one of '{unknown[0]}' in '{settings.boxes}'."

@@ -8,10 +8,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from vig.errors import UserError
-from vig_world.cli.settings import Check, Export, Make, Show
+from vig_world.cli.settings import Check, Export, Groups, Make, Show
 
 if TYPE_CHECKING:
     from vig_world.library import OwnAssets
+
+
+MOST_SIDE = 4096
+"""Pixels of a photo of a group."""
 
 
 def make(settings: Make) -> int:
@@ -51,6 +55,25 @@ def make(settings: Make) -> int:
     reasons = ", ".join(f"{name} {count}" for name, count in described["rejections"].items())
     print(f"rejected  {described['rejections_per_sample']:.2f} candidates a sample ({reasons or 'none'})")
     print(folder)
+    return 0
+
+
+def groups(settings: Groups) -> int:
+    """`vig dataset groups`."""
+    from vig.scene import ObjectClass
+    from vig_world.generation.groups import write_groups
+
+    if settings.count < 1 or not all(16 <= side <= MOST_SIDE for side in (settings.width, settings.height)):
+        raise UserError(
+            f"expected --count of 1 or more, --width and --height of 16 to {MOST_SIDE}; got {settings.count},"
+            f" {settings.width} and {settings.height}. Choose others."
+        )
+    classes = [ObjectClass.load(name) for name in settings.classes]
+    size = settings.width, settings.height
+    for _ in write_groups(settings.out, settings.count, settings.seed, settings.split, classes, size):
+        pass
+    told = {"folder": str(settings.out), "photos": settings.count}
+    print(json.dumps(told) if settings.json else settings.out)
     return 0
 
 

@@ -89,6 +89,28 @@ class Make:
 
 
 @dataclass(frozen=True)
+class Groups:
+    """Photographs of two to four objects that hide one another, with their truth; can be run again."""
+
+    out: Path
+    """Folder of the photos, their masks, boxes.json for `vig fit --boxes`, and truth.jsonl."""
+    count: int
+    """Number of photos."""
+    seed: int = 0
+    """Photo i is a pure function of it and i."""
+    split: Split = "train"
+    """Which assets and object designs the scenes are made of; no two splits share any."""
+    classes: tuple[str, ...] = ("teapot", "mug")
+    """Packaged classes or folders of class packs; each object is of one of them."""
+    width: int = 480
+    """Pixels of the photos."""
+    height: int = 360
+    """Likewise."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
 class Check:
     """Verify a dataset: every file, every label, renderings against files. Exits 1 when it has problems."""
 

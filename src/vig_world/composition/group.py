@@ -15,12 +15,11 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, shape_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
-from vig_world.composition.sampling import sample
+from vig_world.composition.sampling import sample, solids
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, Stage
 from vig_world.dataset.spec import Placed, SceneSpec, Split
 from vig_world.library import Library
 from vig_world.renderers.raster import depth
-from vig_world.renderers.rasterized import items_of
 from vig_world.renderers.view import View
 from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
@@ -148,7 +147,7 @@ class _Group:
 
     def _depth_of_others(self) -> np.ndarray:
         """Depth (H, W) of room and props in the group's view."""
-        return depth(items_of(self.library, self.scene), self.view)[0]
+        return depth(solids(self.library, self.scene.room, self.scene.props), self.view)[0]
 
     def try_one(self, rng: np.random.Generator) -> None:
         """Add an object where it has room, overlaps another on the image, and leaves all to be seen."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -148,6 +149,10 @@ def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> 
     """The hidden share of the object at the full size of the image, one sample per pixel."""
     view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
+    return float((depth(solids(library, room, props), view)[0] < alone)[np.isfinite(alone)].mean())
+
+
+def solids(library: Library, room: Room, props: Iterable[Placed]) -> list[Item]:
+    """The geometry of a furnished room and of props."""
     items = [Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin))]
-    items += [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
-    return float((depth(items, view)[0] < alone)[np.isfinite(alone)].mean())
+    return items + [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]

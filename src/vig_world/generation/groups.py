@@ -14,13 +14,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vig.checks import reading
 from vig.errors import UserError
 from vig.photo.images import write_png
 from vig.scene import ObjectClass, linear_from_srgb
@@ -114,7 +114,9 @@ def make_group(
     chosen = np.where(seen.any(0), nearest, darkest)
     linear = np.take_along_axis(pictures, chosen[None, ..., None], 0)[0]
     amodal = np.stack([_halved(one.amodal) >= 0.5 for one in drawn])
-    visible = np.stack([_halved(mask & (nearest == number)) >= 0.5 for number, mask in enumerate(seen)])
+    shares = np.stack([_halved(mask & (nearest == number)) for number, mask in enumerate(seen)])
+    most = shares.argmax(0)
+    visible = np.stack([(share >= 0.5) & (most == number) for number, share in enumerate(shares)])
     hides = seen[:, None] & seen & (depths[:, None] < depths)
     photo, _ = photograph(_halved(linear), group_stream(seed, index, library.split, 0))
     return Group(spec, tuple(views), photo, amodal, visible & amodal, hides.sum((2, 3)) >= FINER**2 * HIDES)
@@ -136,17 +138,14 @@ def write_groups(
         UserError: The folder holds groups of another recipe, or a scene could not be drawn.
     """
     recipe = {"seed": seed, "split": split, "classes": [each.name for each in classes], "size": list(size)}
-    told: dict[str, dict[str, Any]] = {}
-    with suppress(OSError):
-        lines = [json.loads(line) for line in (out / "truth.jsonl").read_text().splitlines() if line]
-        if any(line["recipe"] != recipe for line in lines):
-            raise UserError(
-                f"expected groups of the same seed and split in '{out}'; got others. Choose another."
-            )
-        told = {line["photo"]: line for line in lines}
+    told = _told(out / "truth.jsonl", recipe)
     library = Library(split)
-    out.mkdir(parents=True, exist_ok=True)
-    with open(out / "truth.jsonl", "a", encoding="utf-8") as file:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        file = open(out / "truth.jsonl", "a", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write '{out}': {error.strerror}; choose another folder.") from error
+    with file:
         for index in range(count):
             name = f"{index:06d}.png"
             if name not in told:
@@ -167,6 +166,21 @@ def write_groups(
         for name in sorted(told)
     }
     write_json(out / "boxes.json", boxes)
+
+
+def _told(path: Path, recipe: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Lines of an earlier call by their photos; half a line, as a kill leaves it, goes."""
+    if not path.exists():
+        return {}
+    with reading(path, "the truth of groups", "Choose another folder."):
+        text = path.read_text(encoding="utf-8")
+        whole = text[: text.rfind("\n") + 1]
+        lines = [json.loads(line) for line in whole.splitlines()]
+        if any(line["recipe"] != recipe for line in lines):
+            raise ValueError("its groups are of another seed, split, size or other classes")
+        if whole != text:
+            path.write_text(whole, encoding="utf-8")
+        return {line["photo"]: line for line in lines}
 
 
 def _halved(image: np.ndarray) -> np.ndarray:

@@ -136,3 +136,26 @@ def test_a_large_window_is_cut_from_a_half_and_looks_the_same(box, roll: float) 
     photo, scale = halved.level(33.0)
     assert (scale, photo.shape) == (8, (201, 277, 3))
     np.testing.assert_allclose(photo[3, 5], linear_photo(coded[24:32, 40:48]).mean((0, 1)), atol=1e-5)
+
+
+def test_map_is_carried_to_where_another_window_shows_it():
+    map_ = np.zeros((50, 50), np.float32)
+    map_[20:30, 10:20] = 1  # the photo's rows 50 to 70 and columns 20 to 40
+    here = Window(0.0, 10.0, 100.0)
+    assert np.allclose(here.carried(map_, here), map_)
+    smaller = here.carried(map_, Window(20.0, 50.0, 20.0))
+    assert smaller[3:-3, 3:-3].min() == 1
+    beyond = here.carried(map_, Window(500.0, 0.0, 100.0), outside=0.25)
+    assert np.allclose(beyond, 0.25)
+
+
+def test_map_is_carried_between_windows_that_are_turned():
+    rows, columns = np.mgrid[:60, :60]
+    map_ = np.exp(-((rows - 20) ** 2 + (columns - 35) ** 2) / 60).astype(np.float32)
+    here, there = Window(3.0, 5.0, 90.0, roll=0.3), Window(-2.0, 11.0, 84.0, roll=-0.4)
+    x, y = here.to_photo(90 * (35.5 / 60 - 0.5), 90 * (20.5 / 60 - 0.5))
+    expected = np.array(there.to_window(x, y)) * 60 / 84 + 30 - 0.5
+    found = np.unravel_index(here.carried(map_, there).argmax(), (60, 60))
+    assert np.allclose(found[::-1], expected, atol=1)
+    back = there.carried(here.carried(map_, there), here)
+    assert np.abs(back - map_)[10:-10, 10:-10].max() < 0.12
