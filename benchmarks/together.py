@@ -5,6 +5,7 @@ object alone and all together. Printed: errors of azimuth and elevation in degre
 the error of the hidden share, and how many pairs have the wrong order: what hides what by the masks where
 both fits cover a pixel, or, together, as it is told; a pair without an answer counts as wrong. Of all but the
 last the difference, together less alone, with its standard error over objects. `--sheet` draws groups.
+`--found` seeks them instead, four at the most: how many are found, of which class, and what else is.
 """
 
 from __future__ import annotations
@@ -21,14 +22,17 @@ from PIL import Image, ImageDraw
 from benchmarks.measuring import metric, report, write
 from vig import Explainer, Explanation
 from vig.parallel import on_one_core
+from vig.photo import Window
+from vig.recognition.find import overlap
 from vig.scene import ObjectClass
-from vig.together import together
+from vig.together import find_together, together
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
 CLASSES = "teapot", "mug"
 COLOURS = (255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)
 COLUMNS, SHOWN = 4, 24
+MOST = 4
 RIGHT = 15.0, 30.0
 """Degrees within which an azimuth counts as right."""
 
@@ -87,10 +91,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=31)
     parser.add_argument("--split", choices=("validation", "test"), default="test")
     parser.add_argument("--sheet", type=Path)
+    parser.add_argument("--found", action="store_true")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     classes = [ObjectClass.load(name) for name in CLASSES]
     explainers, library = {each.name: Explainer(each) for each in classes}, Library(arguments.split)
+    if arguments.found:
+        sought(arguments.groups, arguments.seed, library, list(explainers.values()))
+        return
     rows: dict[str, list[np.ndarray]] = {"alone": [], "together": []}
     wrong, pairs, tiles = {"alone": 0, "together": 0}, 0, []
     for index in range(arguments.groups):
@@ -119,6 +127,30 @@ def main() -> None:
         sheet.save(arguments.sheet)
     if arguments.json:
         write(report(found, 1), arguments.json)
+
+
+def sought(groups: int, seed: int, library: Library, explainers: list[Explainer]) -> None:
+    """Print how many objects are found: each once, by a window that overlaps its own by a half or more."""
+    objects = found = right = false = 0
+    for index in range(groups):
+        group = make_group(library, [each.object_class for each in explainers], seed, index)
+        own: list[Window | None] = [
+            Window.round_box((float(x), float(y), float(w), float(h))) for x, y, w, h in group.boxes
+        ]
+        objects += len(own)
+        for explainer, window in on_one_core(partial(find_together, group.photo, explainers, MOST)):
+            shares = [0.0 if each is None else overlap(each, window) for each in own]
+            best = int(np.argmax(shares))
+            if shares[best] < 0.5:
+                false += 1
+                continue
+            found += 1
+            right += explainer.object_class.name == group.spec.members[best].class_name
+            own[best] = None
+    print(
+        f"{found} of {objects} objects found ({found / objects:.0%}), {right / found:.0%} of the right class;"
+    )
+    print(f"{false / groups:.2f} other places a photo, some of them objects once more")
 
 
 def tabled(rows: dict[str, np.ndarray], wrong: dict[str, int], pairs: int) -> list[dict[str, Any]]:

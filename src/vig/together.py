@@ -32,7 +32,7 @@ from vig.inference import Said, WindowHints, explain_one
 from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.parallel import on_one_core
-from vig.photo import Halved, focal_of
+from vig.photo import Halved, Window, focal_of
 from vig.photo.images import coded, coded_photo, write_png
 from vig.recognition import Prediction
 from vig.recognition.find import apart, find_several
@@ -196,23 +196,30 @@ def explain_found(
     if not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
     picture, known = coded_photo(photo), _known(photo, focal)
+    places = on_one_core(partial(find_together, picture, explainers, most))
+    if not places:
+        names = " or ".join(each.object_class.name for each in explainers)
+        raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
+    chosen = [explainer for explainer, _ in places]
+    alone = [
+        known.noted(explainer.explain_followed(picture, window, known.focal)) for explainer, window in places
+    ]
+    return on_one_core(partial(together, alone, chosen))
+
+
+def find_together(
+    picture: np.ndarray, explainers: Sequence[Explainer], most: int
+) -> list[tuple[Explainer, Window]]:
+    """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
     seen = Halved(picture)
     found = [
         (candidate, explainer)
         for explainer in explainers
-        for candidate in on_one_core(partial(find_several, seen, explainer.recognizer, most))
+        for candidate in find_several(seen, explainer.recognizer, most)
+        if candidate.score >= SURELY
     ]
-    owner = {id(candidate): explainer for candidate, explainer in found}
-    kept = apart([candidate for candidate, _ in found if candidate.score >= SURELY], most)
-    if not kept:
-        names = " or ".join(each.object_class.name for each in explainers)
-        raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
-    chosen = [owner[id(candidate)] for candidate in kept]
-    alone = [
-        known.noted(explainer.explain_followed(picture, candidate.window, known.focal))
-        for explainer, candidate in zip(chosen, kept, strict=True)
-    ]
-    return on_one_core(partial(together, alone, chosen))
+    kept = apart([candidate for candidate, _ in found], most)
+    return [(explainer, one.window) for one in kept for candidate, explainer in found if candidate is one]
 
 
 @dataclass(frozen=True)

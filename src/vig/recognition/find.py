@@ -22,6 +22,7 @@ KEPT, MOVES = 6, 3
 FROM_GRID = 3
 """So many windows are moved for each object that is sought."""
 SAME_PLACE = 0.4
+"""Overlap of windows from which they are of one object."""
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
 SHOWN = 0.5
@@ -82,17 +83,17 @@ def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
     """The best candidates, `most` of them, no two of the same place."""
     kept: list[Candidate] = []
     for each in sorted(candidates, key=lambda each: -each.score):
-        if len(kept) < most and not any(_same_place(each.window, other.window) for other in kept):
+        if len(kept) < most and all(overlap(each.window, other.window) < SAME_PLACE for other in kept):
             kept.append(each)
     return kept
 
 
-def _same_place(one: Window, other: Window) -> bool:
-    """Whether the intersection of two windows, taken as level, is `SAME_PLACE` of their union or more."""
+def overlap(one: Window, other: Window) -> float:
+    """Intersection over union of two windows, taken as level."""
     shared = 1.0
     for first, second in ((one.left, other.left), (one.top, other.top)):
         shared *= max(0.0, min(first + one.side, second + other.side) - max(first, second))
-    return shared >= SAME_PLACE * (one.side**2 + other.side**2 - shared)
+    return shared / (one.side**2 + other.side**2 - shared)
 
 
 def upright(photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:
