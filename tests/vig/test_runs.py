@@ -27,6 +27,7 @@ from vig.cli.main import main
 from vig.errors import UserError
 from vig.results import COLUMNS, write_table
 from vig.runs import PARTIAL, RunSettings, Task, run
+from vig.runs.work import Rows, Work
 from vig_lab.examples import example_photos
 
 COMMAND = [sys.executable, "-m", "vig", "fit"]
@@ -127,7 +128,7 @@ def test_a_full_disk_is_told_and_keeps_what_is_done(
 
     out = tmp_path / "out"
     out.mkdir()
-    monkeypatch.setattr("vig.runs._ledger", lambda _: nullcontext(Full("\n")))
+    monkeypatch.setattr("vig.runs.photos.ledger_of", lambda _: nullcontext(Full("\n")))
     with pytest.raises(UserError, match="cannot write .*results.jsonl: No space left.* same command"):
         list(run([Task(photos / "0.png", out / "0")], out, RunSettings()))
     assert (out / "0" / "explanation.json").exists()
@@ -199,7 +200,7 @@ def test_a_folder_that_cannot_be_written_is_its_photos_error(
             raise OSError(number, os.strerror(number))
         rename(before, after)
 
-    monkeypatch.setattr("vig.runs.os.rename", refusing)
+    monkeypatch.setattr("vig.runs.work.os.rename", refusing)
     rows = list(run([Task(photos / f"{name}.png", out / name) for name in "012"], out, RunSettings()))
     assert [row["error"] is None for row in rows] == [True, False, True]
     assert told in rows[1]["error"] and "choose another --out" in rows[1]["error"]
@@ -232,12 +233,12 @@ def test_ctrl_c_keeps_what_is_done_and_says_so(photos: Path, tmp_path: Path) -> 
 def test_a_pattern_that_no_shell_expanded_is_expanded(photos: Path, tmp_path: Path) -> None:
     (photos / "[1].png").write_bytes((photos / "1.png").read_bytes())
     (photos / "notes.txt").write_text("no photo")
-    assert photos_of((photos / "[0-2].png",)) == [photos / f"{number}.png" for number in range(3)]
-    assert photos_of((photos / "[1].png",)) == [photos / "[1].png"]  # a file of that name
-    assert len(photos_of((tmp_path / "**" / "*.png",))) == 9
-    assert photos_of((tmp_path / "ph*",)) == photos_of((photos,))
+    assert photos_of((photos / "[0-2].png",), tmp_path) == [photos / f"{number}.png" for number in range(3)]
+    assert photos_of((photos / "[1].png",), tmp_path) == [photos / "[1].png"]  # a file of that name
+    assert len(photos_of((tmp_path / "**" / "*.png",), tmp_path)) == 9
+    assert photos_of((tmp_path / "ph*",), tmp_path) == photos_of((photos,), tmp_path)
     with pytest.raises(UserError, match=r"expected photos that match '.*\*\.jpg'; got none\. Check"):
-        photos_of((photos / "*.jpg",))
+        photos_of((photos / "*.jpg",), tmp_path)
     assert result_folders([Path("results.csv.png"), Path("a.png")], tmp_path) == [
         tmp_path / "results.csv-2", tmp_path / "a",
     ]  # fmt: skip
@@ -296,7 +297,7 @@ def test_a_photo_that_kills_its_worker_is_named_and_the_others_go_on(
     photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Any worker that begins with photo 3 is killed by us."""
-    monkeypatch.setattr("vig.runs._prepare", deadly)
+    monkeypatch.setattr("vig.runs.photos.prepare", deadly)
     tasks = [Task(photo, tmp_path / "out" / photo.stem) for photo in sorted(photos.iterdir())]
     rows = {Path(row["photo"]).name: row for row in run(tasks, tmp_path / "out", RunSettings(), workers=2)}
     assert len(rows) == 8
@@ -305,9 +306,9 @@ def test_a_photo_that_kills_its_worker_is_named_and_the_others_go_on(
 
 
 def deadly(settings: RunSettings) -> Any:
-    work = vig.runs._Work(vig.Explainer(settings.object_class), ())
+    work = Work(vig.Explainer(settings.object_class), settings)
 
-    def kill_or_work(task: Task) -> dict[str, Any]:
+    def kill_or_work(task: Task) -> Rows:
         if task.photo.name == "3.png":
             os.kill(os.getpid(), signal.SIGKILL)
             time.sleep(10)

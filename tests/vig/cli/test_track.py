@@ -13,7 +13,7 @@ from PIL import Image
 
 from tests.vig.photo.test_video import write_video
 from vig.cli.main import main
-from vig.runs import TRACK_COLUMNS
+from vig.results import TRACK_COLUMNS
 from vig_lab.examples import example_photos
 
 

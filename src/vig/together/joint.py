@@ -16,36 +16,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from scipy import ndimage
 
-from vig.errors import UserError
-from vig.explainer import Box, Explainer, Photo
+from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.files import atomic_write
 from vig.inference import Said, WindowHints, explain_one
 from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
-from vig.parallel import on_one_core
-from vig.photo import Halved, Window, focal_of
-from vig.photo.images import coded, coded_photo, write_png
+from vig.photo import Halved
 from vig.recognition import Prediction
-from vig.recognition.find import apart, find_several
-from vig.report import write_json
-from vig.report.page import Entry, folder_html, thumbnail, write_thumbnail
-from vig.scene import rotate_z
 from vig.scene.camera import FOCAL_OVER_WIDTH
+from vig.together.scene import SceneExplanation, heading_light
 
 LEAST_ODDS = 0.02
 """Floor of the probabilities whose odds tell the order."""
 TOUCHING = 0.3
 """Coverage from which two objects may hide one another."""
-TINT = 0.35
 BLUR = 4
 """Pixels of a window within which an object's outline may be wrong: nothing beyond is said there."""
 PAINTED_OUT = 0.18
@@ -59,183 +48,6 @@ LEVEL_SPREAD = math.radians(5.0)
 TELEPHOTO = 2.0
 """Focal length of a photo of several things that does not tell its own, of the standard cameras' of their
 windows: what a photo frames is smaller than in one of its own."""
-MOST_OBJECTS = 16
-SURELY = 0.7
-"""Score of `find_several` from which a place counts as found."""
-COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
-"""Of the objects' tints, in turn."""
-
-
-@dataclass(frozen=True, eq=False)
-class SceneExplanation:
-    """What explains several objects in one photo of H x W pixels.
-
-    Attributes:
-        objects: N of them, in the order in which they were given; their masks exclude each other.
-        before: (N, N) bool, whether object i hides, or may hide, some of object j.
-    """
-
-    objects: tuple[Explanation, ...]
-    before: np.ndarray
-
-    @cached_property
-    def masks(self) -> np.ndarray:
-        """(N, H, W) bool, the pixels in which each is seen, of which each pixel has one at most."""
-        return np.stack([each.mask for each in self.objects])
-
-    @cached_property
-    def light(self) -> np.ndarray:
-        """(9,) SH of incident radiance in the heading frame of the camera, the mean of the objects'."""
-        return torch.stack([_heading_light(each) for each in self.objects]).mean(0).numpy()
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Of each object, `1-teapot`, `2-mug` and so on: its folder within that of the photo."""
-        return tuple(f"{number}-{each.object_class.name}" for number, each in enumerate(self.objects, 1))
-
-    def overlay(self) -> np.ndarray:
-        """The photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and what it
-        covers outlined in it.
-        """
-        picture = coded(self.objects[0].picture).astype(np.float32)
-        for number, each in enumerate(self.objects):
-            colour = COLOURS[number % len(COLOURS)]
-            picture[each.mask] += TINT * (colour - picture[each.mask])
-            width = max(1, round(max(picture.shape) / 500))
-            inner = ndimage.binary_erosion(each.amodal, iterations=width)
-            picture[each.amodal & ~inner] = colour
-        return np.rint(picture).astype(np.uint8)
-
-    def to_dict(self) -> dict[str, Any]:
-        """What `scene.json` holds."""
-        return {
-            "format": 1,
-            "objects": list(self.names),
-            "before": [[self.names[i], self.names[j]] for i, j in np.argwhere(self.before)],
-            "light": self.light.tolist(),
-        }
-
-    def save(self, folder: str | Path, photo: str = "photo", export: Sequence[str] = ()) -> Path:
-        """Write each object's results into a folder of its `names`, and what they have in common.
-
-        Args:
-            folder: Is made when it is missing; docs/many.md describes its files.
-            photo: What the photo is called in the reports.
-            export: Formats that are written of each object, too; see `Explanation.export`.
-
-        Raises:
-            UserError: The folder cannot be written.
-        """
-        folder, picture = Path(folder), self.overlay()
-        numbers = np.zeros(picture.shape[:2], np.uint8)
-        for number, mask in enumerate(self.masks, 1):
-            numbers[mask] = number
-        write_png(folder / "overlay.png", picture)
-        write_png(folder / "mask.png", numbers)
-        write_thumbnail(folder, picture)
-        entries = []
-        for name, each in zip(self.names, self.objects, strict=True):
-            each.save(folder / name, f"{photo}, {name}")
-            each.export(folder / name, export, photo)
-            entries.append(Entry(name, name, each.to_dict(), thumbnail(each.overlay())))
-        page = folder_html(entries, title=photo, picture=picture, note=self._note())
-        with atomic_write(folder / "report.html") as temporary:
-            temporary.write_text(page, encoding="utf-8", errors="replace")
-        write_json(folder, self.to_dict(), "scene.json")
-        return folder
-
-    def _note(self) -> str:
-        pairs = [f"{one} stands before {other}" for one, other in self.to_dict()["before"]]
-        return "; ".join(pairs) or "none hides another"
-
-
-def explain_together(
-    photo: Photo, explainers: Sequence[Explainer], boxes: Sequence[Box], focal: float | None = None
-) -> SceneExplanation:
-    """Explain several objects of one photo together.
-
-    Args:
-        photo: As `Explainer.explain` takes it.
-        explainers: One for each object, that of its class; the same one may stand for several.
-        boxes: Round each whole object, hidden parts included.
-        focal: In pixels; see `Explainer.explain`.
-
-    Raises:
-        UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
-    """
-    if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
-        raise UserError(
-            f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
-            f" {len(explainers)} and {len(boxes)}. Give as many of both."
-        )
-    picture, known = coded_photo(photo), _known(photo, focal)
-    alone = [
-        known.noted(explainer.explain(picture, box, focal=known.focal))
-        for explainer, box in zip(explainers, boxes, strict=True)
-    ]
-    return on_one_core(partial(together, alone, explainers))
-
-
-def explain_found(
-    photo: Photo, explainers: Sequence[Explainer], most: int, focal: float | None = None
-) -> SceneExplanation:
-    """Find objects of one or more classes in a photo, and explain them together.
-
-    Less reliable than boxes: the network that is asked knows one class each, and was not trained to tell
-    several things in one photo apart (docs/many.md has numbers).
-
-    Args:
-        photo: As `Explainer.explain` takes it.
-        explainers: One for each class.
-        most: So many objects at most.
-        focal: In pixels; see `Explainer.explain`.
-
-    Raises:
-        UserError: As `Explainer.explain`, or nothing is found.
-    """
-    if not 1 <= most <= MOST_OBJECTS:
-        raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
-    picture, known = coded_photo(photo), _known(photo, focal)
-    places = on_one_core(partial(find_together, picture, explainers, most))
-    if not places:
-        names = " or ".join(each.object_class.name for each in explainers)
-        raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
-    chosen = [explainer for explainer, _ in places]
-    alone = [
-        known.noted(explainer.explain_followed(picture, window, known.focal)) for explainer, window in places
-    ]
-    return on_one_core(partial(together, alone, chosen))
-
-
-def find_together(
-    picture: np.ndarray, explainers: Sequence[Explainer], most: int
-) -> list[tuple[Explainer, Window]]:
-    """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
-    seen = Halved(picture)
-    found = [
-        (candidate, explainer)
-        for explainer in explainers
-        for candidate in find_several(seen, explainer.recognizer, most)
-        if candidate.score >= SURELY
-    ]
-    kept = apart([candidate for candidate, _ in found], most)
-    return [(explainer, one.window) for one in kept for candidate, explainer in found if candidate is one]
-
-
-@dataclass(frozen=True)
-class _Known:
-    """A photo's focal length in pixels, if it is known, and whether its EXIF data tell it."""
-
-    focal: float | None
-    exif: bool
-
-    def noted(self, found: Explanation) -> Explanation:
-        return replace(found, focal_from="exif") if self.exif else found
-
-
-def _known(photo: Photo, focal: float | None) -> _Known:
-    told = None if focal is not None else focal_of(photo)
-    return _Known(focal if told is None else told, told is not None)
 
 
 def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
@@ -293,11 +105,6 @@ def _focal_of(alone: Sequence[Explanation]) -> float:
     if alone[0].focal_from == "assumed":
         return TELEPHOTO * float(np.mean(standard))
     return float(np.mean([each.farther * own for each, own in zip(alone, standard, strict=True)]))
-
-
-def _heading_light(each: Explanation) -> torch.Tensor:
-    """Light (9,) in the frame that turns along with the camera."""
-    return rotate_z(each.latents.light[0], -each.latents.azimuth[0])
 
 
 @dataclass(frozen=True)
@@ -366,7 +173,7 @@ class _Refit:
 
     def _lit(self, prediction: Prediction, power: float) -> Prediction:
         """The prediction with the other objects' light as a second Gaussian; `power` is the first one's."""
-        others = [_heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
+        others = [heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
         place, precision = prediction.layout["light"], LIGHT_PRECISION * len(others)
         numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
         own = power / deviation[:, place] ** 2
@@ -426,6 +233,3 @@ def _exclusive(found: Sequence[Explanation], before: np.ndarray) -> list[Explana
                 others |= mask
         result.append(replace(each, others=others))
     return result
-
-
-__all__ = ["SceneExplanation", "explain_found", "explain_together", "order", "together"]

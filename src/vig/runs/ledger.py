@@ -1,0 +1,94 @@
+"""The ledger of a run: which photos are done, as what."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from vig import __version__
+from vig.errors import UserError
+from vig.explainer import Explainer
+from vig.runs.work import PARTIAL, Rows, RunSettings, Task
+
+LEDGER = "results.jsonl"
+FORMAT = 2
+
+
+@contextmanager
+def ledger_of(out: Path) -> Iterator[Any]:
+    """results.jsonl, to be added to by this run alone."""
+    path = out / LEDGER
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        file = open(path, "a+", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}; choose another --out.") from error
+    with file:
+        try:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except ImportError:  # no such locks on this system
+            pass
+        except BlockingIOError:
+            raise UserError(
+                f"another run is writing to '{out}'; wait until it ends or choose another --out."
+            ) from None
+        except OSError as error:  # some network disks have none
+            raise UserError(
+                f"cannot lock {path}: {error.strerror}; choose an --out on a disk with file locks."
+            ) from error
+        for left in out.glob(f".*{PARTIAL}"):
+            shutil.rmtree(left, ignore_errors=True)
+        yield file
+
+
+def rows_done(ledger: Any) -> dict[str, Rows]:
+    """Rows of photos that were explained, by their keys; half a line, as a kill leaves it, is ended."""
+    ledger.seek(0)
+    found: dict[str, Rows] = {}
+    line = "\n"
+    for line in ledger:
+        with suppress(ValueError, KeyError, TypeError):
+            told = json.loads(line)
+            if all(row["error"] is None and isinstance(row["folder"], str) for row in told["rows"]):
+                found[str(told["key"])] = told["rows"]
+    if not line.endswith("\n"):
+        ledger.write("\n")
+    return found
+
+
+def described(settings: RunSettings, explainer: Explainer) -> str:
+    """What all photos' results depend on."""
+    folder = explainer.object_class.folder
+    files = [] if folder is None else sorted(folder.iterdir())
+    pack = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files]
+    what = settings.explain, sorted(settings.export), settings.others
+    return repr((FORMAT, __version__, what, str(folder), pack))
+
+
+def key_of(task: Task, said: str) -> str:
+    """Tells whether a photo, its settings and what is said of it are those of a row."""
+    about = task.box, task.focal, task.objects, task.most
+    digest = hashlib.sha256(repr((said, _stamp(task.photo), str(task.folder), about)).encode())
+    if task.mask is not None:
+        digest.update(repr(_stamp(task.mask)).encode())
+    if task.hints is not None:
+        digest.update(repr(task.hints.described()).encode())
+        for array in (task.hints.mask, task.hints.marks):
+            digest.update(b"" if array is None else array.tobytes())
+    return digest.hexdigest()
+
+
+def _stamp(path: Path) -> Any:
+    """What changes when a file does."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return str(path)
+    return str(path.resolve()), stat.st_size, stat.st_mtime_ns

@@ -1,0 +1,110 @@
+"""From a photo of several objects to what explains them: by their boxes, or found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vig.errors import UserError
+from vig.explainer import SURELY_FOUND, Box, Explainer, Photo
+from vig.explanation import Explanation
+from vig.parallel import on_one_core
+from vig.photo import Halved, Window, focal_of
+from vig.photo.images import coded_photo
+from vig.recognition.find import apart, find_several
+from vig.together.joint import together
+from vig.together.scene import SceneExplanation
+
+MOST_OBJECTS = 16
+
+
+def explain_together(
+    photo: Photo, explainers: Sequence[Explainer], boxes: Sequence[Box], focal: float | None = None
+) -> SceneExplanation:
+    """Explain several objects of one photo together.
+
+    Args:
+        photo: As `Explainer.explain` takes it.
+        explainers: One for each object, that of its class; the same one may stand for several.
+        boxes: Round each whole object, hidden parts included.
+        focal: In pixels; see `Explainer.explain`.
+
+    Raises:
+        UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
+    """
+    if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
+        raise UserError(
+            f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
+            f" {len(explainers)} and {len(boxes)}. Give as many of both."
+        )
+    picture, known = coded_photo(photo), _known(photo, focal)
+    alone = [
+        known.noted(explainer.explain(picture, box, focal=known.focal))
+        for explainer, box in zip(explainers, boxes, strict=True)
+    ]
+    return on_one_core(partial(together, alone, explainers))
+
+
+def explain_found(
+    photo: Photo, explainers: Sequence[Explainer], most: int, focal: float | None = None
+) -> SceneExplanation:
+    """Find objects of one or more classes in a photo, and explain them together.
+
+    Less reliable than boxes: the network that is asked knows one class each, and was not trained to tell
+    several things in one photo apart (docs/many.md has numbers).
+
+    Args:
+        photo: As `Explainer.explain` takes it.
+        explainers: One for each class.
+        most: So many objects at most.
+        focal: In pixels; see `Explainer.explain`.
+
+    Raises:
+        UserError: As `Explainer.explain`, or nothing is found.
+    """
+    if not 1 <= most <= MOST_OBJECTS:
+        raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
+    picture, known = coded_photo(photo), _known(photo, focal)
+    places = on_one_core(partial(find_together, picture, explainers, most))
+    if not places:
+        names = " or ".join(each.object_class.name for each in explainers)
+        raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
+    chosen = [explainer for explainer, _ in places]
+    alone = [
+        known.noted(explainer.explain_followed(picture, window, known.focal)) for explainer, window in places
+    ]
+    return on_one_core(partial(together, alone, chosen))
+
+
+def find_together(
+    picture: np.ndarray, explainers: Sequence[Explainer], most: int
+) -> list[tuple[Explainer, Window]]:
+    """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
+    seen = Halved(picture)
+    found = [
+        (candidate, explainer)
+        for explainer in explainers
+        for candidate in find_several(seen, explainer.recognizer, most)
+        if candidate.score >= SURELY_FOUND
+    ]
+    kept = apart([candidate for candidate, _ in found], most)
+    return [(explainer, one.window) for one in kept for candidate, explainer in found if candidate is one]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A photo's focal length in pixels, if it is known, and whether its EXIF data tell it."""
+
+    focal: float | None
+    exif: bool
+
+    def noted(self, found: Explanation) -> Explanation:
+        return replace(found, focal_from="exif") if self.exif else found
+
+
+def _known(photo: Photo, focal: float | None) -> _Known:
+    told = None if focal is not None else focal_of(photo)
+    return _Known(focal if told is None else told, told is not None)
