@@ -377,7 +377,7 @@ class Explanation:
         from vig.report.export import upright_pinhole
 
         focal = None
-        if self.focal_from != "assumed":
+        if self.focal_from != "assumed" or self.others is not None:  # then all objects have it in common
             focal = self.farther * FOCAL_OVER_WIDTH * self.window.side
         angles = self.latents.azimuth, self.latents.elevation
         at = torch.cat([*angles, self.fit.framing]).double()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import Any
@@ -40,6 +40,12 @@ TRACK_COLUMNS = (
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
 NUMBERED = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", r"()(?:^|/)([0-9]+)")
 """Ends of paths that number scene and image: those of BOP, and files named by a number, as in COCO."""
+
+
+def name_of(row: Mapping[str, Any]) -> str:
+    """The photo's name, and which of its objects a row is of where it has several."""
+    _, several, which = row["folder"].partition("/")
+    return PurePath(row["photo"]).name + (f" {which}" if several else "")
 
 
 def write_table(
@@ -109,7 +115,8 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
         for row in rows:
             if row["error"] is not None:
                 continue
-            pose = _pose_of_photo(Path(folder) / row["folder"] / "explanation.json")
+            several = "/" in row["folder"]
+            pose = _pose_of_photo(Path(folder) / row["folder"] / "explanation.json", several)
             turn = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
             place = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
             scene, image = scenes[row["photo"]]
@@ -179,8 +186,10 @@ def _of_classes(rows: Sequence[dict[str, Any]], first: int) -> dict[str, int]:
     return {name: first + place for place, name in enumerate(names)}
 
 
-def _pose_of_photo(path: Path) -> np.ndarray:
-    """The pose (4, 4) before the photo's own camera, as `Explanation.pinhole_pose` has it."""
+def _pose_of_photo(path: Path, several: bool) -> np.ndarray:
+    """The pose (4, 4) before the photo's own camera, as `Explanation.pinhole_pose` has it, whether or not the
+    photo's objects are several.
+    """
     with reading(path, "an explanation of `vig fit`", "Fit the photo again."):
         said = read_json(path)
         camera, pose = said["camera"], np.array(said["camera"]["camera_from_object"], float)
@@ -190,7 +199,8 @@ def _pose_of_photo(path: Path) -> np.ndarray:
         height = -float(axis[:2] @ pose[:2, 3]) / max(float(axis[:2] @ axis[:2]), 1e-9)
         distance = float(pose[2, 3] + height * axis[2])
         of_fit = Camera(camera["width"], camera["height"], focal, x, y, distance)
-        known = None if camera["focal_from"] == "assumed" else focal / said["framing"]["magnification"]
+        assumed = camera["focal_from"] == "assumed" and not several
+        known = None if assumed else focal / said["framing"]["magnification"]
         return upright_pinhole(of_fit, pose, known)[1]
 
 

@@ -48,21 +48,28 @@ def boxes_of(settings: Fit, photos: list[Path]) -> list[tuple[Box | None, Object
 def _read(told: Any, settings: Fit) -> tuple[Box | None, Objects]:
     """One photo's box or objects from the file."""
     if not isinstance(told, list) or not told:
-        raise ValueError("a photo's box is not a list")
+        raise ValueError("what it has for a photo is not a list with something in it")
     if not isinstance(told[0], list | dict):
         return _box(told), ()
-    objects = tuple(
-        (str(each.get("class", settings.object_class)), _box(each.get("box")))
-        if isinstance(each, dict)
-        else (settings.object_class, _box(each))
-        for each in told
-    )
+    objects = tuple(_object(each, settings.object_class) for each in told)
     if len(objects) > MOST_OBJECTS:
         raise ValueError(f"a photo has {len(objects)} boxes, more than {MOST_OBJECTS}")
     return None, objects
 
 
+def _object(told: Any, class_name: str) -> tuple[str, Box]:
+    if not isinstance(told, dict):
+        return class_name, _box(told)
+    if unknown := sorted(told.keys() - {"box", "class"}):
+        raise ValueError(f"an object has '{unknown[0]}', where it may have 'box' and 'class'")
+    if not isinstance(name := told.get("class", class_name), str):
+        raise ValueError("an object's class is not a text")
+    return name, _box(told.get("box"))
+
+
 def _box(told: Any) -> Box:
+    if not isinstance(told, list) or len(told) != 4:
+        raise ValueError(f"a box is not a list of four numbers; it is {str(told)[:60]}")
     return checked_box(decode(tuple[float, float, float, float], told))
 
 

@@ -29,7 +29,7 @@ from vig.optimizers import OPTIMIZERS
 from vig.photo.video import frames_of, is_video
 from vig.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
 from vig.report.sheet import sheet_name, write_sheets
-from vig.results import TABLES, write_table
+from vig.results import TABLES, TRACK, name_of, write_table
 from vig.runs import LEDGER, RunSettings, Task, run, run_tracked
 
 MOST_ENTRIES = 200
@@ -76,7 +76,10 @@ def fit(settings: Fit) -> int:
     rows: list[dict[str, Any]] = []
     try:
         if settings.track:
-            run_tracked(list(tasks), settings.out, given, done)
+            frames = run_tracked(list(tasks), settings.out, given, done).frames
+            if not settings.json and not settings.quiet:
+                lost = sum(frame.lost for frame in frames)
+                print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
         else:
             for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
                 done(row)
@@ -117,11 +120,14 @@ def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     entries = []
     for row in seen[:MOST_ENTRIES]:
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
-            entries.append(Entry(_name(row), row["folder"], row, np.asarray(picture)))
+            folder = row["folder"].split("/")[0]  # of several objects the page of all
+            entries.append(Entry(name_of(row), folder, row, np.asarray(picture)))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
         with atomic_write(out / "report.html") as temporary:
-            page = folder_html(entries, len(seen), errors)
+            photos = len({row["photo"] for row in seen})
+            title = None if photos == len(seen) else f"{photos} photos, {len(seen)} objects explained"
+            page = folder_html(entries, len(seen), errors, title)
             temporary.write_text(page, encoding="utf-8", errors="replace")
 
 
@@ -194,12 +200,6 @@ def _expanded(given: Path) -> list[Path]:
     raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
 
 
-def _name(row: dict[str, Any]) -> str:
-    """The photo's name, and which of its objects a row is of where it has several."""
-    _, several, which = row["folder"].partition("/")
-    return Path(row["photo"]).name + (f" {which}" if several else "")
-
-
 def _line(row: dict[str, Any]) -> str:
     if row["error"] is not None:
         return f"error: {row['error']}"
@@ -209,7 +209,7 @@ def _line(row: dict[str, Any]) -> str:
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
     when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
     return (
-        f"{row['verdict']}: {_name(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
+        f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
         f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({when})"
     )
 

@@ -60,7 +60,7 @@ def _parsed(verbs: list[Verb], arguments: list[str] | None) -> Any:
         app.command(inner, name=group, help=GROUPS[group])
     return app.cli(
         prog="vig",
-        description="Explain one object in one photo, even where it is hidden.",
+        description="Explain objects in photos, even where they are hidden.",
         args=arguments,
         config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
     )

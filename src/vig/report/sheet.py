@@ -88,7 +88,8 @@ def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
         told = _shown(row["error"] or "without a picture").removeprefix(f"{_shown(row['photo'])}: ")
         lines = textwrap.wrap(told, LETTERS)[: TILE // 14]
         pen.multiline_text((BORDER + 4, BORDER + 4), "\n".join(lines), fill=GROUND, font=font, spacing=2)
-    name = _shown(Path(row["photo"]).name)
+    which = row["folder"].partition("/")[2]  # of several objects
+    name = _shown(f"{Path(row['photo']).name} {which}".rstrip())
     if len(name) > LETTERS:
         name = f"{name[: LETTERS // 2 - 1]}...{name[2 - LETTERS // 2 :]}"
     sure = row["confidence"]

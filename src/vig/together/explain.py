@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,7 @@ def explain_together(
     Raises:
         UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
     """
+    explainers, boxes = _explainers(explainers), list(boxes)
     if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
         raise UserError(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
@@ -65,7 +67,10 @@ def explain_found(
     Raises:
         UserError: As `Explainer.explain`, or nothing is found.
     """
-    if not 1 <= most <= MOST_OBJECTS:
+    explainers = _explainers(explainers)
+    if not explainers:
+        raise UserError("expected an explainer for each class that is sought; got none. Give one.")
+    if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
     picture, known = coded_photo(photo), _known(photo, focal)
     places = on_one_core(partial(find_together, picture, explainers, most))
@@ -77,6 +82,17 @@ def explain_found(
         known.noted(explainer.explain_followed(picture, window, known.focal)) for explainer, window in places
     ]
     return on_one_core(partial(together, alone, chosen))
+
+
+def _explainers(given: Any) -> list[Explainer]:
+    found = list(given) if isinstance(given, Iterable) else [given]
+    for each in found:
+        if not isinstance(each, Explainer):
+            raise UserError(
+                f"expected a list of vig.Explainer; got a {type(each).__name__} in it. Make each as"
+                ' vig.Explainer("teapot").'
+            )
+    return found
 
 
 def find_together(

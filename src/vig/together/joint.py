@@ -127,7 +127,8 @@ class _Refit:
             asked = torch.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
             view = asked[0] if likeliest - own > SURER else view
-        settings = replace(explainer.settings.filled(photo=True), farther=found.farther)
+        farther = found.window.farther(_focal_of(self.alone))
+        settings = replace(explainer.settings.filled(photo=True), farther=farther)
         assert settings.appearance_weight is not None
         prediction = self._level(self._lit(prediction, settings.appearance_weight))
         said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
@@ -137,7 +138,7 @@ class _Refit:
         photo, known, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
         seen = _of_view(prediction, view)
         fit = explain_one(photo, seen, found.object_class, settings, known, device, hints, prediction)
-        return replace(found, fit=fit)
+        return replace(found, fit=fit, farther=farther)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""

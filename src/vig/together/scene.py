@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from PIL import Image
 from scipy import ndimage
 
 from vig.explanation import Explanation
@@ -19,7 +20,7 @@ from vig.report import write_json
 from vig.report.page import Entry, folder_html, thumbnail, write_thumbnail
 from vig.scene import rotate_z
 
-TINT = 0.35
+TINT = 0.2
 """Share of an object's colour in its tint."""
 COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
 """Of the objects' tints, in turn."""
@@ -48,6 +49,13 @@ class SceneExplanation:
         return torch.stack([heading_light(each) for each in self.objects]).mean(0).numpy()
 
     @cached_property
+    def poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Of each object K (3, 3) and camera_from_object (4, 4), metres, before the one camera that took the
+        photo, its principal point in the middle; see `Explanation.pinhole_pose`.
+        """
+        return [each.pinhole_pose()[:2] for each in self.objects]
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Of each object, `1-teapot`, `2-mug` and so on: its folder within that of the photo."""
         return tuple(f"{number}-{each.object_class.name}" for number, each in enumerate(self.objects, 1))
@@ -67,12 +75,22 @@ class SceneExplanation:
 
     def to_dict(self) -> dict[str, Any]:
         """What `scene.json` holds."""
+        height, width = self.objects[0].picture.shape[:2]
         return {
             "format": 1,
             "objects": list(self.names),
             "before": [[self.names[i], self.names[j]] for i, j in np.argwhere(self.before)],
             "light": self.light.tolist(),
-        }
+            "camera": {"K": self.poses[0][0].tolist(), "width": width, "height": height,
+                       "focal_from": self.objects[0].focal_from},
+            "camera_from_object": {
+                name: pose.tolist() for name, (_, pose) in zip(self.names, self.poses, strict=True)
+            },
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        height, width = self.objects[0].picture.shape[:2]
+        return f"SceneExplanation({', '.join(self.names)} in {width} x {height}: {self._note()})"
 
     def save(self, folder: str | Path, photo: str = "photo", export: Sequence[str] = ()) -> Path:
         """Write each object's results into a folder of its `names`, and what they have in common.
@@ -90,22 +108,32 @@ class SceneExplanation:
         for number, mask in enumerate(self.masks, 1):
             numbers[mask] = number
         write_png(folder / "overlay.png", picture)
-        write_png(folder / "mask.png", numbers)
+        _write_numbers(folder / "mask.png", numbers)
         write_thumbnail(folder, picture)
         entries = []
         for name, each in zip(self.names, self.objects, strict=True):
             each.save(folder / name, f"{photo}, {name}")
             each.export(folder / name, export, photo)
             entries.append(Entry(name, name, each.to_dict(), thumbnail(each.overlay())))
-        page = folder_html(entries, title=photo, picture=picture, note=self._note())
+        note = self._note() if len(self.objects) > 1 else ""
+        page = folder_html(entries, title=photo, picture=picture, note=note)
         with atomic_write(folder / "report.html") as temporary:
             temporary.write_text(page, encoding="utf-8", errors="replace")
         write_json(folder, self.to_dict(), "scene.json")
         return folder
 
     def _note(self) -> str:
-        pairs = [f"{one} stands before {other}" for one, other in self.to_dict()["before"]]
-        return "; ".join(pairs) or "none hides another"
+        pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.before)]
+        return ", ".join(pairs) or "none hides another"
+
+
+def _write_numbers(path: Path, numbers: np.ndarray) -> None:
+    """Write numbers (H, W) uint8 as a PNG whose palette shows them in the objects' colours."""
+    image = Image.fromarray(numbers, "P")
+    colours = [(0, 0, 0)] + [tuple(COLOURS[each % len(COLOURS)].astype(int)) for each in range(255)]
+    image.putpalette([int(channel) for colour in colours for channel in colour])
+    with atomic_write(path) as temporary:
+        image.save(temporary, "PNG")
 
 
 def heading_light(each: Explanation) -> torch.Tensor:

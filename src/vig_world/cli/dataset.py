@@ -73,7 +73,8 @@ def groups(settings: Groups) -> int:
     for _ in write_groups(settings.out, settings.count, settings.seed, settings.split, classes, size):
         pass
     told = {"folder": str(settings.out), "photos": settings.count}
-    print(json.dumps(told) if settings.json else settings.out)
+    again = f"next: vig fit {settings.out}/photos --boxes {settings.out}/boxes.json"
+    print(json.dumps(told) if settings.json else f"{settings.out}\n{again}")
     return 0
 
 
