@@ -4,7 +4,7 @@ Groups of two to four teapots and mugs of the generator are explained from boxes
 object alone and all together. Printed: errors of azimuth and elevation in degrees, the IoU of visible masks,
 the error of the hidden share, and how many pairs have the wrong order: what hides what by the masks where
 both fits cover a pixel, or, together, as it is told; a pair without an answer counts as wrong. Of all but the
-last the difference, together less alone, with its standard error over objects. `--sheet` draws groups.
+last the difference, together less alone, with its standard error over groups. `--sheet` draws groups.
 `--found` seeks them instead, four at the most: how many are found, of which class, and what else is.
 """
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,12 @@ def order_of_masks(found: tuple[Explanation, ...]) -> np.ndarray:
     return before
 
 
+def order_of_ends(found: tuple[Explanation, ...]) -> np.ndarray:
+    """The same by which fit ends lower in the photo."""
+    ends = np.array([0 if each.box is None else each.box[1] + each.box[3] for each in found])
+    return ends[:, None] > ends
+
+
 def drawn(group: Group, found: tuple[Explanation, ...]) -> Image.Image:
     """A photo with each object's whole outline, and its visible pixels tinted."""
     picture = group.photo.astype(np.float32)
@@ -94,13 +101,15 @@ def main() -> None:
     parser.add_argument("--found", action="store_true")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    if arguments.groups < 1:
+        parser.error("expected one group or more")
     classes = [ObjectClass.load(name) for name in CLASSES]
     explainers, library = {each.name: Explainer(each) for each in classes}, Library(arguments.split)
     if arguments.found:
         sought(arguments.groups, arguments.seed, library, list(explainers.values()))
         return
     rows: dict[str, list[np.ndarray]] = {"alone": [], "together": []}
-    wrong, pairs, tiles = {"alone": 0, "together": 0}, 0, []
+    wrong, pairs, tiles = {"alone": 0, "together": 0, "what ends lower": 0}, 0, []
     for index in range(arguments.groups):
         group = make_group(library, classes, arguments.seed, index)
         chosen = [explainers[member.class_name] for member in group.spec.members]
@@ -113,12 +122,13 @@ def main() -> None:
             judgement, bad, of = judged(group, found, before)
             rows[name].append(judgement)
             wrong[name] += bad
+        wrong["what ends lower"] += judged(group, alone, order_of_ends(alone))[1]
         pairs += of
         if len(tiles) < SHOWN:
             tiles.append(drawn(group, scene.objects))
         if index % 20 == 19:
             print(f"{index + 1} groups", flush=True)
-    found = tabled({name: np.concatenate(each) for name, each in rows.items()}, wrong, pairs)
+    found = tabled(rows, wrong, pairs)
     if arguments.sheet:
         width, height = tiles[0].size
         sheet = Image.new("RGB", (COLUMNS * width, -(-len(tiles) // COLUMNS) * height))
@@ -153,29 +163,33 @@ def sought(groups: int, seed: int, library: Library, explainers: list[Explainer]
     print(f"{false / groups:.2f} other places a photo, some of them objects once more")
 
 
-def tabled(rows: dict[str, np.ndarray], wrong: dict[str, int], pairs: int) -> list[dict[str, Any]]:
-    """Print the table; returns it as metrics."""
-    azimuth = {name: each[:, 0] for name, each in rows.items()}
-    columns: dict[str, dict[str, np.ndarray]] = {"azimuth error, mean": azimuth}
-    for most in RIGHT:
-        columns[f"azimuth within {most:.0f}"] = {name: off < most for name, off in azimuth.items()}
-    for number, name in ((1, "elevation error, mean"), (2, "IoU, mean"), (3, "hidden share error, mean")):
-        columns[name] = {way: each[:, number] for way, each in rows.items()}
-    objects = len(azimuth["alone"])
+def tabled(rows: dict[str, list[np.ndarray]], wrong: dict[str, int], pairs: int) -> list[dict[str, Any]]:
+    """Print the table of rows by group; returns it as metrics."""
+    parts: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = [
+        ("azimuth error, mean", lambda row: row[:, 0]),
+        *((f"azimuth within {most:.0f}", lambda row, most=most: row[:, 0] < most) for most in RIGHT),
+        ("elevation error, mean", lambda row: row[:, 1]),
+        ("IoU, mean", lambda row: row[:, 2]),
+        ("hidden share error, mean", lambda row: row[:, 3]),
+    ]
+    objects = sum(map(len, rows["alone"]))
     print(f"{objects} objects, {pairs} pairs of which one hides some of the other")
     print(f"{'':26}{'alone':>9}{'together':>10}{'difference':>12}")
-    medians = {name: float(np.median(off)) for name, off in azimuth.items()}
+    medians = {way: float(np.median(np.concatenate(each)[:, 0])) for way, each in rows.items()}
     print(f"{'azimuth error, median':26}{medians['alone']:9.2f}{medians['together']:10.2f}")
-    found = [metric(f"azimuth_median_{name}", [value], "degrees") for name, value in medians.items()]
-    for name, ways in columns.items():
-        change = ways["together"].astype(float) - ways["alone"].astype(float)
-        error = change.std() / math.sqrt(objects)
-        means = {way: float(values.mean()) for way, values in ways.items()}
-        print(f"{name:26}{means['alone']:9.3f}{means['together']:10.3f}{change.mean():+8.3f} ± {error:.3f}")
+    found = [metric(f"azimuth_median_{way}", [value], "degrees") for way, value in medians.items()]
+    for name, part in parts:
+        sums = {way: np.array([part(row).sum() for row in each]) for way, each in rows.items()}
+        means = {way: float(each.sum() / objects) for way, each in sums.items()}
+        change = sums["together"] - sums["alone"]  # of whole groups: their objects share a photo
+        error = change.std() * math.sqrt(len(change)) / objects
+        difference = means["together"] - means["alone"]
+        print(f"{name:26}{means['alone']:9.3f}{means['together']:10.3f}{difference:+8.3f} ± {error:.3f}")
         plain = name.replace(", ", "_").replace(" ", "_")
         found += [metric(f"{plain}_{way}", [value], "") for way, value in means.items()]
     shares = {name: count / max(1, pairs) for name, count in wrong.items()}
     print(f"{'wrong order':26}{shares['alone']:9.3f}{shares['together']:10.3f}")
+    print(f"by what ends lower alone: {shares['what ends lower']:.3f}")
     return found + [metric(f"wrong_order_{name}", [share], "") for name, share in shares.items()]
 
 

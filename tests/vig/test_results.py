@@ -47,7 +47,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_table_is_read_as_it_was_written(results: Path, rows: list[dict[str, object]]) -> None:
-    ledger = [json.loads(line)["row"] for line in (results / "results.jsonl").read_text().splitlines()]
+    ledger = [json.loads(line)["rows"][0] for line in (results / "results.jsonl").read_text().splitlines()]
     assert rows == ledger and tuple(rows[0]) == COLUMNS
     if importlib.util.find_spec("pandas") is not None:
         import pandas

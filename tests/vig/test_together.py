@@ -14,12 +14,15 @@ from PIL import Image
 import vig
 from vig.cli.main import main
 from vig.errors import UserError
+from vig.explanation import Explanation
 from vig.results import bop_csv, read_results
 from vig.together import MOST_OBJECTS, SceneExplanation, explain_found, explain_together, order
+from vig.together.joint import _Refit, _without, _without_cycles
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
-SEED, INDEX = 7, 0
+SEED, INDEX = 7, 8
+"""Three objects; the fit alone of the last takes much of what is before it for its own."""
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +108,8 @@ def test_as_many_boxes_as_explainers_are_wanted(group: Group, explainers: dict[s
     for given, boxes in (([teapot], [box, box]), ([], []), ([teapot] * 17, [box] * 17)):
         with pytest.raises(UserError, match=f"1 to {MOST_OBJECTS} objects"):
             explain_together(group.photo, given, boxes)
+    with pytest.raises(UserError, match="got a str in it"):
+        explain_together(group.photo, ["teapot"], [box])  # type: ignore[list-item]
 
 
 def test_nothing_found_is_told(explainers: dict[str, vig.Explainer]):
@@ -132,23 +137,108 @@ def test_command_writes_a_folder_for_each_object_and_its_row(photo: Path, scene:
         assert np.array_equal(np.asarray(Image.open(folder / "mask.png")) == 255, mask)
         assert np.array_equal(numbers == number, mask)
         assert (folder / "report.html").exists()
-    assert "stands before" in (out / "photo" / "report.html").read_text()
+    assert "is before" in (out / "photo" / "report.html").read_text()
     assert len(bop_csv(out, out / "bop.csv").read_text().splitlines()) == 1 + len(rows)
     before = (out / "photo" / "scene.json").stat().st_mtime_ns
     assert ended(*command, "--quiet") == 1
     assert (out / "photo" / "scene.json").stat().st_mtime_ns == before  # done before
 
 
+@pytest.fixture(scope="module")
+def alone(group: Group, explainers: dict[str, vig.Explainer]) -> list[Explanation]:
+    members = zip(group.spec.members, boxes_of(group), strict=True)
+    return [explainers[member.class_name].explain(group.photo, box) for member, box in members]
+
+
+def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
+    group: Group, scene: SceneExplanation, alone: list[Explanation]
+):
+    behind = 2
+    infront, _ = _Refit(alone, scene.before, behind)._others()
+    taken, left = ((each[behind].fit.mask.numpy() & infront).sum() for each in (alone, scene.objects))
+    assert taken > 300
+    assert left < 0.25 * taken
+    visible = group.visible[behind]
+    before, after = (
+        (each.mask & visible).sum() / (each.mask | visible).sum()
+        for each in (alone[behind], scene.objects[behind])
+    )
+    assert after > before + 0.1
+    assert scene.objects[behind].pinhole_pose()[0].tolist() == scene.objects[0].pinhole_pose()[0].tolist()
+
+
+def test_elevation_and_light_are_drawn_to_those_that_the_others_tell(
+    alone: list[Explanation], explainers: dict[str, vig.Explainer]
+):
+    refit = _Refit(alone, np.zeros((len(alone),) * 2, bool), 0)
+    recognizer = explainers[alone[0].object_class.name].recognizer
+    prediction = recognizer(torch.zeros(1, 150, 150, 3))
+    place = prediction.layout["elevation"]
+    level = replace(prediction, numbers=torch.full_like(prediction.numbers, 1.4))
+    drawn = refit._level(level)
+    assert float(drawn.numbers[0, place]) < 1.3
+    assert (drawn.deviation[0, place] < level.deviation[0, place]).all()
+    dark = replace(prediction, numbers=torch.zeros_like(prediction.numbers))
+    lit = refit._lit(dark, 0.05)
+    light = torch.from_numpy(scene_light(alone[1:]))
+    before, after = ((each.numbers[0, each.layout["light"]] - light).abs().sum() for each in (dark, lit))
+    assert after < 0.8 * before
+
+
+def scene_light(objects: list[Explanation]) -> np.ndarray:
+    return SceneExplanation(tuple(objects), np.zeros((len(objects),) * 2, bool)).light
+
+
+def test_others_are_painted_out():
+    cut = np.full((40, 40, 3), 0.7, np.float32)
+    infront, elsewhere = np.zeros((2, 40, 40), bool)
+    infront[:10], elsewhere[20:30, 20:30] = True, True
+    cut[20:30, 20:30] = 0.0
+    painted = _without(cut, infront, elsewhere)
+    assert np.allclose(painted[:10], 0.18)
+    assert np.allclose(painted[12:], 0.7, atol=1e-3)
+
+
+def test_no_object_is_before_itself_by_way_of_others():
+    before = _without_cycles({(0, 1): 5.0, (1, 2): 4.0, (0, 2): -1.0}, 3)
+    assert before.tolist() == [[False, True, True], [False, False, True], [False, False, False]]
+    four = _without_cycles({(0, 1): 9.0, (2, 3): 8.0, (1, 2): 7.0, (0, 3): -6.0}, 4)
+    assert four[0, 3] and not four[3, 0]
+
+
+def test_a_folder_of_other_boxes_is_not_taken_for_done(photo: Path):
+    out, boxes = photo.parent / "out", photo.parent / "boxes.json"
+    first = boxes.read_text()
+    copy = photo.with_name("other.png")
+    copy.write_bytes(photo.read_bytes())
+    command = ["fit", str(photo), str(copy), "--boxes", str(boxes), "--out", str(out), "--quiet"]
+    told = json.loads(first)
+    told["other.png"] = told["photo.png"]
+    given = [told, told | {"photo.png": told["photo.png"][0]["box"]}, told]
+    kept = []
+    for boxes_given in given:
+        boxes.write_text(json.dumps(boxes_given))
+        (out / "photo" / "mine.txt").write_text("stays") if out.exists() else None
+        assert ended(*command) == 0
+        for row in read_results(out):
+            written = json.loads((out / row["folder"] / "explanation.json").read_text())
+            assert row["azimuth_deg"] == pytest.approx(written["azimuth_deg"])
+        kept.append(sorted(path.name for path in (out / "photo").iterdir()))
+    assert "1-" not in "".join(kept[1]) and "object.glb" in kept[1]
+    assert kept[2] == sorted([*kept[0], "mine.txt"])
+
+
 @pytest.mark.parametrize(
     ("told", "arguments", "words"),
     [
-        ({"photo.png": []}, [], "not a list"),
+        ({"photo.png": []}, [], "something in it"),
         ({"photo.png": [[1, 2, 3]]}, [], "boxes by the photos"),
         ({"photo.png": [{"class": "mug"}]}, [], "box"),
         ({"photo.png": [[0, 0, 50, 50]] * 17}, [], "more than 16"),
         ([], [], "boxes by the photos"),
-        ({"photo.png": [[0, 0, 50, 50]] * 2}, ["--azimuth", "3"], "one object"),
-        ({"photo.png": [{"box": [0, 0, 50, 50], "class": "nothing"}]}, [], "nothing"),
+        ({"photo.png": [[0, 0, 50, 50]] * 2}, ["--azimuth", "0"], "one object"),
+        ({"photo.png": [{"box": [0, 0, 50, 50], "Class": "mug"}]}, [], "'Class'"),
+        ({"photo.png": [{"box": [0, 0, 50, 50], "class": "nothing"}]}, [], "got 'nothing'"),
         ({"photo.png": [[0, 0, 50, 50], [0, 0, 5000, 50]]}, [], "within the photo"),
         (None, ["--objects", "0"], "1 to 16"),
         (None, ["--objects", "2", "--box", "1,1,50,50"], "two of them"),

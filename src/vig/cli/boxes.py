@@ -75,7 +75,8 @@ def _box(told: Any) -> Box:
 
 def _check_several(settings: Fit) -> None:
     for name in ONE_OBJECT:
-        if getattr(settings, name) not in (None, (), False):
+        given = getattr(settings, name)
+        if not (given is None or given is False or given == ()):
             raise UserError(
                 f"expected --{name} with one object a photo; got several objects. Fit that object alone."
             )
@@ -83,7 +84,9 @@ def _check_several(settings: Fit) -> None:
 
 def classes_of(settings: Fit) -> tuple[str, tuple[str, ...]]:
     """The class, and others that `--class` names beside it; UserError where it names several in vain."""
-    first, *others = settings.object_class.split(",") if settings.objects else [settings.object_class]
+    whole = [settings.object_class]
+    several = settings.objects is not None and not Path(settings.object_class).exists()
+    first, *others = settings.object_class.split(",") if several else whole
     if "," in first and not Path(first).exists():
         raise UserError(
             f"expected one --class, or --objects with several; got '{first}'. Give each box its class."

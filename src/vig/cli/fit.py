@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from vig.photo.video import frames_of, is_video
 from vig.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
 from vig.report.sheet import sheet_name, write_sheets
 from vig.results import TABLES, TRACK, name_of, write_table
-from vig.runs import LEDGER, RunSettings, Task, run, run_tracked
+from vig.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
@@ -45,7 +45,8 @@ def fit(settings: Fit) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
     if settings.track:
         _check_track(settings)
-    photos = photos_of(settings.images, settings.out)
+    with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
+        photos = photos_of(settings.images, settings.out)
     boxes, first, others = boxes_of(settings, photos), *classes_of(settings)
     hints, mask = hints_of(settings, photos), mask_of(settings, photos)
     folders = result_folders(photos, settings.out)
@@ -156,7 +157,7 @@ def _check_track(settings: Fit) -> None:
         raise UserError(
             f"expected one folder of frames or one video with --track; got {came}. Track one by one."
         )
-    for name in ("boxes", "cluster", "mask", "marks", "points", "azimuth", "pose"):
+    for name in ("boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose"):
         if getattr(settings, name) not in (None, ()):
             raise UserError(f"expected --track without --{name}; got both. Leave one out.")
     if settings.workers > 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import shutil
+import re
 from pathlib import Path
 from typing import Any
 
@@ -42,14 +42,28 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
             return paths
     except (OSError, ValueError, KeyError, TypeError):
         pass
-    shutil.rmtree(folder, ignore_errors=True)
+    _check_own(folder)
     paths = []
     for picture in _decoded(video, paths, folder):
+        if not paths:  # of another video of that name
+            for path in folder.glob(f"{folder.name}-*.png"):
+                path.unlink()
+            (folder / WHOLE).unlink(missing_ok=True)
         paths.append(folder / _name(folder, len(paths)))
         write_png(paths[-1], picture)
     with atomic_write(folder / WHOLE) as temporary:
         temporary.write_text(json.dumps({"source": source, "frames": len(paths)}) + "\n")
     return paths
+
+
+def _check_own(folder: Path) -> None:
+    """UserError where a folder holds what is no frame: it is the user's."""
+    frame = re.compile(re.escape(folder.name) + r"-\d{6}\.png")
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if path.name != WHOLE and not frame.fullmatch(path.name):
+            raise UserError(
+                f"expected '{folder}' to hold frames alone; got '{path.name}' in it. Choose another --out."
+            )
 
 
 def _decoded(video: Path, done: list[Path], folder: Path) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 from vig import __version__
 from vig.errors import UserError
 from vig.explainer import Explainer
-from vig.runs.work import PARTIAL, Rows, RunSettings, Task
+from vig.runs.work import KEY, PARTIAL, Rows, RunSettings, Task
 
 LEDGER = "results.jsonl"
 FORMAT = 2
@@ -48,34 +48,43 @@ def ledger_of(out: Path) -> Iterator[Any]:
         yield file
 
 
-def rows_done(ledger: Any) -> dict[str, Rows]:
-    """Rows of photos that were explained, by their keys; half a line, as a kill leaves it, is ended."""
+def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
+    """Key and rows of photos that were explained, by their folders, the last of each; half a line, as a kill
+    leaves it, is ended.
+    """
     ledger.seek(0)
-    found: dict[str, Rows] = {}
+    found: dict[str, tuple[str, Rows]] = {}
     line = "\n"
     for line in ledger:
         with suppress(ValueError, KeyError, TypeError):
             told = json.loads(line)
             if all(row["error"] is None and isinstance(row["folder"], str) for row in told["rows"]):
-                found[str(told["key"])] = told["rows"]
+                found[told["rows"][0]["folder"].split("/")[0]] = str(told["key"]), told["rows"]
     if not line.endswith("\n"):
         ledger.write("\n")
     return found
 
 
+def is_done(task: Task, key: str, rows: Rows) -> bool:
+    """Whether a photo's folder holds the results of its rows, whole, and those of a key."""
+    try:
+        there = all((task.folder.parent / row["folder"] / "explanation.json").exists() for row in rows)
+        return there and (task.folder / KEY).read_text() == key
+    except (OSError, ValueError):
+        return False
+
+
 def described(settings: RunSettings, explainer: Explainer) -> str:
     """What all photos' results depend on."""
-    folder = explainer.object_class.folder
-    files = [] if folder is None else sorted(folder.iterdir())
-    pack = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files]
-    what = settings.explain, sorted(settings.export), settings.others
-    return repr((FORMAT, __version__, what, str(folder), pack))
+    packs = [_pack(explainer.object_class.folder), *map(_pack, settings.others)]
+    return repr((FORMAT, __version__, settings.explain, sorted(settings.export), packs))
 
 
 def key_of(task: Task, said: str) -> str:
     """Tells whether a photo, its settings and what is said of it are those of a row."""
     about = task.box, task.focal, task.objects, task.most
-    digest = hashlib.sha256(repr((said, _stamp(task.photo), str(task.folder), about)).encode())
+    packs = [_pack(name) for name in sorted({name for name, _ in task.objects})]
+    digest = hashlib.sha256(repr((said, _stamp(task.photo), about, packs)).encode())
     if task.mask is not None:
         digest.update(repr(_stamp(task.mask)).encode())
     if task.hints is not None:
@@ -83,6 +92,12 @@ def key_of(task: Task, said: str) -> str:
         for array in (task.hints.mask, task.hints.marks):
             digest.update(b"" if array is None else array.tobytes())
     return digest.hexdigest()
+
+
+def _pack(name: str | Path | None) -> Any:
+    """What changes when a class pack does; the packaged classes change with the version."""
+    folder = None if name is None else Path(name)
+    return str(name), sorted(map(_stamp, folder.iterdir())) if folder and folder.is_dir() else []
 
 
 def _stamp(path: Path) -> Any:

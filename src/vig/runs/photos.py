@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from typing import Any
 from vig.errors import UserError
 from vig.explainer import Explainer
 from vig.parallel import Lost, map_as_done
-from vig.runs.ledger import LEDGER, described, key_of, ledger_of, rows_done
+from vig.runs.ledger import LEDGER, described, is_done, key_of, ledger_of, rows_done
 from vig.runs.remote import rows_of_cluster, taken
 from vig.runs.work import Rows, RunSettings, Task, Work, lost_row, prepare
 
@@ -47,28 +48,28 @@ def run(
             no such cluster.
     """
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    said = described(settings, explainer)
     if not resume:
-        for _, rows in _rows(tasks, settings, explainer, workers, cluster):
+        named = (replace(task, key=key_of(task, said)) for task in tasks)
+        for _, rows in _rows(named, settings, explainer, workers, cluster):
             yield from rows
         return
     with ledger_of(out) as ledger:
-        done, said = rows_done(ledger), described(settings, explainer)
-        keys: dict[str, str] = {}
+        done = rows_done(ledger)
         before: deque[dict[str, Any]] = deque()
 
         def waiting() -> Iterator[Task]:
             for task in tasks:
                 key = key_of(task, said)
-                rows = done.pop(key, [])  # each is kept once
-                if rows and all((out / row["folder"] / "explanation.json").exists() for row in rows):
+                written, rows = done.pop(task.folder.name, ("", []))  # each is kept once
+                if written == key and is_done(task, key, rows):
                     before.extend(row | {"done_before": True} for row in rows)
                 else:
-                    keys[str(task.folder)] = key
-                    yield task
+                    yield replace(task, key=key)
 
         for task, rows in _rows(waiting(), settings, explainer, workers, cluster):
             try:
-                ledger.write(json.dumps({"key": keys.pop(str(task.folder)), "rows": rows}) + "\n")
+                ledger.write(json.dumps({"key": task.key, "rows": rows}) + "\n")
                 ledger.flush()
             except OSError as error:
                 raise UserError(

@@ -22,7 +22,12 @@ from vig.photo.images import read_mask
 from vig.results import COLUMNS
 from vig.together import explain_found, explain_together
 
-PARTIAL = ".partial"
+PARTIAL, KEY = ".partial", ".key"
+FILES = (
+    "explanation.json", "scene.json", CORRECTIONS, "mask.png", "object.glb", "overlay.png", "render.png",
+    "report.html", "thumbnail.jpg",
+)  # fmt: skip
+"""Of a photo's results, whether of one object or of several."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,7 @@ class Task:
         mask: A file, read with the photo.
         objects: Class and box of each of several objects, which are explained together.
         most: So many objects, of any of the run's classes, are to be found and explained together.
+        key: Tells what the results depend on; it is kept beside them, see `vig.runs.ledger`.
     """
 
     photo: Path
@@ -48,6 +54,7 @@ class Task:
     mask: Path | None = None
     objects: tuple[tuple[str, Box], ...] = ()
     most: int = 0
+    key: str = ""
 
 
 Rows = list[dict[str, Any]]
@@ -90,7 +97,7 @@ class Work:
         try:
             if task.objects or task.most:
                 rows = self.several(task)
-                seconds = round((time.monotonic() - began) / len(rows), 3)
+                seconds = round(time.monotonic() - began, 3)
                 return [row | {"seconds": seconds} for row in rows]
             hints = task.hints
             if task.mask is not None:
@@ -135,22 +142,27 @@ class Work:
 
 @contextmanager
 def beside_folder(task: Task) -> Iterator[Path]:
-    """A folder to write into; when the block ends well it takes the place of the photo's, else it goes."""
+    """A folder to write into; when the block ends well it takes the place of the photo's, else it goes.
+
+    Where the photo's folder is there its files are replaced one by one, those of earlier results that are not
+    made anew go, and what else is there stays. Without `KEY`, which goes first and comes last, a folder is
+    not taken for done.
+    """
     beside = task.folder.with_name(f".{task.folder.name}{PARTIAL}")
     shutil.rmtree(beside, ignore_errors=True)
     try:
         yield beside
+        if task.key:
+            (beside / KEY).write_text(task.key)
         if not os.path.lexists(task.folder):
             os.rename(beside, task.folder)
             return
-        (task.folder / "explanation.json").unlink(missing_ok=True)
-        if not (beside / CORRECTIONS).exists():
-            (task.folder / CORRECTIONS).unlink(missing_ok=True)
-        for path in sorted(beside.iterdir(), key=lambda path: path.name == "explanation.json"):
-            target = task.folder / path.name
-            if path.is_dir():
-                shutil.rmtree(target, ignore_errors=True)
-            os.replace(path, target)
+        for name in (KEY, *FILES):
+            (task.folder / name).unlink(missing_ok=True)
+        for path in task.folder.glob("[0-9]*-*/explanation.json"):  # of several objects
+            shutil.rmtree(path.parent)
+        for path in sorted(beside.iterdir(), key=lambda path: path.name == KEY):
+            os.replace(path, task.folder / path.name)
     except OSError as error:
         raise UserError(
             f"cannot write {task.folder}: {error.strerror or error}; choose another --out."

@@ -36,7 +36,7 @@ def explain_together(
     Raises:
         UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
     """
-    explainers, boxes = _explainers(explainers), list(boxes)
+    explainers, boxes = _explainers(explainers), list(boxes) if isinstance(boxes, Iterable) else []
     if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
         raise UserError(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"

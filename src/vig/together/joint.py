@@ -1,7 +1,8 @@
 """Several objects in one photo, explained together: what hides what, one light, exclusive masks.
 
-Each object is explained alone first. Where two silhouettes overlap, the network's probabilities of the shared
-pixels showing either object tell which is in front. Then each object is fitted again, knowing of the others:
+Each object is explained alone first. What hides what is told by the network's probabilities of the pixels
+that two silhouettes share, and by which object ends lower in the photo. Then each is fitted again, knowing of
+the others:
 
 - pixels that an object before it covers show that object, not this one: they say nothing of its silhouette;
 - pixels in which objects behind or beside it are seen are not its own;
@@ -14,7 +15,7 @@ pixels showing either object tell which is in front. Then each object is fitted 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +34,7 @@ from vig.together.scene import SceneExplanation, heading_light
 
 LEAST_ODDS = 0.02
 """Floor of the probabilities whose odds tell the order."""
+GROUND = 50.0
 TOUCHING = 0.3
 """Coverage from which two objects may hide one another."""
 BLUR = 4
@@ -73,12 +75,12 @@ def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> S
 def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
     """Whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
 
-    By the sum, over the pixels that both cover, of the difference of their log odds of being visible as the
-    network predicts them; where there are none, the one whose box ends lower is before the other.
+    By the sum, over the M pixels that both cover, of the difference of their log odds of being visible as the
+    network predicts them, over the root of M; and, as things stand on one ground, by which of them ends lower
+    in the photo, `GROUND` times the difference over the less tall one's height.
     """
-    count = len(alone)
-    before = np.zeros((count, count), bool)
-    odds = []
+    gains: dict[tuple[int, int], float] = {}
+    count, odds = len(alone), []
     for prediction in predictions:
         visible, hidden, _ = prediction.mask[0].clamp_min(LEAST_ODDS).log().unbind(-1)
         odds.append((visible - hidden).numpy())
@@ -89,14 +91,32 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
             if not ((mine > TOUCHING) & (other > TOUCHING)).any():
                 continue
             both = (mine > 0.5) & (other > 0.5)
-            gain = float((odds[i] - there.carried(odds[j], here))[both].sum())
-            first = gain > 0 if gain else _bottom(alone[i]) > _bottom(alone[j])
-            before[i, j], before[j, i] = first, not first
+            gain = float((odds[i] - there.carried(odds[j], here))[both].sum()) / math.sqrt(max(1, both.sum()))
+            gains[i, j] = gain + GROUND * _lower(alone[i], alone[j])
+    return _without_cycles(gains, count)
+
+
+def _lower(one: Explanation, other: Explanation) -> float:
+    """By how much one object ends lower in the photo than another, of the less tall one's height."""
+    if one.box is None or other.box is None:
+        return 0.0
+    return (one.box[1] + one.box[3] - other.box[1] - other.box[3]) / min(one.box[3], other.box[3])
+
+
+def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.ndarray:
+    """Whether i is before j (N, N) bool, from gains above 0 where i is; the surest pairs decide first."""
+    before, behind = np.zeros((2, count, count), bool)  # directly, and by way of others
+    for (i, j), gain in sorted(gains.items(), key=lambda item: -abs(item[1])):
+        first, second = (i, j) if gain > 0 else (j, i)
+        if behind[second, first]:
+            first, second = second, first
+        before[first, second] = True
+        front, rear = (
+            behind[:, first] | (np.arange(count) == first),
+            behind[second] | (np.arange(count) == second),
+        )
+        behind |= front[:, None] & rear
     return before
-
-
-def _bottom(each: Explanation) -> float:
-    return each.box[1] + each.box[3] if each.box else 0.0
 
 
 def _focal_of(alone: Sequence[Explanation]) -> float:

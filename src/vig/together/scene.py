@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,7 +59,8 @@ class SceneExplanation:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Of each object, `1-teapot`, `2-mug` and so on: its folder within that of the photo."""
-        return tuple(f"{number}-{each.object_class.name}" for number, each in enumerate(self.objects, 1))
+        plain = (re.sub(r"[^\w.-]+", "_", each.object_class.name) for each in self.objects)
+        return tuple(f"{number}-{name}" for number, name in enumerate(plain, 1))
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and what it

@@ -6,7 +6,7 @@ A folder of groups holds `photos/000012.png`; of object 1 of that photo `masks/0
     {"photo": "000012.png", "before": [[0, 1]], "objects": [{"class", "box", "azimuth_deg", "elevation_deg",
      "hidden_fraction", "K", "camera_from_object", "shape", "albedo"}]}
 
-where before [i, j] says that object i hides some of object j.
+where before [i, j] says that object i hides some of object j, counted from 0, as the objects are listed.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def write_groups(
                     group = make_group(library, classes, seed, index, size)
                 write_png(out / "photos" / name, group.photo)
                 for kind, masks in (("masks", group.amodal), ("masks_visible", group.visible)):
-                    for number, mask in enumerate(masks):
+                    for number, mask in enumerate(masks, 1):
                         path = out / kind / f"{index:06d}_{number}.png"
                         write_png(path, np.repeat(mask[..., None], 3, 2).astype(np.uint8) * 255)
                 pairs = np.argwhere(group.before).tolist()

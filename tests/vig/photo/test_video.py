@@ -154,3 +154,18 @@ def test_without_pyav_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_videos_are_known_by_their_endings() -> None:
     assert is_video(Path("A.MP4")) and is_video(Path("b.mov")) and not is_video(Path("c.gif"))
+
+
+def test_a_folder_that_is_not_of_frames_is_left_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "frames" / "turn"
+    folder.mkdir(parents=True)
+    (folder / "labels.txt").write_text("mine")
+    (folder / "turn-000000.png").write_text("of a video before")
+    video = tmp_path / "turn.mp4"
+    video.write_text("no video")
+    with pytest.raises(UserError, match=r"to hold frames alone; got 'labels\.txt'"):
+        frames_of(video, folder)
+    (folder / "labels.txt").unlink()
+    with pytest.raises(UserError, match="cannot be read"):
+        frames_of(video, folder)
+    assert (folder / "turn-000000.png").read_text() == "of a video before"
