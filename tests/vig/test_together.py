@@ -164,7 +164,7 @@ def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
         for each in (alone[behind], scene.objects[behind])
     )
     assert after > before + 0.1
-    assert scene.objects[behind].pinhole_pose()[0].tolist() == scene.objects[0].pinhole_pose()[0].tolist()
+    assert np.allclose(scene.poses[behind][0], scene.poses[0][0])  # one camera
 
 
 def test_elevation_and_light_are_drawn_to_those_that_the_others_tell(
