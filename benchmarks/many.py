@@ -239,7 +239,8 @@ def killed(photos: Photos, kills: int, workers: int, seed: int, nodes: bool) -> 
 def broken(photos: Photos, workers: int) -> bool:
     """Fit good and bad files of one folder; whether all good ones are explained, all others have a reason."""
     names = add_broken(photos.folder)
-    run = Run.of(photos, photos.out("broken"), "--workers", str(workers))
+    boxes = ["--boxes", str(photos.boxes)]  # of the good ones
+    run = Run.of(photos, photos.out("broken"), *boxes, "--workers", str(workers))
     rows = run.rows()
     reasons = {os.path.basename(row["photo"]): row["error"] for row in rows if row["error"]}
     for name, reason in reasons.items():
