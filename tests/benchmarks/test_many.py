@@ -18,7 +18,7 @@ def test_every_broken_file_is_refused_and_none_is_waited_for(tmp_path: Path) -> 
     names = add_broken(tmp_path)
     assert len(set(names)) == BROKEN
     refused = {}
-    for photo in photos_of((tmp_path,)):
+    for photo in photos_of((tmp_path,), tmp_path):
         if photo.name != "0.jpg":
             with pytest.raises(UserError) as told:
                 coded_photo(photo)
