@@ -19,8 +19,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # which loads `ndimage` where that is first used
 import torch
-from scipy import ndimage
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
@@ -164,7 +164,7 @@ class _Refit:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage.numpy() > 0.5
-        own = ndimage.binary_dilation(covered, iterations=BLUR)
+        own = scipy.ndimage.binary_dilation(covered, iterations=BLUR)
         infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
         for index, other in enumerate(self.alone):
             if index == self.index:
@@ -229,13 +229,13 @@ def _of_view(prediction: Prediction, azimuth: torch.Tensor) -> Prediction:
 
 def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
     """A window (S, S, 3) without other objects: grey where one is before this, else what is round them."""
-    painted, holes = cut.copy(), ndimage.binary_dilation(elsewhere, iterations=2)
+    painted, holes = cut.copy(), scipy.ndimage.binary_dilation(elsewhere, iterations=2)
     filled = ~holes
     for width in (2, 4, 8, 16, 32, 64):
         if filled.all():
             break
-        weight = ndimage.gaussian_filter((~holes).astype(np.float32), width)
-        colours = ndimage.gaussian_filter(np.where(holes[..., None], 0, cut), (width, width, 0))
+        weight = scipy.ndimage.gaussian_filter((~holes).astype(np.float32), width)
+        colours = scipy.ndimage.gaussian_filter(np.where(holes[..., None], 0, cut), (width, width, 0))
         known = ~filled & (weight > 0.05)
         painted[known] = colours[known] / weight[known, None]
         filled |= known

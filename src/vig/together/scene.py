@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # which loads `ndimage` where that is first used
 import torch
 from PIL import Image
-from scipy import ndimage
 
 from vig.explanation import Explanation
 from vig.files import atomic_write
@@ -71,7 +71,7 @@ class SceneExplanation:
             colour = COLOURS[number % len(COLOURS)]
             picture[each.mask] += TINT * (colour - picture[each.mask])
             width = max(1, round(max(picture.shape) / 500))
-            inner = ndimage.binary_erosion(each.amodal, iterations=width)
+            inner = scipy.ndimage.binary_erosion(each.amodal, iterations=width)
             picture[each.amodal & ~inner] = colour
         return np.rint(picture).astype(np.uint8)
 

@@ -73,7 +73,7 @@ def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
     assert "bad.png" in error
     names = {path.name for path in (tmp_path / "out" / "photo").iterdir()}
     pictures = {"overlay.png", "mask.png", "render.png", "thumbnail.jpg"}
-    assert names == pictures | {"explanation.json", "corrections.json", "object.glb", "report.html"}
+    assert names == pictures | {"explanation.json", "corrections.json", "object.glb", "report.html", ".key"}
 
 
 def test_a_log_has_a_line_for_each_photo_whatever_is_printed(capsys, photo, tmp_path):
