@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import nullcontext
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from vig.cli.main import main
 from vig.errors import UserError
 from vig.results import COLUMNS, write_table
 from vig.runs import PARTIAL, RunSettings, Task, run
+from vig.runs.ledger import rows_done
 from vig.runs.work import Rows, Work
 from vig_lab.examples import example_photos
 
@@ -360,3 +362,9 @@ def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> N
                 cluster="127.0.0.1:1",
             )
         )
+
+
+@pytest.mark.parametrize("line", ['{"key": "a", "rows": []}', "[]", "3", '{"rows": [3]}', '{"key": 1, "ro'])
+def test_a_damaged_line_of_the_ledger_is_passed_over(line: str) -> None:
+    whole = '{"key": "b", "rows": [{"error": null, "folder": "photo/1-mug"}]}'
+    assert list(rows_done(StringIO(f"{line}\n{whole}\n"))) == ["photo"]

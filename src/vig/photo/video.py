@@ -31,7 +31,8 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     file that are there are not written again.
 
     Raises:
-        UserError: PyAV is not installed, or the file is missing, no video, damaged, or without a frame.
+        UserError: PyAV is not installed, the file is missing, no video, damaged, or without a frame, or the
+            folder holds other things than frames.
     """
     stat = existing_file(video).stat()
     source = {"video": str(video.resolve()), "bytes": stat.st_size, "modified": stat.st_mtime_ns}
@@ -46,9 +47,8 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     paths = []
     for picture in _decoded(video, paths, folder):
         if not paths:  # of another video of that name
-            for path in folder.glob(f"{folder.name}-*.png"):
+            for path in folder.iterdir() if folder.is_dir() else ():
                 path.unlink()
-            (folder / WHOLE).unlink(missing_ok=True)
         paths.append(folder / _name(folder, len(paths)))
         write_png(paths[-1], picture)
     with atomic_write(folder / WHOLE) as temporary:

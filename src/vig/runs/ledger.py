@@ -56,7 +56,7 @@ def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
     found: dict[str, tuple[str, Rows]] = {}
     line = "\n"
     for line in ledger:
-        with suppress(ValueError, KeyError, TypeError):
+        with suppress(ValueError, LookupError, TypeError, AttributeError):
             told = json.loads(line)
             if all(row["error"] is None and isinstance(row["folder"], str) for row in told["rows"]):
                 found[told["rows"][0]["folder"].split("/")[0]] = str(told["key"]), told["rows"]

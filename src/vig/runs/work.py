@@ -131,7 +131,7 @@ class Work:
         ]
 
     def write(self, task: Task, found: Explanation) -> None:
-        """All files of a photo beside its folder, then in their place, explanation.json last."""
+        """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
             found.save(beside, task.photo.name)
             found.export(beside, self.export, task.photo.name)
