@@ -19,7 +19,7 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExplainSettings, Fit, Verdict, View, explain
 from vig.parallel import map_in_processes, on_one_core
-from vig.photo import Halved, Window, focal_of
+from vig.photo import Halved, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
 from vig.recognition import Recognizer, find, upright
 from vig.renderer.device import compute_device
@@ -29,7 +29,9 @@ Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
 Focal = tuple[float, str]
 """A focal length in pixels, and where it is from; see `Explanation.focal_from`."""
-Item = tuple[Photo, Box | None, Focal | None, Hints | None]
+Lens = Any
+"""A photo's intrinsics, as `Intrinsics.of` takes them."""
+Item = tuple[Photo, Box | None, Focal | None, Hints | None, Lens]
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
 SURELY_FOUND = 0.75
@@ -79,6 +81,7 @@ class Explainer:
         window: Window | None = None,
         focal: float | None = None,
         hints: Hints | None = None,
+        camera: Lens = None,
     ) -> Explanation:
         """Explain one photo.
 
@@ -91,16 +94,21 @@ class Explainer:
             focal: Focal length in pixels of the photo; by default a file's EXIF data tell, else it is
                 that of a telephoto lens, and with a window that of the standard camera.
             hints: What is known of the object in this photo.
+            camera: The whole intrinsics of the photo, without distortion, in place of a focal length: fx, fy,
+                cx, cy in pixels, K (3, 3), or a mapping that has them, such as BOP's {"cam_K": ...}. The
+                answer's `camera` is then this one, and its pose exact wherever the object is in the photo.
 
         Raises:
-            UserError: The photo, the box, the window, the focal length or a hint cannot be used.
+            UserError: The photo, the box, the window, the focal length, the camera or a hint cannot be used.
         """
         if window is not None and isinstance(hints, Hints) and hints.roll_deg is not None:
             raise UserError("expected a window or a roll among the hints; got both. Turn the window by it.")
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
+        if camera is not None and focal is not None:
+            raise UserError("expected a camera or a focal length; got both. The camera has its own.")
         known = _focal(photo, None if focal is None else checked_focal(focal))
-        return on_one_core(partial(self._explained, photo, box, window, known, hints))
+        return on_one_core(partial(self._explained, photo, box, window, known, hints, camera))
 
     def explain_followed(
         self, photo: Photo, window: Window, focal: float | None = None, hints: Hints | None = None
@@ -119,6 +127,7 @@ class Explainer:
         window: Window | None,
         focal: Focal | None,
         hints: Hints | None,
+        camera: Lens = None,
         framed: bool = True,
     ) -> Explanation:
         """`framed`: whether a window that is given is the standard camera's picture."""
@@ -136,10 +145,16 @@ class Explainer:
             window, found = (best := find(seen, self.recognizer)).window, best.score
             window = window if roll is None else replace(window, roll=roll)
         focal_from = "assumed"
+        lens = None if camera is None else Intrinsics.of(camera, width, height)
         if self.settings.farther is not None:
             focal_from = "given"
-        elif focal is not None:
-            settings, focal_from = replace(settings, farther=window.farther(focal[0])), focal[1]
+        elif focal is not None or lens is not None:
+            pixels, focal_from = (math.nan, "given") if focal is None or lens is not None else focal
+            if lens is None and window.farther(pixels) != window.ratio(pixels):
+                # A perspective beyond what is fitted: only the camera itself has this focal length.
+                lens = Intrinsics(pixels, pixels, width / 2, height / 2)
+            window = replace(window, lens=lens)
+            settings = replace(settings, farther=window.farther(window.focal or pixels))
         cut, known = window.cut(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         told = None if hints is None else hints.in_window(window, self.object_class)
@@ -164,6 +179,7 @@ class Explainer:
         skip: Callable[[int, UserError], None] | None = None,
         focal: float | None = None,
         hints: Iterable[Hints | None] | None = None,
+        cameras: Iterable[Lens] | None = None,
     ) -> Iterator[Explanation]:
         """Explain photos in their order; see `explain`.
 
@@ -175,6 +191,7 @@ class Explainer:
                 it the first such photo raises.
             focal: Of all photos; see `explain`.
             hints: One for each photo, None where nothing is known.
+            cameras: One for each photo, None where it is not known; see `explain`.
 
         Raises:
             UserError: As `explain`, for workers below 1, for more or fewer boxes than photos, or when a
@@ -185,9 +202,11 @@ class Explainer:
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
         focal = None if focal is None else checked_focal(focal)
+        if cameras is not None and focal is not None:
+            raise UserError("expected cameras or a focal length; got both. Cameras have their own.")
         items = (
-            (photo, box, _focal(photo, focal), told)
-            for photo, box, told in _matched(photos, box=boxes, hint=hints)
+            (photo, box, _focal(photo, focal), told, camera)
+            for photo, box, told, camera in _matched(photos, box=boxes, hint=hints, camera=cameras)
         )
         if workers == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
@@ -209,9 +228,9 @@ class Explainer:
                 skip(number, result)
 
     def _tried(self, item: Item) -> Explanation | UserError:
-        photo, box, focal, hints = item
+        photo, box, focal, hints, camera = item
         try:
-            return on_one_core(partial(self._explained, photo, box, None, focal, hints))
+            return on_one_core(partial(self._explained, photo, box, None, focal, hints, camera))
         except UserError as error:
             return error
 

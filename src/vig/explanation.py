@@ -21,6 +21,7 @@ from vig.inference import Fit, Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.images import coded, linear_photo, write_png
+from vig.photo.pinhole import outline_weights, reprojected, turned_pose
 from vig.renderer import render_latents
 from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
 from vig.report.page import write_thumbnail
@@ -133,7 +134,7 @@ class Explanation:
         Where one makes the verdict `AMBIGUOUS` it comes first.
         """
         return tuple(
-            Alternative(view.latents, self._camera(view.framing), view.probability)
+            Alternative(view.latents, self._camera(view.latents, view.framing), view.probability)
             for view in self.fit.alternatives
         )
 
@@ -159,15 +160,73 @@ class Explanation:
     def camera(self) -> Camera:
         """The camera of the whole photo; `camera.K` is its intrinsic matrix.
 
-        A focal length that the photo does not tell is a guess, see `Explainer.explain`; distance follows from
-        it, as an object's size and distance are only known as their ratio.
+        Of a photo whose camera was given to `Explainer.explain` it is that one. Else it looks straight at the
+        object, as if the photo had been cut from a larger one about it (see `pinhole_pose`), and a focal
+        length that the photo does not tell is a guess; distance follows from it, as an object's size and
+        distance are only known as their ratio.
         """
-        return self._camera(self.fit.framing)
+        return self._camera(self.latents, self.fit.framing)
 
-    def _camera(self, framing: torch.Tensor) -> Camera:
+    def _camera(self, latents: Latents, framing: torch.Tensor) -> Camera:
         height, width = self.picture.shape[:2]
-        window = self.object_class.camera(farther=self.farther)
-        return self.window.camera(window.framed(*framing.tolist()), width, height)
+        window, lens = self._window_camera(framing), self.window.lens
+        if lens is None:
+            return self.window.camera(window, width, height)
+        angles = float(latents.azimuth), float(latents.elevation)
+        looks_at_it = window.camera_from_world(*angles)
+        pose = self._seen_by(lens.K, latents, framing)
+        return replace(
+            window,
+            width=width,
+            height=height,
+            focal=lens.fx,
+            focal_y=lens.fy,
+            cx=lens.cx,
+            cy=lens.cy,
+            mount=tuple(map(tuple, (pose @ np.linalg.inv(looks_at_it)).tolist())),
+            roll=window.roll,
+        )
+
+    def _window_camera(self, framing: torch.Tensor) -> Camera:
+        """The fit's camera, which looks straight at the object, in pixels of the window."""
+        return self.object_class.camera(farther=self.farther).framed(*framing.tolist())
+
+    def _seen_by(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
+        """The pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
+
+        That camera took the photo; the pose is the one under which vertices are seen nearest to where the
+        fit's camera sees them, those of the outline above all.
+        """
+        window, angles = self._window_camera(framing), (float(latents.azimuth), float(latents.elevation))
+        fitted = window.camera_from_world(*angles)
+        model = self.object_class.shape_model
+        vertices = model.vertices(latents.shape)[0].double().numpy()
+        seen = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
+        offsets = (seen[:, :2] / seen[:, 2:] - window.width / 2) * self.window.side / window.width
+        pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
+        eye = -fitted[:3, :3].T @ fitted[:3, 3]
+        start = self._turned(matrix, latents, framing)
+        return reprojected(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
+
+    def _turned(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
+        """`_seen_by` nearly, in closed form."""
+        angles = float(latents.azimuth), float(latents.elevation)
+        window = self._window_camera(framing)
+        if self.window.focal is None:
+            height, width = self.picture.shape[:2]
+            camera = self.window.camera(window, width, height)
+            return turned_pose(camera, camera.camera_from_world(*angles), matrix)
+        scale, middle = self.window.side / window.width, window.width / 2
+        camera = replace(
+            window,
+            focal=window.focal * scale,
+            cx=(window.cx - middle) * scale,
+            cy=(window.cy - middle) * scale,
+        )
+        straight = np.diag([self.window.focal, self.window.focal, 1.0])
+        back = np.eye(4)
+        back[:3, :3] = self.window.turn.T
+        return back @ turned_pose(camera, camera.camera_from_world(*angles), straight)
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
@@ -270,7 +329,7 @@ class Explanation:
     @cached_property
     def _close_up(self) -> CloseUp:
         """The window beside its re-rendering."""
-        camera = self.object_class.camera(farther=self.farther).framed(*self.fit.framing.tolist())
+        camera = self._window_camera(self.fit.framing)
         camera = camera.scaled(PANEL / camera.width)
         drawn = on_one_core(partial(render_latents, self.latents, self.object_class, camera))
         pose = camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
@@ -362,43 +421,53 @@ class Explanation:
         return Path(folder)
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The pose before the camera that took the photo, its principal point in the photo's middle.
+        """The pose before the camera that took the photo, which a robot wants.
 
-        `camera` looks straight at the object, as if a larger photo had been cut; a robot's camera does not.
-        See `vig.report.export.upright_pinhole`, which is exact for objects that are small in the photo.
+        Its intrinsics are those given to `Explainer.explain`; else its principal point is in the photo's
+        middle and its focal length the one given, that of EXIF data, or a guess. The object is seen by it
+        where the fit sees it, see `vig.photo.pinhole`.
 
         Returns:
             Intrinsics (3, 3); camera_from_object (4, 4), metres; its covariance (6, 6): x, y, z in metres,
-            then turns about these axes in radians. Distances are as true as the class's usual size, which
-            the covariance does not count.
+            then turns about these axes in radians.
         """
-        from scipy.spatial.transform import Rotation
+        matrix, pose = self._pinhole
+        return matrix, pose, self._pose_covariance(matrix, pose)
 
-        from vig.report.export import upright_pinhole
-
-        focal = None
+    @cached_property
+    def _pinhole(self) -> tuple[np.ndarray, np.ndarray]:
+        """Intrinsics (3, 3) and camera_from_object (4, 4) of the camera that took the photo."""
+        if self.window.lens is not None:
+            return self.window.lens.K, self.camera_from_object
+        height, width = self.picture.shape[:2]
+        focal = self.camera.focal
         if self.focal_from != "assumed" or self.others is not None:  # then all objects have it in common
             focal = self.farther * FOCAL_OVER_WIDTH * self.window.side
-        angles = self.latents.azimuth, self.latents.elevation
-        at = torch.cat([*angles, self.fit.framing]).double()
+        matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
+        return matrix, self._seen_by(matrix, self.latents, self.fit.framing)
 
-        def pose(numbers: torch.Tensor) -> tuple[np.ndarray, np.ndarray]:
-            camera = self._camera(numbers[2:])
-            seen = camera.camera_from_world(float(numbers[0]), float(numbers[1]))
-            return upright_pinhole(camera, seen, focal)
+    def _pose_covariance(self, matrix: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Covariance (6, 6) of a pose before a camera with intrinsics (3, 3), see `pinhole_pose`."""
+        from scipy.spatial.transform import Rotation
 
-        intrinsics, found = pose(at)
+        latents, framing = self.latents, self.fit.framing
+        at = torch.cat([latents.azimuth, latents.elevation, framing]).double()
+
+        def moved(numbers: torch.Tensor) -> np.ndarray:
+            angles = {"azimuth": numbers[:1], "elevation": numbers[1:2]}
+            return self._turned(matrix, replace(latents, **angles), numbers[2:])
+
+        here = moved(at)
         layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
         deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation]).double()
         columns = []
-        for index in range(len(at)):
-            moved = at.clone()
-            moved[index] += DIFFERENCE
-            other = pose(moved)[1]
-            turn = Rotation.from_matrix(other[:3, :3] @ found[:3, :3].T).as_rotvec()
-            columns.append(np.concatenate([other[:3, 3] - found[:3, 3], turn]) / DIFFERENCE)
-        spread = np.stack(columns, axis=1) * deviation.numpy()
-        return intrinsics, found, spread @ spread.T
+        for index, step in enumerate(torch.eye(len(at), dtype=torch.float64) * DIFFERENCE):
+            there = moved(at + step)
+            turn = Rotation.from_matrix(there[:3, :3] @ here[:3, :3].T).as_rotvec()
+            columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
+            columns[-1] *= float(deviation[index])
+        spread = np.stack(columns, axis=1)
+        return spread @ spread.T
 
     def __repr__(self) -> str:
         height, width = self.picture.shape[:2]

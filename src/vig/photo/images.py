@@ -7,7 +7,6 @@ A photo is decoded once, here, and is linear from then on. What cannot be used i
 from __future__ import annotations
 
 import io
-import math
 import warnings
 from pathlib import Path
 from typing import NoReturn
@@ -22,8 +21,6 @@ from vig.scene.light import linear_from_srgb, srgb8_from_linear
 
 MIN_SIDE = 16
 MAX_PIXELS = 100_000_000
-FILM_DIAGONAL = math.hypot(36, 24)
-"""Millimetres of 35 mm film, to which cameras state their focal length."""
 MID_GREY = 0.18
 """Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
 
@@ -31,7 +28,7 @@ _LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
 
 # Only formats that pillow decodes itself: no vector files, no outside programs.
-_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
+FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 _PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 RUN_LENGTHS = 3
 """zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
@@ -58,7 +55,7 @@ def _read(path: str | Path) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pillow's own bomb warning: the limit below is ours
         try:
-            with Image.open(path, formats=_FORMATS) as image:
+            with Image.open(path, formats=FORMATS) as image:
                 check_size(path, *image.size)
                 return _decoded(path, image)
         except UserError:
@@ -145,20 +142,6 @@ def read_mask(path: Path) -> np.ndarray:
     """A mask (H, W) bool from a picture: True where it is brighter than half."""
     seen: np.ndarray = eight_bit_photo(path).mean(-1) > 127
     return seen
-
-
-def focal_of(photo: object) -> float | None:
-    """The focal length in pixels that a photo file's EXIF data tell, or a PIL image's; None for none."""
-    try:
-        if isinstance(photo, str | Path):
-            with Image.open(existing_file(photo), formats=_FORMATS) as image:  # a pipe would be waited for
-                return focal_of(image)
-        if not isinstance(photo, Image.Image):
-            return None
-        of_film = float(photo.getexif().get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm])
-        return of_film / FILM_DIAGONAL * math.hypot(*photo.size) if 1 <= of_film <= 2000 else None
-    except Exception:  # no EXIF data, or damaged ones
-        return None
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from PIL import Image
 
 from vig.errors import UserError
 from vig.photo.images import linear_photo
+from vig.photo.lens import LEAST_COSINE, Intrinsics
 from vig.scene import IMAGE_SIZE, Camera
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
@@ -33,6 +36,8 @@ FARTHER = (0.75, 25.0)
 
 BESIDE = 4
 """Pixels beside a window that its resampling may read."""
+
+Place = TypeVar("Place", float, np.ndarray)
 
 
 class Halved:
@@ -60,13 +65,16 @@ class Halved:
 class Window:
     """A square of a photo: left and top corner and side, in the photo's pixels; it may reach beyond it.
 
-    It is turned about its centre, clockwise by `roll` radians, so that what it shows stands upright.
+    It is turned about its centre, clockwise by `roll` radians, so that what it shows stands upright. With a
+    `lens` it is what a camera shows that is turned towards its centre, see `Intrinsics.turned_to`: the photo
+    as that lens would have taken it had it looked straight at the object.
     """
 
     left: float
     top: float
     side: float
     roll: float = 0.0
+    lens: Intrinsics | None = None
 
     @staticmethod
     def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> Window:
@@ -103,8 +111,11 @@ class Window:
         """
         if isinstance(photo, Halved):
             photo, scale = photo.level(self.side / size)
-            here = Window(self.left / scale, self.top / scale, self.side / scale, self.roll)
+            lens = self.lens and self.lens.scaled(1 / scale)
+            here = Window(self.left / scale, self.top / scale, self.side / scale, self.roll, lens)
             return here.cut(photo, size)
+        if self.lens is not None:
+            return self._cut_through_lens(photo, size)
         if self.roll:
             return self._cut_turned(photo, size)
         height, width = photo.shape[:2]
@@ -150,29 +161,79 @@ class Window:
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
 
+    def _cut_through_lens(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """`cut`, from the upright window about its corners, resampled by the homography of the lens."""
+        left, right, top, bottom = self._bounds()
+        side = max(right - left, bottom - top)
+        level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
+        wide = math.ceil(size * side / self.side)
+        image, known = level.cut(photo, wide)
+        to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
+        from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
+        transform = to_level @ self._photo_from_window @ from_pixel
+        cut = [
+            _warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC)
+            for channel in (*np.moveaxis(image, 2, 0), known)
+        ]
+        return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+
+    @property
+    def focal(self) -> float | None:
+        """Of the camera that shows it, in pixels of the photo; None without a lens."""
+        return None if self.lens is None else self.lens.turned_to(*self.centre)[1]
+
+    @property
+    def turn(self) -> np.ndarray:
+        """Rotation (3, 3) from the axes of the photo's camera to those of the camera that shows the window."""
+        cos, sin = math.cos(self.roll), math.sin(self.roll)
+        roll = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        return roll if self.lens is None else roll @ self.lens.turned_to(*self.centre)[0]
+
+    @cached_property
+    def _photo_from_window(self) -> np.ndarray:
+        """Homography (3, 3) of a window with a lens, to the photo from pixels of it about the middle."""
+        assert self.lens is not None and self.focal is not None
+        matrix = self.lens.K @ self.turn.T @ np.diag([1 / self.focal, 1 / self.focal, 1.0])
+        half = self.side / 2
+        depth = matrix[2] @ [[-half, half, -half, half], [-half, -half, half, half], [1, 1, 1, 1]]
+        if depth.min() < LEAST_COSINE:
+            raise UserError(
+                f"expected an object that the lens sees less than 80 degrees off its axis; got a window of"
+                f" {self.side:.0f} pixels about {self.centre[0]:.0f}, {self.centre[1]:.0f}. Check the camera."
+            )
+        return matrix
+
     def farther(self, focal: float) -> float:
         """How much longer a photo's focal length in pixels is than that of the window's standard camera,
         within `FARTHER`.
         """
-        return min(max(focal / (FOCAL_OVER_WIDTH * self.side), FARTHER[0]), FARTHER[1])
+        return min(max(self.ratio(focal), FARTHER[0]), FARTHER[1])
+
+    def ratio(self, focal: float) -> float:
+        """`farther` without limits."""
+        return focal / (FOCAL_OVER_WIDTH * self.side)
 
     @property
     def centre(self) -> tuple[float, float]:
         """Its middle in the photo's pixels."""
         return self.left + self.side / 2, self.top + self.side / 2
 
-    def to_photo(self, x: float, y: float) -> tuple[float, float]:
+    def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
         """A point of the photo from where it is in the window: pixels of the photo from its middle."""
+        if self.lens is not None:
+            return _mapped(self._photo_from_window, x, y)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
-    def to_window(self, x: float, y: float) -> tuple[float, float]:
+    def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
         """Where a point of the photo is in the window: pixels of the photo from its middle."""
+        if self.lens is not None:
+            return _mapped(np.linalg.inv(self._photo_from_window), x, y)
         cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
         return cos * x + sin * y, cos * y - sin * x
 
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
-        """The camera of the whole photo of width x height from that of its window."""
+        """The camera of the whole photo of width x height from that of its window, which has no lens."""
         scale = self.side / camera.width
         at = ((camera.cx - camera.width / 2) * scale, (camera.cy - camera.height / 2) * scale)
         cx, cy = self.to_photo(*at)
@@ -185,6 +246,12 @@ class Window:
         Beyond the window it is `outside`.
         """
         scale, half = len(image) / self.side, len(image) / 2
+        if self.lens is not None:
+            to_pixel = np.array([[scale, 0, half], [0, scale, half], [0, 0, 1]])
+            from_tile = np.array([[1, 0, columns.start], [0, 1, rows.start], [0, 0, 1]])
+            transform = to_pixel @ np.linalg.inv(self._photo_from_window) @ from_tile
+            size = columns.stop - columns.start, rows.stop - rows.start
+            return _warped(image, transform, size, outside, Image.Resampling.BILINEAR)
         cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
         x, y = self.centre[0] - columns.start, self.centre[1] - rows.start
         transform = (cos, sin, half - cos * x - sin * y, -sin, cos, half + sin * x - cos * y)
@@ -217,16 +284,43 @@ class Window:
 
     def tiles(self, width: int, height: int) -> Iterator[tuple[slice, slice]]:
         """The part of a photo that the window touches, as rows and columns of a few lines at a time."""
-        half = self.side / 2 * (abs(math.cos(self.roll)) + abs(math.sin(self.roll)))
+        bounds = self._bounds()
         left, right, top, bottom = (
             min(max(edge, 0), length)
             for edge, length in (
-                (math.floor(self.centre[0] - half), width),
-                (math.ceil(self.centre[0] + half), width),
-                (math.floor(self.centre[1] - half), height),
-                (math.ceil(self.centre[1] + half), height),
+                (math.floor(bounds[0]), width),
+                (math.ceil(bounds[1]), width),
+                (math.floor(bounds[2]), height),
+                (math.ceil(bounds[3]), height),
             )
         )
         if left < right:
             for line in range(top, bottom, LINES):
                 yield slice(line, min(line + LINES, bottom)), slice(left, right)
+
+    def _bounds(self) -> tuple[float, float, float, float]:
+        """Left, right, top and bottom in the photo of what the window shows."""
+        if self.lens is None:
+            half = self.side / 2 * (abs(math.cos(self.roll)) + abs(math.sin(self.roll)))
+            x, y = self.centre
+            return x - half, x + half, y - half, y + half
+        half = self.side / 2
+        corners = [self.to_photo(x, y) for x in (-half, half) for y in (-half, half)]
+        (left, top), (right, bottom) = np.min(corners, 0), np.max(corners, 0)
+        return float(left), float(right), float(top), float(bottom)
+
+
+def _mapped(homography: np.ndarray, x: Place, y: Place) -> tuple[Place, Place]:
+    u, v, w = (row[0] * x + row[1] * y + row[2] for row in homography.tolist())
+    return u / w, v / w
+
+
+def _warped(
+    image: np.ndarray, source: np.ndarray, size: tuple[int, int], outside: float, method: Image.Resampling
+) -> np.ndarray:
+    """A map (S, S) drawn at `size` (width, height), float32; `source` (3, 3) says where each point is from."""
+    picture = Image.fromarray(np.ascontiguousarray(image, np.float32))
+    numbers = (source / source[2, 2]).ravel()[:8].tolist()
+    return np.asarray(
+        picture.transform(size, Image.Transform.PERSPECTIVE, numbers, method, fillcolor=outside)
+    )

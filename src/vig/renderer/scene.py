@@ -67,7 +67,7 @@ class Pinhole:
         return Pinhole(
             camera.width,
             camera.height,
-            azimuth.new_tensor([camera.focal, camera.focal]),
+            azimuth.new_tensor([camera.focal, camera.focal_y or camera.focal]),
             azimuth.new_tensor([camera.cx, camera.cy]),
             rotation[0],
             translation[0],

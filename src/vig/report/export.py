@@ -120,7 +120,7 @@ def write_nerfstudio(folder: Path, one: Exported) -> None:
         "w": camera.width,
         "h": camera.height,
         "fl_x": camera.focal,
-        "fl_y": camera.focal,
+        "fl_y": camera.focal_y or camera.focal,
         "cx": camera.cx,
         "cy": camera.cy,
         "frames": [frame],
@@ -190,9 +190,10 @@ def write_usd(folder: Path, one: Exported) -> None:
     # Apertures and focal length share a unit, here the pixel.
     eye.CreateFocalLengthAttr(camera.focal)
     eye.CreateHorizontalApertureAttr(float(camera.width))
-    eye.CreateVerticalApertureAttr(float(camera.height))
+    tall = camera.focal / (camera.focal_y or camera.focal)  # of a pixel, in widths of one
+    eye.CreateVerticalApertureAttr(tall * camera.height)
     eye.CreateHorizontalApertureOffsetAttr(camera.width / 2 - camera.cx)
-    eye.CreateVerticalApertureOffsetAttr(camera.cy - camera.height / 2)
+    eye.CreateVerticalApertureOffsetAttr(tall * (camera.cy - camera.height / 2))
     eye.CreateClippingRangeAttr(Gf.Vec2f(0.01, 1000.0))
     seen_from = np.linalg.inv(one.camera_from_object) @ LOOKS_BACK
     eye.AddTransformOp().Set(Gf.Matrix4d(*seen_from.T.ravel().tolist()))
@@ -207,28 +208,6 @@ WRITERS = {
     "ros": write_ros,
     "usd": write_usd,
 }
-
-
-def upright_pinhole(camera: Camera, pose: np.ndarray, focal: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Intrinsics (3, 3) of a camera with its principal point in the middle, and the pose (4, 4) before it.
-
-    A fit's camera looks straight at the object, as if the photo had been cut from a larger one round it. Seen
-    by the camera that took the photo, the object is turned with the ray that leads to it, and as far away as
-    makes it as large: `focal` over that of the fit times as far. None keeps the fit's focal length.
-    """
-    focal = focal or camera.focal
-    ray = np.array([(camera.cx - camera.width / 2) / focal, (camera.cy - camera.height / 2) / focal, 1.0])
-    length = float(np.linalg.norm(ray))
-    forward = ray / length
-    right = np.cross([0.0, 1.0, 0.0], forward)
-    right /= np.linalg.norm(right)
-    turn = np.eye(4)
-    turn[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-    away = pose.copy()
-    # A thing off the middle of a flat film is drawn larger by the ray's length.
-    away[2, 3] += (focal * length / camera.focal - 1) * camera.distance
-    intrinsics = np.array([[focal, 0, camera.width / 2], [0, focal, camera.height / 2], [0, 0, 1.0]])
-    return intrinsics, turn @ away
 
 
 def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:

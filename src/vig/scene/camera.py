@@ -33,6 +33,9 @@ class Camera:
     The eye is `distance` from the point (0, 0, target_height) and looks at it; the image's up is the
     world's, turned clockwise by `roll` radians. OpenCV axes (x right, y down, z forward); pixel centres at
     half-integers.
+
+    A lens whose pixels are oblong has another vertical focal length, `focal_y`. A camera that does not look
+    at that point has a `mount`: the rigid motion (4, 4), rows of it, from the axes of the one that does.
     """
 
     width: int
@@ -43,6 +46,8 @@ class Camera:
     distance: float = DISTANCE
     target_height: float = 0.0
     roll: float = 0.0
+    focal_y: float | None = None
+    mount: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         for side in (self.width, self.height):
@@ -51,7 +56,8 @@ class Camera:
                     f"a camera's image must have 1 to {MOST_PIXELS} whole pixels a side;"
                     f" got {self.width} x {self.height}. Give the photo's size."
                 )
-        if not all(_real(number) and number > 0 for number in (self.focal, self.distance)):
+        vertical = self.focal if self.focal_y is None else self.focal_y
+        if not all(_real(number) and number > 0 for number in (self.focal, vertical, self.distance)):
             raise ValueError(
                 f"focal (pixels) and distance (metres) must be positive and finite;"
                 f" got {self.focal} and {self.distance}. Give both in these units."
@@ -81,6 +87,7 @@ class Camera:
             focal=self.focal * factor,
             cx=self.cx * factor,
             cy=self.cy * factor,
+            focal_y=self.focal_y and self.focal_y * factor,
         )
 
     def framed(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> Camera:
@@ -98,7 +105,8 @@ class Camera:
     @property
     def K(self) -> np.ndarray:  # noqa: N802
         """Intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column, row, 1)."""
-        return np.array([[self.focal, 0.0, self.cx], [0.0, self.focal, self.cy], [0.0, 0.0, 1.0]])
+        vertical = self.focal_y or self.focal
+        return np.array([[self.focal, 0.0, self.cx], [0.0, vertical, self.cy], [0.0, 0.0, 1.0]])
 
     def camera_from_world(self, azimuth: float, elevation: float) -> np.ndarray:
         """Pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
@@ -122,6 +130,9 @@ class Camera:
         target[..., 2] = self.target_height
         translation = -(rotation @ target.unsqueeze(-1)).squeeze(-1)
         translation[..., 2] += self.distance
+        if self.mount is not None:
+            mount = rotation.new_tensor(self.mount)
+            rotation, translation = mount[:3, :3] @ rotation, translation @ mount[:3, :3].T + mount[:3, 3]
         return rotation, translation
 
 

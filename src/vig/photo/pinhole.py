@@ -1,0 +1,104 @@
+"""Poses before the camera that took a photo, from those before the camera of a fit.
+
+A fit's camera looks straight at the object, as if the photo had been cut from a larger one about it; the camera
+that took the photo does not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vig.photo.window import Window
+from vig.scene import Camera, ObjectClass
+
+STEPS = 10
+"""Of Gauss-Newton, at most; three are enough for most poses."""
+INNER_WEIGHT = 0.1
+"""Weight of a vertex within the outline, whose own vertices count 1."""
+
+
+def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """The pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for objects small in the photo.
+
+    Seen by it, the object is turned with the ray that leads to it, and as far away as makes it as large.
+
+    Args:
+        camera: Of the fit; its principal point is where it sees the object's axis.
+        pose: (4, 4) camera_from_object before that.
+        matrix: Of a camera that sees the same picture.
+    """
+    focal_x, focal_y = matrix[0, 0], matrix[1, 1]
+    ray = np.array([(camera.cx - matrix[0, 2]) / focal_x, (camera.cy - matrix[1, 2]) / focal_y, 1.0])
+    length = float(np.linalg.norm(ray))
+    forward = ray / length
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right /= np.linalg.norm(right)
+    turn = np.eye(4)
+    turn[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    away = pose.copy()
+    # A thing off the middle of a flat film is drawn larger by the ray's length.
+    away[2, 3] += (math.sqrt(focal_x * focal_y) * length / camera.focal - 1) * camera.distance
+    return turn @ away
+
+
+def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """(V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    towards = (np.cross(b - a, c - a) * (eye - a)).sum(1) > 0
+    seen, unseen = np.zeros(len(vertices), bool), np.zeros(len(vertices), bool)
+    seen[faces[towards]] = True
+    unseen[faces[~towards]] = True
+    return np.where(seen & unseen, 1.0, INNER_WEIGHT)
+
+
+def reprojected(
+    matrix: np.ndarray, pixels: np.ndarray, vertices: np.ndarray, weights: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """The pose before a camera under which points are seen nearest to given pixels.
+
+    Gauss-Newton on the weighted squared distances of projections, over rotation and translation.
+
+    Args:
+        matrix: (3, 3) intrinsics.
+        pixels: (V, 2), where each point is to be seen.
+        vertices: (V, 3) metres, in the object's frame.
+        weights: (V,) of each point's squared distance.
+        start: (4, 4) camera_from_object to begin with; returned where no step makes it better.
+
+    Returns:
+        camera_from_object (4, 4).
+    """
+    from scipy.spatial.transform import Rotation
+
+    root = np.sqrt(weights)[:, None]
+
+    def residual(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        points = vertices @ pose[:3, :3].T + pose[:3, 3]
+        seen = points @ matrix.T
+        return points, root * (seen[:, :2] / seen[:, 2:] - pixels)
+
+    pose, (points, off) = start, residual(start)
+    for _ in range(STEPS):
+        x, y, z = points.T
+        zero = np.zeros_like(x)
+        by_point = np.stack(
+            [np.stack([matrix[0, 0] / z, zero, -matrix[0, 0] * x / z**2], 1),
+             np.stack([zero, matrix[1, 1] / z, -matrix[1, 1] * y / z**2], 1)], axis=1
+        )  # fmt: skip
+        # A turn w about the camera's axes, through the object's middle, moves a point by w x (point - middle).
+        arm = points - points.mean(0)
+        turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
+        jacobian = root[:, :, None] * np.concatenate([by_point, by_point @ turn], axis=2)
+        step = np.linalg.lstsq(jacobian.reshape(-1, 6), -off.ravel(), rcond=None)[0]
+        moved = np.eye(4)
+        moved[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix()
+        middle = points.mean(0)
+        moved[:3, 3] = middle + step[:3] - moved[:3, :3] @ middle
+        candidate = moved @ pose
+        next_points, next_off = residual(candidate)
+        if not (next_points[:, 2] > 0).all() or np.square(next_off).sum() >= np.square(off).sum():
+            break
+        pose, points, off = candidate, next_points, next_off
+    return pose
