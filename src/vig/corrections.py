@@ -16,7 +16,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.hints import Hints
 from vig.inference import Said
-from vig.photo import Window
+from vig.photo import Intrinsics, Window
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 
@@ -45,7 +45,10 @@ class Mark:
 
 @dataclass(frozen=True)
 class State:
-    """All that a user has said of a photo; places are in its pixels, angles in degrees."""
+    """All that a user has said of a photo; places are in its pixels, angles in degrees.
+
+    `camera` is fx, fy, cx, cy of its lens.
+    """
 
     box: Box | None = None
     points: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -55,15 +58,21 @@ class State:
     elevation_deg: float | None = None
     roll_deg: float | None = None
     focal: float | None = None
+    camera: tuple[float, float, float, float] | None = None
 
     @staticmethod
-    def of(box: Box | None, focal: float | None, hints: Hints | None) -> State | None:
+    def of(
+        box: Box | None,
+        focal: float | None,
+        hints: Hints | None,
+        camera: tuple[float, float, float, float] | None = None,
+    ) -> State | None:
         """What was said to `Explainer.explain`; None where a mask, marks or a pose were among it."""
         hints = hints or Hints()
         if any(each is not None for each in (hints.mask, hints.marks, hints.pose)):
             return None
         angles = hints.azimuth_deg, hints.elevation_deg, hints.roll_deg
-        return State(box, dict(hints.points), (), hints.visible, *angles, focal)
+        return State(box, dict(hints.points), (), hints.visible, *angles, focal, camera)
 
     def hints(self, width: int, height: int) -> Hints:
         """The same as the library takes it."""
@@ -95,6 +104,8 @@ class State:
                 )
         if self.focal is not None and not 0 < self.focal < math.inf:
             raise UserError(f"expected a focal length in pixels, above 0; got {self.focal!r}. Leave it out.")
+        if self.camera is not None:
+            Intrinsics.of(self.camera, width, height)
         self.hints(width, height).checked(width, height, object_class)
 
     def write(self, folder: Path, photo: Path, object_class: ObjectClass) -> None:

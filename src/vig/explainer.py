@@ -27,11 +27,9 @@ from vig.scene import Latents, ObjectClass
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
-Focal = tuple[float, str]
-"""A focal length in pixels, and where it is from; see `Explanation.focal_from`."""
-Lens = Any
-"""A photo's intrinsics, as `Intrinsics.of` takes them."""
-Item = tuple[Photo, Box | None, Focal | None, Hints | None, Lens]
+Lens = tuple[Any, str]
+"""A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
+Item = tuple[Photo, Box | None, Lens | None, Hints | None]
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
 SURELY_FOUND = 0.75
@@ -81,7 +79,7 @@ class Explainer:
         window: Window | None = None,
         focal: float | None = None,
         hints: Hints | None = None,
-        camera: Lens = None,
+        camera: Any = None,
     ) -> Explanation:
         """Explain one photo.
 
@@ -91,8 +89,9 @@ class Explainer:
             box: x, y, width, height in pixels round the whole object, hidden parts included; without it the
                 object is sought in the whole photo.
             window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
-            focal: Focal length in pixels of the photo; by default a file's EXIF data tell, else it is
-                that of a telephoto lens, and with a window that of the standard camera.
+            focal: Focal length in pixels of the photo, its principal point in the middle; by default a file's
+                EXIF data tell, else it is that of a telephoto lens, and with a window that of the standard
+                camera.
             hints: What is known of the object in this photo.
             camera: The whole intrinsics of the photo, without distortion, in place of a focal length: fx, fy,
                 cx, cy in pixels, K (3, 3), or a mapping that has them, such as BOP's {"cam_K": ...}. The
@@ -105,32 +104,40 @@ class Explainer:
             raise UserError("expected a window or a roll among the hints; got both. Turn the window by it.")
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
-        if camera is not None and focal is not None:
-            raise UserError("expected a camera or a focal length; got both. The camera has its own.")
-        known = _focal(photo, None if focal is None else checked_focal(focal))
-        return on_one_core(partial(self._explained, photo, box, window, known, hints, camera))
+        lens = lens_of(photo, focal, camera)
+        return on_one_core(partial(self._explained, photo, box, window, lens, hints))
 
     def explain_followed(
-        self, photo: Photo, window: Window, focal: float | None = None, hints: Hints | None = None
+        self,
+        photo: Photo,
+        window: Window | None,
+        focal: float | None = None,
+        hints: Hints | None = None,
+        camera: Any = None,
+        box: Box | None = None,
     ) -> Explanation:
         """Explain a photo in which the object is known to be in the middle of a window, as in a video.
 
-        As `explain` with a box of that window, which may reach beyond the photo and be turned.
+        As `explain` with a box of that window, which may reach beyond the photo and be turned; or with a box.
+        With a focal length alone the answer's camera looks straight at the object all the same.
         """
-        known = _focal(photo, None if focal is None else checked_focal(focal))
-        return on_one_core(partial(self._explained, photo, None, window, known, hints, framed=False))
+        lens = lens_of(photo, focal, camera)
+        follow = partial(self._explained, photo, box, window, lens, hints, framed=False)
+        return on_one_core(partial(follow, turned=camera is not None))
 
     def _explained(
         self,
         photo: Photo,
         box: Box | None,
         window: Window | None,
-        focal: Focal | None,
+        lens: Lens | None,
         hints: Hints | None,
-        camera: Lens = None,
         framed: bool = True,
+        turned: bool = True,
     ) -> Explanation:
-        """`framed`: whether a window that is given is the standard camera's picture."""
+        """`framed`: whether a window that is given is the standard camera's picture; `turned`: whether a
+        known lens is turned towards the object.
+        """
         if hints is not None and not isinstance(hints, Hints):
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
@@ -145,16 +152,12 @@ class Explainer:
             window, found = (best := find(seen, self.recognizer)).window, best.score
             window = window if roll is None else replace(window, roll=roll)
         focal_from = "assumed"
-        lens = None if camera is None else Intrinsics.of(camera, width, height)
         if self.settings.farther is not None:
             focal_from = "given"
-        elif focal is not None or lens is not None:
-            pixels, focal_from = (math.nan, "given") if focal is None or lens is not None else focal
-            if lens is None and window.farther(pixels) != window.ratio(pixels):
-                # A perspective beyond what is fitted: only the camera itself has this focal length.
-                lens = Intrinsics(pixels, pixels, width / 2, height / 2)
-            window = replace(window, lens=lens)
-            settings = replace(settings, farther=window.farther(window.focal or pixels))
+        elif lens is not None:
+            intrinsics, focal_from = Intrinsics.of(lens[0], width, height), lens[1]
+            window = replace(window, lens=intrinsics) if turned else window
+            settings = replace(settings, farther=window.farther(window.focal or intrinsics.fx))
         cut, known = window.cut(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         told = None if hints is None else hints.in_window(window, self.object_class)
@@ -179,7 +182,7 @@ class Explainer:
         skip: Callable[[int, UserError], None] | None = None,
         focal: float | None = None,
         hints: Iterable[Hints | None] | None = None,
-        cameras: Iterable[Lens] | None = None,
+        cameras: Iterable[Any] | None = None,
     ) -> Iterator[Explanation]:
         """Explain photos in their order; see `explain`.
 
@@ -201,11 +204,10 @@ class Explainer:
             raise UserError(f"expected 1 or more workers; got {workers}. Give a whole number.")
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
-        focal = None if focal is None else checked_focal(focal)
         if cameras is not None and focal is not None:
             raise UserError("expected cameras or a focal length; got both. Cameras have their own.")
         items = (
-            (photo, box, _focal(photo, focal), told, camera)
+            (photo, box, lens_of(photo, focal, camera), told)
             for photo, box, told, camera in _matched(photos, box=boxes, hint=hints, camera=cameras)
         )
         if workers == 1:
@@ -228,9 +230,9 @@ class Explainer:
                 skip(number, result)
 
     def _tried(self, item: Item) -> Explanation | UserError:
-        photo, box, focal, hints, camera = item
+        photo, box, lens, hints = item
         try:
-            return on_one_core(partial(self._explained, photo, box, None, focal, hints, camera))
+            return on_one_core(partial(self._explained, photo, box, None, lens, hints))
         except UserError as error:
             return error
 
@@ -261,12 +263,19 @@ def checked_focal(focal: float) -> float:
     return float(focal)
 
 
-def _focal(photo: Photo, given: float | None) -> Focal | None:
-    """A focal length, the one given or else that of the EXIF data; None where neither is known."""
-    if given is not None:
-        return given, "given"
-    told = focal_of(photo)
-    return None if told is None else (told, "exif")
+def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Lens | None:
+    """The lens of a photo that is given, or else the one that its EXIF data tell; None where none is known.
+
+    UserError where a camera and a focal length are given, or a focal length is none.
+    """
+    if camera is not None:
+        if focal is not None:
+            raise UserError("expected a camera or a focal length; got both. The camera has its own.")
+        return camera, "given"
+    if focal is not None:
+        return checked_focal(focal), "given"
+    of_file = focal_of(photo)
+    return None if of_file is None else (of_file, "exif")
 
 
 def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:

@@ -226,7 +226,8 @@ class Explanation:
         straight = np.diag([self.window.focal, self.window.focal, 1.0])
         back = np.eye(4)
         back[:3, :3] = self.window.turn.T
-        return back @ turned_pose(camera, camera.camera_from_world(*angles), straight)
+        pose: np.ndarray = back @ turned_pose(camera, camera.camera_from_world(*angles), straight)
+        return pose
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
@@ -350,7 +351,14 @@ class Explanation:
         """What `explanation.json` holds."""
         cameras = [self.camera, *(view.camera for view in self.alternatives)]
         described = describe(
-            self.fit, self.object_class, self.window, cameras, self.focal_from, self.hidden_fraction, self.box
+            self.fit,
+            self.object_class,
+            self.window,
+            cameras,
+            self.focal_from,
+            self.hidden_fraction,
+            self.box,
+            self.pinhole_pose(),
         )
         hints = self.hints.described() if self.hints else {}
         return described | {"trusted": list(self.trusted), "hints": hints}

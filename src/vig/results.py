@@ -15,8 +15,7 @@ from PIL import Image
 
 from vig.checks import read_json, reading
 from vig.files import atomic_write
-from vig.report.export import MILLIMETRES, OBJECT_ID, box_of, run_lengths, upright_pinhole
-from vig.scene import Camera
+from vig.report.export import MILLIMETRES, OBJECT_ID, box_of, run_lengths
 
 TABLE = "results"
 TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
@@ -93,8 +92,8 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
 
     Scene and image are numbered by the photos' paths, `.../000001/rgb/000003.png`, where all have such; else
     by files' names that are numbers; else the scene is 0 and the image the photo's place among the photos.
-    Translations are in millimetres, poses those before a camera whose principal point is the photo's middle
-    (see `vig.report.export.upright_pinhole`), and the score is the confidence, 1 where none was learned.
+    Translations are in millimetres, poses those before the camera that took the photo (see
+    `Explanation.pinhole_pose`), and the score is the confidence, 1 where none was learned.
 
     Args:
         folder: Of the run.
@@ -115,8 +114,7 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
         for row in rows:
             if row["error"] is not None:
                 continue
-            several = "/" in row["folder"]
-            pose = _pose_of_photo(Path(folder) / row["folder"] / "explanation.json", several)
+            pose = _pose_of_photo(Path(folder) / row["folder"] / "explanation.json")
             turn = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
             place = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
             scene, image = scenes[row["photo"]]
@@ -186,22 +184,13 @@ def _of_classes(rows: Sequence[dict[str, Any]], first: int) -> dict[str, int]:
     return {name: first + place for place, name in enumerate(names)}
 
 
-def _pose_of_photo(path: Path, several: bool) -> np.ndarray:
-    """The pose (4, 4) before the photo's own camera, as `Explanation.pinhole_pose` has it, whether or not the
-    photo's objects are several.
-    """
+def _pose_of_photo(path: Path) -> np.ndarray:
+    """The pose (4, 4) before the photo's own camera, as `Explanation.pinhole_pose` has it."""
     with reading(path, "an explanation of `vig fit`", "Fit the photo again."):
-        said = read_json(path)
-        camera, pose = said["camera"], np.array(said["camera"]["camera_from_object"], float)
-        focal, x, y = camera["K"][0][0], camera["K"][0][2], camera["K"][1][2]
-        # The eye looks at a point on the object's axis: its height is what moves the origin off the middle.
-        axis = pose[:3, 2]
-        height = -float(axis[:2] @ pose[:2, 3]) / max(float(axis[:2] @ axis[:2]), 1e-9)
-        distance = float(pose[2, 3] + height * axis[2])
-        of_fit = Camera(camera["width"], camera["height"], focal, x, y, distance)
-        assumed = camera["focal_from"] == "assumed" and not several
-        known = None if assumed else focal / said["framing"]["magnification"]
-        return upright_pinhole(of_fit, pose, known)[1]
+        pose = np.array(read_json(path)["pinhole"]["camera_from_object"], float)
+        if pose.shape != (4, 4):
+            raise ValueError(f"its pose has the shape {pose.shape}")
+        return pose
 
 
 def _score(row: dict[str, Any]) -> float:

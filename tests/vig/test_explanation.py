@@ -114,7 +114,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
             "shape",
         ),
         *("alternatives", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
-        *("evaluations", "window", "framing", "camera", "roll_deg", "family", "box", "front"),
+        *("evaluations", "window", "framing", "camera", "pinhole", "roll_deg", "family", "box", "front"),
     }
     assert (said["class"], said["verdict"]) == ("teapot", "trusted")
     assert (said["mask_confidence"], said["trusted"]) == (0.7, ["view"])

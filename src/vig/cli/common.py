@@ -35,6 +35,11 @@ class Fit:
     """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
+    intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
+    """fx,fy,cx,cy in pixels, the intrinsics of undistorted photos, in place of --focal."""
+    cameras: Path | None = None
+    """A JSON file with such a camera, or K, for each photo: {"photo.jpg": [fx, fy, cx, cy], ...}; or with one
+    for all; or BOP's scene_camera.json."""
     mask: Path | None = None
     """A mask of where the object is seen, of the photo's size: white there, black elsewhere; or a folder with
     one for each photo, by its name with .png."""

@@ -19,6 +19,7 @@ from PIL import Image
 from vig import __version__
 from vig.checks import read_json
 from vig.cli.boxes import boxes_of, classes_of
+from vig.cli.cameras import cameras_of
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of, mask_of
 from vig.errors import UserError
@@ -48,7 +49,7 @@ def fit(settings: Fit) -> int:
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
         photos = photos_of(settings.images, settings.out)
     boxes, first, others = boxes_of(settings, photos), *classes_of(settings)
-    hints, mask = hints_of(settings, photos), mask_of(settings, photos)
+    hints, mask, cameras = hints_of(settings, photos), mask_of(settings, photos), cameras_of(settings, photos)
     folders = result_folders(photos, settings.out)
     how = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
@@ -60,8 +61,8 @@ def fit(settings: Fit) -> int:
     note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
     given = RunSettings(first, how, settings.device, settings.export, others)
     tasks = (
-        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0)
-        for photo, folder, (box, objects) in zip(photos, folders, boxes, strict=True)
+        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
+        for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )
     found: dict[str, dict[str, dict[str, Any]]] = {}
 
@@ -157,7 +158,7 @@ def _check_track(settings: Fit) -> None:
         raise UserError(
             f"expected one folder of frames or one video with --track; got {came}. Track one by one."
         )
-    for name in ("boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose"):
+    for name in ("boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose", "cameras"):
         if getattr(settings, name) not in (None, ()):
             raise UserError(f"expected --track without --{name}; got both. Leave one out.")
     if settings.workers > 1:

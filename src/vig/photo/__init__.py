@@ -5,4 +5,13 @@ from vig.photo.lens import Intrinsics, focal_of
 from vig.photo.outline import outline_distance
 from vig.photo.window import Halved, Window
 
-__all__ = ["Halved", "Intrinsics", "Window", "as_photo", "focal_of", "outline_distance", "read_photo", "write_png"]
+__all__ = [
+    "Halved",
+    "Intrinsics",
+    "Window",
+    "as_photo",
+    "focal_of",
+    "outline_distance",
+    "read_photo",
+    "write_png",
+]

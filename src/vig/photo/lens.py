@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from PIL import ExifTags, Image
@@ -21,14 +21,18 @@ UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 SAME_FOCAL = 0.1
 """Relative difference up to which two of EXIF's focal lengths agree; above, the 35 mm equivalent counts, as
 FocalPlane tags of pictures that a camera stored smaller are often those of its whole sensor."""
+STORED_SIZE = (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)
 STORED_PIXELS = 16
 """Pixels by which EXIF's size of the stored picture may differ: JPEG stores blocks of 8 or 16."""
-NARROWEST, WIDEST = 200.0, 0.15
-"""Focal lengths, in longer sides of the photo, beyond which K is not in this photo's pixels."""
+WIDEST = 0.15
+"""Focal length, in longer sides of the photo, below which K is not in this photo's pixels."""
 MOST_OFF_CENTRE = 3.0
 """Sides of the photo from its middle within which a principal point may lie: crops have it outside."""
 LEAST_COSINE = 0.2
 """Of the angle between the lens's optical axis and the rays of a window that is looked at through it."""
+DISTORTION = ("d", "D", "dist", "k1", "k2", "k3", "k4", "p1", "p2")
+"""What files of cameras call the coefficients of a lens's distortion."""
+FIELDS = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "cx"), ("cy", "cy"))
 REMEDY = "Give fx,fy,cx,cy in pixels of this photo, undistorted."
 
 
@@ -49,8 +53,9 @@ class Intrinsics:
         """The intrinsics of a photo from what a caller has them in.
 
         Args:
-            camera: `Intrinsics`; fx, fy, cx, cy; K as (3, 3) or its nine numbers row by row; or a mapping
-                with one of these as "K", "k" or "cam_K", or with "fx", "fy", "cx" and "cy".
+            camera: A focal length, for a principal point in the middle; `Intrinsics`; fx, fy, cx, cy; K as
+                (3, 3) or its nine numbers row by row; or a mapping with one of these as "K", "k" or "cam_K",
+                or with "fx" or "fl_x", "fy" or "fl_y", "cx" and "cy".
             width: Of the photo, pixels; and height.
 
         Raises:
@@ -58,13 +63,20 @@ class Intrinsics:
         """
         if isinstance(camera, Intrinsics):
             lens = camera
+        elif isinstance(camera, float):
+            lens = Intrinsics(camera, camera, width / 2, height / 2)
         else:
             lens = Intrinsics(*_four_numbers(camera))
+        if isinstance(camera, Mapping):
+            size = [camera.get(long, camera.get(short)) for long, short in (("width", "w"), ("height", "h"))]
+            if None not in size and size != [width, height]:
+                came = f"one of {size[0]} x {size[1]}. Scale it"
+                _refuse(f"a camera of a photo of {width} x {height}", came)
         longer, numbers = max(width, height), (lens.fx, lens.fy, lens.cx, lens.cy)
         words = "fx {:g}, fy {:g}, cx {:g}, cy {:g}".format(*numbers)
         if not all(map(math.isfinite, numbers)) or min(lens.fx, lens.fy) <= 0:
             _refuse("finite numbers, focal lengths above 0", f"{words}. OpenCV's axes make both positive")
-        if not all(WIDEST * longer <= focal <= NARROWEST * longer for focal in (lens.fx, lens.fy)):
+        if min(lens.fx, lens.fy) < WIDEST * longer:
             _refuse(f"focal lengths that suit a photo of {width} x {height}", words)
         if not 0.2 < lens.fx / lens.fy < 5:
             _refuse("fx and fy that are nearly equal", words)
@@ -105,10 +117,15 @@ class Intrinsics:
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
     """fx, fy, cx, cy from whatever states them."""
     if isinstance(camera, Mapping):
-        if any(np.any(np.asarray(camera[name], float)) for name in ("d", "D", "dist") if name in camera):
-            _refuse("a photo without lens distortion", "coefficients of one. Undistort it first")
+        if bent := [
+            name for name in DISTORTION if name in camera and np.any(np.asarray(camera[name], float))
+        ]:
+            _refuse(
+                "a photo without lens distortion", f"coefficients of it in '{bent[0]}'. Undistort it first"
+            )
         matrix = next((camera[name] for name in ("K", "k", "cam_K") if name in camera), None)
-        camera = [camera.get(name) for name in ("fx", "fy", "cx", "cy")] if matrix is None else matrix
+        fields = [camera.get(name, camera.get(other)) for name, other in FIELDS]
+        camera = (None if None in fields else fields) if matrix is None else matrix
     try:
         if any(isinstance(number, bool) for number in np.ravel(np.asarray(camera, object))):
             raise TypeError
@@ -130,7 +147,7 @@ def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
     return fx, fy, cx, cy
 
 
-def _refuse(expected: str, came: str) -> None:
+def _refuse(expected: str, came: str) -> NoReturn:
     raise UserError(f"expected {expected}; got {came}. {REMEDY}")
 
 
@@ -148,15 +165,13 @@ def focal_of(photo: object) -> float | None:
             return None
         tags = photo.getexif().get_ifd(ExifTags.IFD.Exif)
         size = sorted(photo.size)
-        stored = [tags.get(ExifTags.Base.ExifImageWidth), tags.get(ExifTags.Base.ExifImageHeight)]
-        if all(stored):
-            stored = sorted(map(int, stored))
-            if any(abs(a - b) > STORED_PIXELS for a, b in zip(size, stored, strict=True)):
-                return None
+        stored = sorted(int(tags.get(tag) or 0) for tag in STORED_SIZE)
+        if all(stored) and any(abs(a - b) > STORED_PIXELS for a, b in zip(size, stored, strict=True)):
+            return None
         of_film = float(tags.get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
         equivalent = of_film / FILM_DIAGONAL * math.hypot(*size) if 1 <= of_film <= 2000 else None
         exact = _focal_plane(tags)
-        if exact is None or not WIDEST * size[1] <= exact <= NARROWEST * size[1]:
+        if exact is None or exact < WIDEST * size[1]:
             return equivalent
         agrees = equivalent is None or abs(exact / equivalent - 1) <= SAME_FOCAL
         return exact if agrees else equivalent

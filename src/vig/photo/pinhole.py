@@ -1,7 +1,7 @@
 """Poses before the camera that took a photo, from those before the camera of a fit.
 
-A fit's camera looks straight at the object, as if the photo had been cut from a larger one about it; the camera
-that took the photo does not.
+A fit's camera looks straight at the object, as if the photo had been cut from a larger one about it; the
+camera that took the photo does not.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from vig.photo.window import Window
-from vig.scene import Camera, ObjectClass
+from vig.scene import Camera
 
 STEPS = 10
 """Of Gauss-Newton, at most; three are enough for most poses."""
@@ -40,7 +39,8 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     away = pose.copy()
     # A thing off the middle of a flat film is drawn larger by the ray's length.
     away[2, 3] += (math.sqrt(focal_x * focal_y) * length / camera.focal - 1) * camera.distance
-    return turn @ away
+    turned: np.ndarray = turn @ away
+    return turned
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
@@ -87,7 +87,7 @@ def reprojected(
             [np.stack([matrix[0, 0] / z, zero, -matrix[0, 0] * x / z**2], 1),
              np.stack([zero, matrix[1, 1] / z, -matrix[1, 1] * y / z**2], 1)], axis=1
         )  # fmt: skip
-        # A turn w about the camera's axes, through the object's middle, moves a point by w x (point - middle).
+        # A turn w through the object's middle moves a point by w x (point - middle).
         arm = points - points.mean(0)
         turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
         jacobian = root[:, :, None] * np.concatenate([by_point, by_point @ turn], axis=2)

@@ -163,16 +163,17 @@ class Window:
 
     def _cut_through_lens(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
         """`cut`, from the upright window about its corners, resampled by the homography of the lens."""
+        fine = 2 * size  # and halved: a homography's resampling does not smooth
         left, right, top, bottom = self._bounds()
         side = max(right - left, bottom - top)
         level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
-        wide = math.ceil(size * side / self.side)
+        wide = math.ceil(fine * side / self.side)
         image, known = level.cut(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
-        from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
+        from_pixel = np.array([[1, 0, -size], [0, 1, -size], [0, 0, fine / self.side]])
         transform = to_level @ self._photo_from_window @ from_pixel
         cut = [
-            _warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC)
+            np.asarray(_warped(channel, transform, (fine, fine), 0.0, Image.Resampling.BICUBIC).reduce(2))
             for channel in (*np.moveaxis(image, 2, 0), known)
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
@@ -184,16 +185,18 @@ class Window:
 
     @property
     def turn(self) -> np.ndarray:
-        """Rotation (3, 3) from the axes of the photo's camera to those of the camera that shows the window."""
+        """Rotation (3, 3) to the axes of the camera that shows the window from the photo's camera's."""
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         roll = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
         return roll if self.lens is None else roll @ self.lens.turned_to(*self.centre)[0]
 
     @cached_property
     def _photo_from_window(self) -> np.ndarray:
-        """Homography (3, 3) of a window with a lens, to the photo from pixels of it about the middle."""
-        assert self.lens is not None and self.focal is not None
-        matrix = self.lens.K @ self.turn.T @ np.diag([1 / self.focal, 1 / self.focal, 1.0])
+        """Homography (3, 3) to the photo from the window, in pixels of the photo about its middle."""
+        if self.lens is None or self.focal is None:
+            cos, sin = math.cos(self.roll), math.sin(self.roll)
+            return np.array([[cos, -sin, self.centre[0]], [sin, cos, self.centre[1]], [0.0, 0.0, 1.0]])
+        matrix: np.ndarray = self.lens.K @ self.turn.T @ np.diag([1 / self.focal, 1 / self.focal, 1.0])
         half = self.side / 2
         depth = matrix[2] @ [[-half, half, -half, half], [-half, -half, half, half], [1, 1, 1, 1]]
         if depth.min() < LEAST_COSINE:
@@ -251,7 +254,7 @@ class Window:
             from_tile = np.array([[1, 0, columns.start], [0, 1, rows.start], [0, 0, 1]])
             transform = to_pixel @ np.linalg.inv(self._photo_from_window) @ from_tile
             size = columns.stop - columns.start, rows.stop - rows.start
-            return _warped(image, transform, size, outside, Image.Resampling.BILINEAR)
+            return np.asarray(_warped(image, transform, size, outside, Image.Resampling.BILINEAR))
         cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
         x, y = self.centre[0] - columns.start, self.centre[1] - rows.start
         transform = (cos, sin, half - cos * x - sin * y, -sin, cos, half + sin * x - cos * y)
@@ -268,6 +271,13 @@ class Window:
         Where that lies beyond this window it is `outside`.
         """
         size = len(image)
+        if self.lens is not None or there.lens is not None:
+            here, other = size / self.side, there.side / size
+            to_pixel = np.array([[here, 0, size / 2], [0, here, size / 2], [0, 0, 1]])
+            from_pixel = np.array([[other, 0, -there.side / 2], [0, other, -there.side / 2], [0, 0, 1]])
+            transform = np.linalg.inv(self._photo_from_window) @ there._photo_from_window
+            transform = to_pixel @ transform @ from_pixel
+            return np.asarray(_warped(image, transform, (size, size), outside, Image.Resampling.BILINEAR))
         corners = [self.to_window(*there.to_photo(x, y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
         (x0, y0), (x1, y1), (x2, y2) = corners
         back, here = size / self.side, there.side / size
@@ -317,10 +327,8 @@ def _mapped(homography: np.ndarray, x: Place, y: Place) -> tuple[Place, Place]:
 
 def _warped(
     image: np.ndarray, source: np.ndarray, size: tuple[int, int], outside: float, method: Image.Resampling
-) -> np.ndarray:
-    """A map (S, S) drawn at `size` (width, height), float32; `source` (3, 3) says where each point is from."""
+) -> Image.Image:
+    """A map (S, S) drawn at `size` (width, height), float32; `source` (3, 3) maps to its points."""
     picture = Image.fromarray(np.ascontiguousarray(image, np.float32))
     numbers = (source / source[2, 2]).ravel()[:8].tolist()
-    return np.asarray(
-        picture.transform(size, Image.Transform.PERSPECTIVE, numbers, method, fillcolor=outside)
-    )
+    return picture.transform(size, Image.Transform.PERSPECTIVE, numbers, method, fillcolor=outside)

@@ -50,6 +50,7 @@ def describe(
     focal_from: str,
     hidden: float | None,
     box: Sequence[int] | None,
+    pinhole: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> dict[str, Any]:
     """Return a window's fit in plain numbers, degrees and linear RGB, as `explanation.json` holds it.
 
@@ -62,6 +63,7 @@ def describe(
         focal_from: Where the focal length is from; see `Explanation`.
         hidden: Share of the object's pixels within the photo that are hidden, None when there are none.
         box: x, y, width, height in pixels round what the object covers, None for nothing.
+        pinhole: Intrinsics, pose and its covariance, as `Explanation.pinhole_pose` has them.
     """
     camera = cameras[0]
     turns = object_class.symmetry.fold
@@ -111,6 +113,11 @@ def describe(
             "camera_from_object": _pose(camera, fit.latents).tolist(),
             "focal_from": focal_from,
             "scale": SCALE,
+        },
+        "pinhole": {
+            "K": pinhole[0].tolist(),
+            "camera_from_object": pinhole[1].tolist(),
+            "covariance": pinhole[2].tolist(),
         },
         "glb_from_object": glb_from_object(float(fit.latents.azimuth)).tolist(),
         "frames": FRAMES | ({"front": f"+X is {object_class.front}"} if object_class.front else {}),

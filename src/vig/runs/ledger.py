@@ -82,7 +82,7 @@ def described(settings: RunSettings, explainer: Explainer) -> str:
 
 def key_of(task: Task, said: str) -> str:
     """Tells whether a photo, its settings and what is said of it are those of a row."""
-    about = task.box, task.focal, task.objects, task.most
+    about = task.box, task.focal, task.objects, task.most, task.camera
     packs = [_pack(name) for name in sorted({name for name, _ in task.objects})]
     digest = hashlib.sha256(repr((said, _stamp(task.photo), about, packs)).encode())
     if task.mask is not None:

@@ -43,6 +43,7 @@ class Task:
         mask: A file, read with the photo.
         objects: Class and box of each of several objects, which are explained together.
         most: So many objects, of any of the run's classes, are to be found and explained together.
+        camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
         key: Tells what the results depend on; it is kept beside them, see `vig.runs.ledger`.
     """
 
@@ -54,6 +55,7 @@ class Task:
     mask: Path | None = None
     objects: tuple[tuple[str, Box], ...] = ()
     most: int = 0
+    camera: Any = None
     key: str = ""
 
 
@@ -102,7 +104,9 @@ class Work:
             hints = task.hints
             if task.mask is not None:
                 hints = replace(hints or Hints(), mask=read_mask(task.mask))
-            found = self.explainer.explain(task.photo, task.box, focal=task.focal, hints=hints)
+            found = self.explainer.explain(
+                task.photo, task.box, focal=task.focal, hints=hints, camera=task.camera
+            )
             self.write(task, found)
         except UserError as error:
             return failed(task, error)
@@ -119,10 +123,11 @@ class Work:
         if task.objects:
             explainers = [self.of_class(name) for name, _ in task.objects]
             boxes = [box for _, box in task.objects]
-            scene = explain_together(task.photo, explainers, boxes, task.focal)
+            scene = explain_together(task.photo, explainers, boxes, task.focal, task.camera)
         else:
             names = (str(self.settings.object_class), *self.settings.others)
-            scene = explain_found(task.photo, [self.of_class(name) for name in names], task.most, task.focal)
+            explainers = [self.of_class(name) for name in names]
+            scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
         with beside_folder(task) as beside:
             scene.save(beside, task.photo.name, self.export)
         return [
@@ -135,7 +140,9 @@ class Work:
         with beside_folder(task) as beside:
             found.save(beside, task.photo.name)
             found.export(beside, self.export, task.photo.name)
-            said = State.of(task.box, task.focal, found.hints)
+            lens = None if task.camera is None else found.window.lens
+            camera = None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)
+            said = State.of(task.box, task.focal, found.hints, camera)
             if said is not None:  # named from where it will be, which is as deep
                 said.write(beside, task.photo, found.object_class)
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from vig.errors import UserError
-from vig.explainer import SURELY_FOUND, Box, Explainer, Photo
+from vig.explainer import SURELY_FOUND, Box, Explainer, Lens, Photo, lens_of
 from vig.explanation import Explanation
 from vig.parallel import on_one_core
-from vig.photo import Halved, Window, focal_of
+from vig.photo import Halved, Window
 from vig.photo.images import coded_photo
 from vig.recognition.find import apart, find_several
 from vig.together.joint import together
@@ -23,7 +23,11 @@ MOST_OBJECTS = 16
 
 
 def explain_together(
-    photo: Photo, explainers: Sequence[Explainer], boxes: Sequence[Box], focal: float | None = None
+    photo: Photo,
+    explainers: Sequence[Explainer],
+    boxes: Sequence[Box],
+    focal: float | None = None,
+    camera: Any = None,
 ) -> SceneExplanation:
     """Explain several objects of one photo together.
 
@@ -32,6 +36,7 @@ def explain_together(
         explainers: One for each object, that of its class; the same one may stand for several.
         boxes: Round each whole object, hidden parts included.
         focal: In pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of that, likewise.
 
     Raises:
         UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
@@ -42,16 +47,20 @@ def explain_together(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
             f" {len(explainers)} and {len(boxes)}. Give as many of both."
         )
-    picture, known = coded_photo(photo), _known(photo, focal)
+    picture, known = coded_photo(photo), _Known(lens_of(photo, focal, camera))
     alone = [
-        known.noted(explainer.explain(picture, box, focal=known.focal))
+        known.noted(explainer.explain(picture, box, camera=known.camera))
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
     return on_one_core(partial(together, alone, explainers))
 
 
 def explain_found(
-    photo: Photo, explainers: Sequence[Explainer], most: int, focal: float | None = None
+    photo: Photo,
+    explainers: Sequence[Explainer],
+    most: int,
+    focal: float | None = None,
+    camera: Any = None,
 ) -> SceneExplanation:
     """Find objects of one or more classes in a photo, and explain them together.
 
@@ -63,6 +72,7 @@ def explain_found(
         explainers: One for each class.
         most: So many objects at most.
         focal: In pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of that, likewise.
 
     Raises:
         UserError: As `Explainer.explain`, or nothing is found.
@@ -72,14 +82,15 @@ def explain_found(
         raise UserError("expected an explainer for each class that is sought; got none. Give one.")
     if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
-    picture, known = coded_photo(photo), _known(photo, focal)
+    picture, known = coded_photo(photo), _Known(lens_of(photo, focal, camera))
     places = on_one_core(partial(find_together, picture, explainers, most))
     if not places:
         names = " or ".join(each.object_class.name for each in explainers)
         raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
     chosen = [explainer for explainer, _ in places]
     alone = [
-        known.noted(explainer.explain_followed(picture, window, known.focal)) for explainer, window in places
+        known.noted(explainer.explain_followed(picture, window, camera=known.camera))
+        for explainer, window in places
     ]
     return on_one_core(partial(together, alone, chosen))
 
@@ -112,15 +123,13 @@ def find_together(
 
 @dataclass(frozen=True)
 class _Known:
-    """A photo's focal length in pixels, if it is known, and whether its EXIF data tell it."""
+    """A photo's lens, if it is known."""
 
-    focal: float | None
-    exif: bool
+    lens: Lens | None
+
+    @property
+    def camera(self) -> Any:
+        return None if self.lens is None else self.lens[0]
 
     def noted(self, found: Explanation) -> Explanation:
-        return replace(found, focal_from="exif") if self.exif else found
-
-
-def _known(photo: Photo, focal: float | None) -> _Known:
-    told = None if focal is not None else focal_of(photo)
-    return _Known(focal if told is None else told, told is not None)
+        return found if self.lens is None else replace(found, focal_from=self.lens[1])

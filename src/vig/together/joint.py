@@ -120,7 +120,9 @@ def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.nd
 
 
 def _focal_of(alone: Sequence[Explanation]) -> float:
-    """Focal length in pixels of the photo."""
+    """Focal length in pixels of the photo, the vertical one of a lens."""
+    if (lens := alone[0].window.lens) is not None:
+        return lens.fy
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
     if alone[0].focal_from == "assumed":
         return TELEPHOTO * float(np.mean(standard))
@@ -147,7 +149,7 @@ class _Refit:
             asked = torch.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
             view = asked[0] if likeliest - own > SURER else view
-        farther = found.window.farther(_focal_of(self.alone))
+        farther = found.window.farther(found.window.focal or _focal_of(self.alone))
         settings = replace(explainer.settings.filled(photo=True), farther=farther)
         assert settings.appearance_weight is not None
         prediction = self._level(self._lit(prediction, settings.appearance_weight))
@@ -178,8 +180,9 @@ class _Refit:
     def _level(self, prediction: Prediction) -> Prediction:
         """The prediction with the elevation that the others tell as a second Gaussian: all stand upright."""
         focal = _focal_of(self.alone)
-        height = self.alone[0].picture.shape[0]
-        below = [math.atan((each.window.centre[1] - height / 2) / focal) for each in self.alone]
+        lens = self.alone[0].window.lens
+        middle = self.alone[0].picture.shape[0] / 2 if lens is None else lens.cy
+        below = [math.atan((each.window.centre[1] - middle) / focal) for each in self.alone]
         told = [
             float(each.latents.elevation) + below[self.index] - below[index]
             for index, each in enumerate(self.alone)

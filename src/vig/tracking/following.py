@@ -127,7 +127,7 @@ class Follower:
     def explain(self, frame: Photo, box: Box | None = None) -> tuple[Explanation, Sighting]:
         """Explain the next frame; box: round the object in it, where it was not seen before."""
         if self.place is None:
-            found = self.explainer.explain(frame, box, focal=self.focal, hints=self.hints)
+            found = self.explainer.explain_followed(frame, None, self.focal, self.hints, box=box)
             seen = Sighting.of(found)
             if not seen.lost:
                 self.place, self.roll, self.albedo = seen.place, seen.camera.roll, seen.albedo

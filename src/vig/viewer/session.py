@@ -125,11 +125,12 @@ class Session:
 
     def _explained(self, state: State) -> Explanation:
         height, width = self.photo.shape[:2]
-        focal = self.focal if state.focal is None else state.focal
-        given: dict[str, Any] = {"box": state.box, "focal": focal, "hints": state.hints(width, height)}
+        given: dict[str, Any] = {"box": state.box, "hints": state.hints(width, height)}
+        said = state.focal is not None or state.camera is not None
+        focal = state.focal if said else self.focal
         try:
-            found = self.explainer.explain(self.photo, **given)
-            exif = state.focal is None and focal is not None and self.explainer.settings.farther is None
+            found = self.explainer.explain(self.photo, focal=focal, camera=state.camera, **given)
+            exif = not said and focal is not None and self.explainer.settings.farther is None
             return replace(found, focal_from="exif") if exif else found
         except UserError as error:
             raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
@@ -147,4 +148,4 @@ def marked(said: Said, x: float, y: float, radius: float) -> Change:
 
 def cleared(state: State) -> State:
     """The change that `Session.clear` makes."""
-    return State(box=state.box, focal=state.focal)
+    return State(box=state.box, focal=state.focal, camera=state.camera)

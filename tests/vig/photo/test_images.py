@@ -9,7 +9,8 @@ import pytest
 from PIL import Image, ImageCms
 
 from vig.errors import UserError
-from vig.photo.images import MAX_PIXELS, MID_GREY, focal_of, read_photo, write_png
+from vig.photo.images import MAX_PIXELS, MID_GREY, read_photo, write_png
+from vig.photo.lens import focal_of
 from vig_world.assets.hdr import read_panorama
 
 SIZE = (24, 20)  # width, height
