@@ -51,6 +51,7 @@ class Explainer:
         object_class: str | Path | ObjectClass = "teapot",
         settings: ExplainSettings = ExplainSettings(),  # noqa: B008, it is frozen
         device: str = "cpu",
+        recognizer: Recognizer | None = None,
     ):
         """Load a class and its recognition network.
 
@@ -59,6 +60,7 @@ class Explainer:
             settings: How to fit. What is None in them is that of photographs, and with a window that of
                 pictures by the standard camera; `farther` follows from the photo's focal length if known.
             device: "cpu", "cuda" or one of several, "cuda:1": where network and search compute.
+            recognizer: A network in place of the class's own.
 
         Raises:
             UserError: There is no such class or device, or a part of the class's pack is missing or damaged.
@@ -70,7 +72,7 @@ class Explainer:
             object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
-        self.recognizer = on_one_core(partial(Recognizer.of_class, object_class, device=device))
+        self.recognizer = recognizer or on_one_core(partial(Recognizer.of_class, object_class, device=device))
 
     def explain(
         self,

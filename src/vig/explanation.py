@@ -21,7 +21,7 @@ from vig.inference import Fit, Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.images import coded, linear_photo, write_png
-from vig.photo.pinhole import outline_weights, reprojected, turned_pose
+from vig.photo.pinhole import outline_weights, reprojected, sight_axes, turned_pose
 from vig.renderer import render_latents
 from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
 from vig.report.page import write_thumbnail
@@ -31,6 +31,8 @@ from vig.scene.camera import FOCAL_OVER_WIDTH
 
 DIFFERENCE = 1e-4
 """Step of the numerical derivatives of a pose."""
+UNKNOWN_DISTANCE = 1.0
+"""Standard deviation of a distance, as a share of it, where the focal length is a guess."""
 
 
 @dataclass(frozen=True)
@@ -437,7 +439,8 @@ class Explanation:
 
         Returns:
             Intrinsics (3, 3); camera_from_object (4, 4), metres; its covariance (6, 6): x, y, z in metres,
-            then turns about these axes in radians.
+            then turns about these axes in radians. The spread of the sizes of the class's shapes is in it;
+            where the focal length is a guess, the depth has a deviation as large as the distance itself.
         """
         matrix, pose = self._pinhole
         return matrix, pose, self._pose_covariance(matrix, pose)
@@ -475,7 +478,26 @@ class Explanation:
             columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
             columns[-1] *= float(deviation[index])
         spread = np.stack(columns, axis=1)
-        return spread @ spread.T
+        covariance: np.ndarray = spread @ spread.T
+        axes = sight_axes(pose)
+        deviations = self.fit.position_deviation.double().numpy().copy()
+        deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
+        covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
+        return covariance
+
+    @property
+    def position_units(self) -> np.ndarray:
+        """(3,) metres of the units of `Fit.position_deviation`: the object's length, twice, its distance."""
+        length = float(np.ptp(self.vertices, axis=0).max())
+        return np.array([length, length, float(np.linalg.norm(self._pinhole[1][:3, 3]))])
+
+    @property
+    def distance_known(self) -> bool:
+        """Whether the object's distance is more than a guess: the focal length is known.
+
+        Even then distances are those of an object of the class's usual size.
+        """
+        return self.focal_from != "assumed"
 
     def __repr__(self) -> str:
         height, width = self.picture.shape[:2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,14 +15,17 @@ from scipy.ndimage import rotate
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration
-from vig.inference.calibration import faded, residual
+from vig.explainer import Explainer
+from vig.explanation import Explanation
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration, Verdict
+from vig.inference.calibration import UNCALIBRATED_POSITION, faded, residual
 from vig.inference.settings import MASK_RIGHT
+from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
 from vig_lab.evaluation.fits import Fits, fit_all, key_of
-from vig_lab.evaluation.framing import fit_settings, framed
+from vig_lab.evaluation.framing import box_of_silhouette, fit_settings, framed
 from vig_lab.evaluation.metrics import segmentation_iou
 from vig_lab.training.calibration import WITHIN_90
 from vig_lab.training.drawing import studio_examples
@@ -30,6 +33,7 @@ from vig_lab.training.examples import Examples
 from vig_lab.training.studio import Studio, StudioSettings
 from vig_world.dataset import Dataset
 from vig_world.dataset.spec import Split
+from vig_world.renderers.view import View
 
 RIGHT = math.radians(15.0)
 """A view is right within this of azimuth."""
@@ -85,6 +89,8 @@ ABSENT = 0.45
 """Share of a studio's photos that show something else."""
 LEAST_ROLL = 20.0
 """Degrees by which such photos are rolled at least, one way or the other."""
+POSITION_PHOTOS = 300
+"""Photos of a dataset on which positions are calibrated, at most."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -303,7 +309,73 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
         mask_threshold,
         torch.from_numpy(scale),
         torch.from_numpy(floor),
+        torch.tensor([UNCALIBRATED_POSITION] * 2, dtype=torch.float64),
     )
+
+
+def with_positions(
+    calibration: FitCalibration,
+    datasets: Sequence[Dataset | StudioPhotos],
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    count: int = POSITION_PHOTOS,
+    advance: Callable[[int], None] = lambda done: None,
+) -> FitCalibration:
+    """The calibration with `position` learned on photographs whose cameras are known, boxes given.
+
+    Args:
+        calibration: Says which fits are trusted.
+        datasets: Those of the world "photo" are used, `count` photos of each at most; without one the
+            calibration stays as it is.
+        object_class: What they show.
+        recognizer: Its network, calibrated.
+        count: See there.
+        advance: Is called with 1 for each photo.
+    """
+    explainer = Explainer(object_class, ExplainSettings(calibration=calibration), recognizer=recognizer)
+    explained = [
+        (explanation, true)
+        for dataset in datasets
+        if isinstance(dataset, Dataset) and dataset.world == "photo"
+        for explanation, true in _posed(dataset.first(count), object_class, explainer, advance)
+    ]
+    if len(explained) < LEAST_GROUP:
+        return calibration
+    errors, stated = np.array([position_error(*each) for each in explained]).transpose(1, 0, 2)
+    trusted = np.array([explanation.verdict is Verdict.TRUSTED for explanation, _ in explained])
+    position = np.empty((2, 3))
+    for row, group in enumerate((trusted, ~trusted)):
+        chosen = group if group.sum() >= LEAST_GROUP else np.ones_like(group)
+        # The variance that is missing from the curvature's where 90 % of the errors are to lie within.
+        missing = (errors[chosen] / WITHIN_90) ** 2 - stated[chosen] ** 2
+        position[row] = np.sqrt(np.quantile(missing, 0.9, axis=0).clip(0.0))
+    return replace(calibration, position=torch.from_numpy(position))
+
+
+def _posed(
+    dataset: Dataset, object_class: ObjectClass, explainer: Explainer, advance: Callable[[int], None]
+) -> Iterator[tuple[Explanation, np.ndarray]]:
+    """Photos explained with their boxes and cameras, and the true poses (4, 4); others are passed over."""
+    for image, whole, spec in zip(dataset.images, dataset.amodal, dataset.specs(), strict=True):
+        view = View.of_scene(spec, object_class)
+        camera = view.camera.focal, view.camera.focal, view.camera.cx, view.camera.cy
+        true = np.eye(4)
+        true[:3, :3], true[:3, 3] = view.rotation, view.translation
+        advance(1)
+        if (box := box_of_silhouette(whole)) is not None:
+            yield explainer.explain(image, box, camera=camera), true
+
+
+def position_error(explanation: Explanation, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (3,) of a position in the units of `FitCalibration.position`, and the curvature's deviations.
+
+    true: (4, 4) camera_from_object.
+    """
+    _, pose, covariance = explanation.pinhole_pose()
+    axes, units = sight_axes(pose), explanation.position_units
+    widened = np.square(explanation.fit.position_deviation.numpy() * units)
+    variance = np.diag(axes.T @ covariance[:3, :3] @ axes) - widened
+    return np.abs(axes.T @ (pose[:3, 3] - true[:3, 3])) / units, np.sqrt(variance.clip(0.0)) / units
 
 
 def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -23,8 +23,8 @@ from vig.files import atomic_write
 from vig.scene import ObjectClass, latent_layout
 
 FILE = "calibration.json"
-FORMAT = 6
-"""5 said nothing of masks."""
+FORMAT = 7
+"""6 said nothing of positions."""
 
 CONFIDENCE_FEATURES = (
     "evidence_gap",  # log (1 + nats by which the best fit of another view lies behind), 0 for a reverted fit
@@ -44,6 +44,8 @@ CONFIDENCE_FEATURES = (
 )
 """What the confidence in a fit is computed from, in this order."""
 
+UNCALIBRATED_POSITION = (0.1, 0.1, 0.3)
+"""Position deviations of a class without a calibration, see `FitCalibration.position`: rough ones."""
 LEAST_DEVIATION = 1e-3
 """Of any latent: even one that never varied, such as L00 at a set exposure, is not certain."""
 
@@ -68,6 +70,10 @@ class FitCalibration:
         mask_threshold: And a mask.
         scale: (2, P) factors of deviations, row 0 for trusted fits, 1 for others.
         floor: (2, P) in units of the residual, likewise.
+        position: (2, 3) standard deviations of the object's position before a known camera, beside what
+            follows from the curvature, likewise: to the side and along the object's vertical as it is seen,
+            in lengths of the object, and in depth, as a share of the distance. The spread of the sizes of a
+            class's shapes is in it.
     """
 
     view_weights: torch.Tensor
@@ -80,6 +86,7 @@ class FitCalibration:
     mask_threshold: float
     scale: torch.Tensor
     floor: torch.Tensor
+    position: torch.Tensor
 
     def confidence(self, features: torch.Tensor) -> float:
         """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""
@@ -125,7 +132,7 @@ class FitCalibration:
                 raise ValueError("it is of other confidence features")
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
             weights = dict.fromkeys(("view_weights", "in_distribution_weights", "mask_weights"), row)
-            kinds = {**weights, "scale": rows, "floor": rows}
+            kinds = {**weights, "scale": rows, "floor": rows, "position": rows}
             tensors = {
                 name: torch.tensor(decode(kind, values[name]), dtype=torch.float64)
                 for name, kind in kinds.items()
@@ -134,8 +141,10 @@ class FitCalibration:
             size = tensors["scale"].shape
             if shapes != {(len(CONFIDENCE_FEATURES),)} or size != tensors["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
-            if (tensors["scale"] < 0).any() or (tensors["floor"] < 0).any():
-                raise ValueError("scale and floor must not be negative")
+            if tensors["position"].shape != (2, 3):
+                raise ValueError(f"position must be (2, 3); it is {tuple(tensors['position'].shape)}")
+            if any((tensors[name] < 0).any() for name in ("scale", "floor", "position")):
+                raise ValueError("scale, floor and position must not be negative")
             limits = dict.fromkeys(("view_bias", "in_distribution_bias", "mask_bias"), 1e6)
             limits |= {"threshold": 2.0, "mask_threshold": 2.0}
             numbers = {name: check_number(name, values[name], -most, most) for name, most in limits.items()}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
+from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION, FitCalibration
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import ExplainSettings, Fit, Verdict, View
@@ -53,9 +53,10 @@ def assess(
         mask_trusted = mask_confidence >= calibration.mask_threshold
     deviations = _deviation(objective, at_fit.normal[0].cpu())
     path = symmetry.canonical(objective.latents(selection.path))
-    deviation = objective.latents(deviations).to_vector()[0]
+    deviation, position = objective.latents(deviations).to_vector()[0], torch.tensor(UNCALIBRATED_POSITION)
     if calibration is not None:
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
+        position = calibration.position[0 if verdict is Verdict.TRUSTED else 1]
     return Fit(
         latents=latents,
         framing=objective.framing(selection.point)[0],
@@ -76,6 +77,7 @@ def assess(
         evaluations=selection.evaluations,
         alternatives=_views(objective, selection, prediction, latents, confidence),
         descent=torch.cat([path.to_vector(), objective.framing(selection.path)], dim=1),
+        position_deviation=position,
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from vig.inference.calibration import FitCalibration
+from vig.inference.calibration import UNCALIBRATED_POSITION, FitCalibration
 from vig.likelihood import SPATIAL, PixelModel
 from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
 from vig.optimizers.optimizer import Budget, Optimizer
@@ -57,6 +57,7 @@ class Fit:
             without one too small, as the noise of neighbouring pixels is taken as independent. Of azimuth
             it says nothing where any turn looks the same.
         framing_deviation: (4,) of the framing, from the curvature alone; 0 where it was held.
+        position_deviation: (3,), see `FitCalibration.position`.
         visible: (H, W) posterior probability that a pixel shows the object.
         mask: (H, W) bool, the object's visible pixels.
         mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.
@@ -94,6 +95,7 @@ class Fit:
     evaluations: int
     alternatives: tuple[View, ...]
     descent: torch.Tensor
+    position_deviation: torch.Tensor = field(default_factory=lambda: torch.tensor(UNCALIBRATED_POSITION))
 
     @property
     def amodal(self) -> torch.Tensor:

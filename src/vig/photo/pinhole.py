@@ -14,6 +14,8 @@ from vig.scene import Camera
 
 STEPS = 10
 """Of Gauss-Newton, at most; three are enough for most poses."""
+LEAST_VERTICAL = 1e-3
+"""Sine of the angle between the ray to an object and its vertical."""
 INNER_WEIGHT = 0.1
 """Weight of a vertex within the outline, whose own vertices count 1."""
 
@@ -41,6 +43,19 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     away[2, 3] += (math.sqrt(focal_x * focal_y) * length / camera.focal - 1) * camera.distance
     turned: np.ndarray = turn @ away
     return turned
+
+
+def sight_axes(pose: np.ndarray) -> np.ndarray:
+    """Axes (3, 3), columns, about the ray to an object: to the side, its vertical as it is seen, the ray.
+
+    pose: (4, 4) camera_from_object.
+    """
+    ray = pose[:3, 3] / np.linalg.norm(pose[:3, 3])
+    vertical = pose[:3, 2] - (pose[:3, 2] @ ray) * ray
+    if np.linalg.norm(vertical) < LEAST_VERTICAL:  # it is seen from straight above
+        vertical = np.cross(ray, pose[:3, 0])
+    vertical /= np.linalg.norm(vertical)
+    return np.stack([np.cross(vertical, ray), vertical, ray], axis=1)
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:

@@ -118,6 +118,7 @@ def describe(
             "K": pinhole[0].tolist(),
             "camera_from_object": pinhole[1].tolist(),
             "covariance": pinhole[2].tolist(),
+            "distance_known": focal_from != "assumed",
         },
         "glb_from_object": glb_from_object(float(fit.latents.azimuth)).tolist(),
         "frames": FRAMES | ({"front": f"+X is {object_class.front}"} if object_class.front else {}),

@@ -8,7 +8,14 @@ import shutil
 from vig.errors import UserError
 from vig.inference.calibration import FILE
 from vig.scene import ObjectClass
-from vig_lab.calibration import StudioPhotos, calibrate_fits, describe, fits_of
+from vig_lab.calibration import (
+    POSITION_PHOTOS,
+    StudioPhotos,
+    calibrate_fits,
+    describe,
+    fits_of,
+    with_positions,
+)
 from vig_lab.cli.common import check_workers, check_writable, progress_bar
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
@@ -46,6 +53,11 @@ def calibrate(settings: Calibrate) -> int:
             advance=lambda done: progress.advance(task, done),
             cache=fits,
             processes=True,
+        )
+        positions = sum(min(len(each), POSITION_PHOTOS) for each in datasets if each.world == "photo")
+        task = progress.add_task("positions", total=positions)
+        calibration = with_positions(
+            calibration, datasets, object_class, recognizer, advance=lambda done: progress.advance(task, done)
         )
     calibration.save(folder / FILE)
     shutil.rmtree(fits, ignore_errors=True)

@@ -27,7 +27,7 @@ def framed(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.nda
     for number, (image, whole) in enumerate(zip(dataset.images, dataset.amodal, strict=True)):
         linear = linear_from_srgb(image.astype(np.float32) / 255)
         height, width = whole.shape
-        window = upright(linear, Window.of(width, height, _box(whole)), recognizer)
+        window = upright(linear, Window.of(width, height, box_of_silhouette(whole)), recognizer)
         cut, _ = window.cut(linear)
         images[number] = (srgb_from_linear(cut) * 255).round()
         seen = np.repeat(dataset.visible[number][..., None].astype(np.float32), 3, axis=2)
@@ -41,7 +41,7 @@ def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings
     return settings.filled(photo=dataset.world == "photo")
 
 
-def _box(whole: np.ndarray) -> tuple[float, float, float, float] | None:
+def box_of_silhouette(whole: np.ndarray) -> tuple[float, float, float, float] | None:
     """The box of a silhouette (H, W) bool."""
     rows, columns = np.flatnonzero(whole.any(1)), np.flatnonzero(whole.any(0))
     if min(len(rows), len(columns)) == 0:
