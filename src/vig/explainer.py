@@ -21,6 +21,7 @@ from vig.inference import ExplainSettings, Fit, Verdict, View, explain
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import Halved, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
+from vig.photo.window import FARTHER
 from vig.recognition import Recognizer, find, upright
 from vig.renderer.device import compute_device
 from vig.scene import Latents, ObjectClass
@@ -32,6 +33,7 @@ Lens = tuple[Any, str]
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
 LEAST_FOUND = 0.05
 """Score of `find` below which the object counts as not found."""
+TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 SURELY_FOUND = 0.75
 """And below which no fit is trusted: of many windows the best looks like the object by chance, too."""
 
@@ -153,17 +155,21 @@ class Explainer:
         if window is None:
             window, found = (best := find(seen, self.recognizer)).window, best.score
             window = window if roll is None else replace(window, roll=roll)
-        focal_from = "assumed"
+        focal_from, too_wide = "assumed", False
         if self.settings.farther is not None:
             focal_from = "given"
         elif lens is not None:
             intrinsics, focal_from = Intrinsics.of(lens[0], width, height), lens[1]
             window = replace(window, lens=intrinsics) if turned else window
-            settings = replace(settings, farther=window.farther(window.focal or intrinsics.fx))
+            pixels = window.focal or intrinsics.fx
+            settings = replace(settings, farther=window.farther(pixels))
+            too_wide = window.ratio(pixels) < FARTHER[0]
         cut, known = window.cut(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         told = None if hints is None else hints.in_window(window, self.object_class)
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, told))
+        if too_wide:
+            fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if found < LEAST_FOUND:
             reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
             fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternatives=())

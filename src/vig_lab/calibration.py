@@ -18,7 +18,7 @@ from scipy.special import expit
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration, Verdict
-from vig.inference.calibration import UNCALIBRATED_POSITION, faded, residual
+from vig.inference.calibration import faded, residual
 from vig.inference.settings import MASK_RIGHT
 from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
@@ -309,7 +309,6 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
         mask_threshold,
         torch.from_numpy(scale),
         torch.from_numpy(floor),
-        torch.tensor([UNCALIBRATED_POSITION] * 2, dtype=torch.float64),
     )
 
 
@@ -332,12 +331,14 @@ def with_positions(
         count: See there.
         advance: Is called with 1 for each photo.
     """
+    photographs = [each for each in datasets if isinstance(each, Dataset) and each.world == "photo"]
+    if not photographs:
+        return calibration
     explainer = Explainer(object_class, ExplainSettings(calibration=calibration), recognizer=recognizer)
     explained = [
-        (explanation, true)
-        for dataset in datasets
-        if isinstance(dataset, Dataset) and dataset.world == "photo"
-        for explanation, true in _posed(dataset.first(count), object_class, explainer, advance)
+        posed
+        for dataset in photographs
+        for posed in _posed(dataset.first(count), object_class, explainer, advance)
     ]
     if len(explained) < LEAST_GROUP:
         return calibration

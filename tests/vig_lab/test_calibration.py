@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 import torch
 
+import vig
 from tests.support import TEAPOT
 from vig.cli.main import main
 from vig.errors import UserError
-from vig.inference import ExplainSettings, FitCalibration, explain_one
+from vig.inference import ExplainSettings, FitCalibration, Verdict, explain_one
 from vig.inference.calibration import CONFIDENCE_FEATURES
+from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, Symmetry, linear_from_srgb
 from vig_lab.calibration import (
@@ -34,8 +36,10 @@ from vig_lab.calibration import (
     samples_of,
     to_roll,
     widening,
+    with_positions,
 )
 from vig_lab.evaluation.fits import Fits
+from vig_lab.examples import example_photos
 from vig_world.dataset import Dataset
 from vig_world.generation.write import make_dataset
 
@@ -145,6 +149,30 @@ def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     assert least_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
 
 
+def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
+    samples: CalibrationSamples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Truths drawn about one explanation's position, by other deviations where it is not trusted."""
+    photo = example_photos()[1].photo
+    explanation = vig.Explainer("teapot").explain(photo, focal=400.0)
+    explanation = replace(explanation, fit=replace(explanation.fit, framing_deviation=torch.zeros(4)))
+    pose, drawn = explanation.pinhole_pose()[1], np.array([[0.02, 0.04, 0.06], [0.05, 0.03, 0.2]])
+    rng, posed = np.random.default_rng(0), []
+    for number in range(400):
+        row, true = number % 2, pose.copy()
+        off = rng.standard_normal(3) * drawn[row] * explanation.position_units
+        true[:3, 3] += sight_axes(pose) @ off
+        verdict = Verdict.AMBIGUOUS if row else Verdict.TRUSTED
+        posed.append((replace(explanation, fit=replace(explanation.fit, verdict=verdict)), true))
+    # The fit's own deviations are small beside these.
+    monkeypatch.setattr("vig_lab.calibration._posed", lambda *given: iter(posed))
+    photographs = SimpleNamespace(world="photo", first=lambda count: None)
+    monkeypatch.setattr("vig_lab.calibration.Dataset", SimpleNamespace)
+    calibration = with_positions(learn(samples), [photographs], explanation.object_class, object())
+    np.testing.assert_allclose(calibration.position.numpy(), drawn, rtol=0.2)
+    assert torch.equal(with_positions(learn(samples), [], None, None).position, learn(samples).position)
+
+
 def test_a_calibration_is_read_as_it_was_written(samples: CalibrationSamples, tmp_path: Path) -> None:
     learned = learn(samples)
     learned.save(tmp_path / "calibration.json")
@@ -155,8 +183,8 @@ def test_a_calibration_is_read_as_it_was_written(samples: CalibrationSamples, tm
 
 def test_a_calibration_of_an_older_format_is_told(samples: CalibrationSamples, tmp_path: Path) -> None:
     path = tmp_path / "calibration.json"
-    path.write_text(learn(samples).to_json().replace('"format": 6', '"format": 5'))
-    with pytest.raises(UserError, match="it is of format 5, where this vig reads 6.* Make it again"):
+    path.write_text(learn(samples).to_json().replace('"format": 7', '"format": 6'))
+    with pytest.raises(UserError, match="it is of format 6, where this vig reads 7.* Make it again"):
         FitCalibration.load(path)
 
 

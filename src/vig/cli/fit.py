@@ -208,6 +208,8 @@ def _line(row: dict[str, Any]) -> str:
     hidden, sure = row["hidden_fraction"], row["mask_confidence"]
     mask = "" if sure is None else f" (mask right with {sure:.0%})"
     seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
+    if row["focal_from"] == "assumed":
+        seen += ", distance unknown (focal length assumed)"
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
     when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
     return (

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,9 @@ class FitCalibration:
     mask_threshold: float
     scale: torch.Tensor
     floor: torch.Tensor
-    position: torch.Tensor
+    position: torch.Tensor = field(
+        default_factory=lambda: torch.tensor([UNCALIBRATED_POSITION] * 2, dtype=torch.float64)
+    )
 
     def confidence(self, features: torch.Tensor) -> float:
         """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""

@@ -163,17 +163,16 @@ class Window:
 
     def _cut_through_lens(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
         """`cut`, from the upright window about its corners, resampled by the homography of the lens."""
-        fine = 2 * size  # and halved: a homography's resampling does not smooth
         left, right, top, bottom = self._bounds()
         side = max(right - left, bottom - top)
         level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
-        wide = math.ceil(fine * side / self.side)
+        wide = math.ceil(size * side / self.side)
         image, known = level.cut(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
-        from_pixel = np.array([[1, 0, -size], [0, 1, -size], [0, 0, fine / self.side]])
+        from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
         transform = to_level @ self._photo_from_window @ from_pixel
         cut = [
-            np.asarray(_warped(channel, transform, (fine, fine), 0.0, Image.Resampling.BICUBIC).reduce(2))
+            np.asarray(_warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC))
             for channel in (*np.moveaxis(image, 2, 0), known)
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
