@@ -12,10 +12,14 @@ import pytest
 from PIL import Image
 
 import vig
+from vig.cli.cameras import cameras_of
 from vig.cli.common import Fit
 from vig.cli.main import main
+from vig.corrections import State
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
+from vig.results import bop_csv
+from vig.scene import srgb_from_linear
 from vig_lab.examples import example_photos
 
 
@@ -221,3 +225,64 @@ def test_a_quiet_fit_prints_its_folder_alone(tmp_path: Path, capsys: pytest.Capt
     with pytest.raises(SystemExit):
         main(["fit", str(example_photos()[0].photo), "--quiet", "--out", str(tmp_path / "out")])
     assert capsys.readouterr().out == f"{tmp_path / 'out'}\n"
+
+
+def cameras_given(folder: Path, photos: list[Path], **settings: Any) -> list[Any]:
+    return cameras_of(Fit(tuple(photos), out=folder, **settings), photos)
+
+
+def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path) -> None:
+    photos = [
+        tmp_path / scene / "rgb" / name for scene in ("1", "2") for name in ("000003.png", "000012.png")
+    ]
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"1/rgb/000003.png": [1], "2/rgb/000003.png": [2], "000012.png": [3]}))
+    assert cameras_given(tmp_path, photos, cameras=file) == [[1], [3], [2], [3]]
+    file.write_text(json.dumps({"3": {"cam_K": [4]}, "12": {"cam_K": [5]}, "7": {}}))
+    assert cameras_given(tmp_path, photos[:2], cameras=file) == [{"cam_K": [4]}, {"cam_K": [5]}]
+    with pytest.raises(vig.UserError, match="one scene .* got 2 scenes"):
+        cameras_given(tmp_path, photos, cameras=file)
+    with pytest.raises(vig.UserError, match="expected a camera of .*000004.png"):
+        cameras_given(tmp_path, [tmp_path / "000004.png"], cameras=file)
+    for one in (
+        [9.0, 9, 1, 1],
+        {"fx": 9, "fy": 9, "cx": 1, "cy": 1},
+        {"K": [[9, 0, 1], [0, 9, 1], [0, 0, 1]]},
+    ):
+        file.write_text(json.dumps(one))
+        assert cameras_given(tmp_path, photos, cameras=file) == [one] * 4
+    assert cameras_given(tmp_path, photos, intrinsics="9, 8,1,2.5") == [(9.0, 8.0, 1.0, 2.5)] * 4
+    assert cameras_given(tmp_path, photos) == [None] * 4
+
+
+@pytest.mark.parametrize(
+    "wrong", [("--K", "1,2,3"), ("--K", "a,b,c,d"), ("--K", "900,900,75,75", "--focal", "900")]
+)
+def test_a_camera_of_no_use_is_refused_before_anything_is_written(
+    capsys, photo: Path, tmp_path: Path, wrong: tuple[str, ...]
+) -> None:
+    error = refused(capsys, "fit", photo, *wrong, "--out", tmp_path / "out")
+    assert error.count("\n") == 1 and "--K" in error and not (tmp_path / "out").exists()
+
+
+def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) -> None:
+    """K, the pose before it, and what `vig view` resumes from; its BOP file has the same pose."""
+    photo = tmp_path / "7.png"
+    Image.fromarray((255 * srgb_from_linear(example_photos()[1].photo)).astype(np.uint8)).save(photo)
+    (tmp_path / "cameras.json").write_text(json.dumps({"7": {"cam_K": [300, 0, 90, 0, 310, 70, 0, 0, 1]}}))
+    out = tmp_path / "out"
+    assert (
+        main(["fit", str(photo), str(photo), "--cameras", str(tmp_path / "cameras.json"), "--out", str(out)])
+        == 0
+    )
+    said = json.loads((out / "7" / "explanation.json").read_text())
+    assert (
+        said["camera"]["K"] == [[300, 0, 90], [0, 310, 70], [0, 0, 1]]
+        and said["camera"]["focal_from"] == "given"
+    )
+    assert said["pinhole"]["camera_from_object"] == said["camera"]["camera_from_object"]
+    _, _, state = State.read(out / "7")
+    assert state.camera == (300, 310, 90, 70)
+    lines = bop_csv(out, tmp_path / "bop.csv").read_text().splitlines()
+    place = [float(number) / 1000 for number in lines[1].split(",")[5].split()]
+    assert place == pytest.approx([row[3] for row in said["camera"]["camera_from_object"][:3]], abs=1e-6)
