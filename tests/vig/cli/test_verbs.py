@@ -1,6 +1,7 @@
 """The command line as its user meets it: one clear line and exit code 2 for a mistake."""
 
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -19,7 +20,6 @@ from vig.corrections import State
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
 from vig.results import bop_csv
-from vig.scene import srgb_from_linear
 from vig_lab.examples import example_photos
 
 
@@ -232,9 +232,8 @@ def cameras_given(folder: Path, photos: list[Path], **settings: Any) -> list[Any
 
 
 def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path) -> None:
-    photos = [
-        tmp_path / scene / "rgb" / name for scene in ("1", "2") for name in ("000003.png", "000012.png")
-    ]
+    names = ("000003.png", "000012.png")
+    photos = [tmp_path / scene / "rgb" / name for scene in ("1", "2") for name in names]
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"1/rgb/000003.png": [1], "2/rgb/000003.png": [2], "000012.png": [3]}))
     assert cameras_given(tmp_path, photos, cameras=file) == [[1], [3], [2], [3]]
@@ -247,7 +246,7 @@ def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path
     for one in (
         [9.0, 9, 1, 1],
         {"fx": 9, "fy": 9, "cx": 1, "cy": 1},
-        {"K": [[9, 0, 1], [0, 9, 1], [0, 0, 1]]},
+        {"K": [[9, 0, 1]]},
     ):
         file.write_text(json.dumps(one))
         assert cameras_given(tmp_path, photos, cameras=file) == [one] * 4
@@ -268,13 +267,11 @@ def test_a_camera_of_no_use_is_refused_before_anything_is_written(
 def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) -> None:
     """K, the pose before it, and what `vig view` resumes from; its BOP file has the same pose."""
     photo = tmp_path / "7.png"
-    Image.fromarray((255 * srgb_from_linear(example_photos()[1].photo)).astype(np.uint8)).save(photo)
+    shutil.copy(example_photos()[1].photo, photo)
     (tmp_path / "cameras.json").write_text(json.dumps({"7": {"cam_K": [300, 0, 90, 0, 310, 70, 0, 0, 1]}}))
     out = tmp_path / "out"
-    assert (
-        main(["fit", str(photo), str(photo), "--cameras", str(tmp_path / "cameras.json"), "--out", str(out)])
-        == 0
-    )
+    given = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
+    assert main(["fit", str(photo), str(photo), *given]) == 0
     said = json.loads((out / "7" / "explanation.json").read_text())
     assert (
         said["camera"]["K"] == [[300, 0, 90], [0, 310, 70], [0, 0, 1]]
