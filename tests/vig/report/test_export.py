@@ -183,3 +183,31 @@ def test_run_lengths_begin_with_zeros(first: bool) -> None:
 
 def test_the_box_of_nothing() -> None:
     assert box_of(np.zeros((3, 3), bool)) == [-1] * 4
+
+
+def test_a_gltf_library_reads_the_object(folder: Path, explanation: vig.Explanation) -> None:
+    """Counts, bounds and sizes of all accessors hold, faces name vertices, materials and camera are there."""
+    pygltflib = pytest.importorskip("pygltflib")
+    read = pygltflib.GLTF2().load(str(folder / "object.glb"))
+    data, vertices = read.binary_blob(), explanation.vertices
+    assert read.buffers[0].byteLength == len(data)
+    sizes, kinds = {"SCALAR": 1, "VEC3": 3}, {5125: "<u4", 5126: "<f4"}
+    arrays = []
+    for accessor in read.accessors:
+        view = read.bufferViews[accessor.bufferView]
+        count = accessor.count * sizes[accessor.type]
+        assert view.byteOffset + view.byteLength <= len(data) and view.byteOffset % 4 == 0
+        assert view.byteLength == 4 * count
+        array = np.frombuffer(data, kinds[accessor.componentType], count, view.byteOffset)
+        arrays.append(array.reshape(accessor.count, -1))
+    np.testing.assert_array_equal(arrays[0], vertices)
+    assert read.accessors[0].min == arrays[0].min(0).tolist()
+    assert read.accessors[0].max == arrays[0].max(0).tolist()
+    np.testing.assert_allclose(np.linalg.norm(arrays[1], axis=1), 1, atol=1e-5)
+    (mesh,), faces = read.meshes, 0
+    for primitive in mesh.primitives:
+        corners = arrays[primitive.indices]
+        assert corners.max() < len(vertices) and primitive.material < len(read.materials)
+        faces += len(corners) // 3
+    assert faces == len(explanation.object_class.shape_model.faces)
+    assert [node.camera for node in read.nodes] == [None, 0]

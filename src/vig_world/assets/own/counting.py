@@ -7,11 +7,13 @@ from pathlib import Path
 
 from vig.checks import parse_json
 from vig.errors import UserError
+from vig_world.assets.own.meshes import count_stl
 
 MOST_FACES = 1_000_000
 MOST_BYTES = 512 * 2**20
 MOST_VALUES = 20 * MOST_FACES
-_CHUNK = 2**20
+LEAST_FACET = 80
+"""Bytes of a triangle of an ASCII STL file, at least; files of programs have some 250."""
 _HEADER = 2**16
 
 
@@ -37,17 +39,6 @@ def refuse_huge(path: Path) -> None:
         raise UserError(f"{path}: expected at most {MOST_FACES:,} faces; got {count:,}. Simplify it.")
 
 
-def _lines(path: Path, mark: bytes) -> int:
-    """How often a mark occurs in a file."""
-    total, tail = 0, b"\n"
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            block = tail + chunk
-            total += block.count(mark)
-            tail = block[-len(mark) + 1 :]
-    return total
-
-
 def _obj(path: Path) -> int:
     """The larger of the triangles that an OBJ file's polygons make and a third of its vertices.
 
@@ -71,12 +62,8 @@ def _obj(path: Path) -> int:
 
 def _stl(path: Path, size: int) -> int:
     with path.open("rb") as file:
-        head = file.read(84)
-    if len(head) == 84:
-        count = struct.unpack("<I", head[80:])[0]
-        if size == 84 + 50 * count or not head.lstrip().startswith(b"solid"):
-            return int(count)
-    return _lines(path, b"endfacet")
+        count = count_stl(file.read(1024), size)
+    return size // LEAST_FACET if count is None else count
 
 
 def _ply(path: Path) -> int:

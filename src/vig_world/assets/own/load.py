@@ -1,4 +1,8 @@
-"""Loads mesh files as triangles with textures, through trimesh; every failure is a UserError."""
+"""Loads mesh files as triangles with textures; every failure is a UserError.
+
+Each format is first made plain, or read, by a file of `meshes`, as trimesh drops in silence what it does not
+know; scenes, materials and textures of glTF and OBJ are then trimesh's.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,7 @@ from PIL import Image
 from vig.checks import read_bytes
 from vig.errors import UserError
 from vig_world.assets.own.counting import MOST_BYTES, refuse_huge
+from vig_world.assets.own.meshes import plain_gltf, plain_obj, read_off, read_ply, read_stl
 from vig_world.assets.own.surfaces import MOST_PIXELS, painted
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
@@ -64,11 +69,8 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
         data = read_bytes(path, MOST_BYTES)
         files = _files(root, path)
         with _quiet():
-            import trimesh  # takes half a second, so only when custom meshes are read
-
             suffix = path.suffix.lower()
-            scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=files, process=False)
-            pieces = _pieces(path, scene, nodes, suffix in (".glb", ".gltf"))
+            pieces = _pieces(path, _scene(suffix, data, files), nodes, suffix in (".glb", ".gltf"))
     except UserError:
         raise
     except MemoryError as error:
@@ -80,6 +82,28 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
         raise UserError(f"{path}: expected triangles; got none.")
     missing = files.missing + [name for name, read in files.read.items() if not _readable(name, read)]
     return Loaded(pieces, {path.name: data, **files.read}, sorted(set(missing)))
+
+
+def _scene(suffix: str, data: bytes, files: Any) -> Any:
+    """A file's scene as trimesh has it."""
+    import trimesh  # takes half a second, so only when custom meshes are read
+
+    if suffix in (".glb", ".gltf", ".obj"):
+        plain = plain_obj(data) if suffix == ".obj" else plain_gltf(data, files.get)
+        kind = "obj" if suffix == ".obj" else "glb"
+        return trimesh.load_scene(io.BytesIO(plain), file_type=kind, resolver=files, process=False)
+    colours: dict[str, Any] = {}
+    if suffix == ".stl":
+        vertices, faces = read_stl(data)
+    elif suffix == ".off":
+        vertices, faces = read_off(data)
+    else:
+        ply = read_ply(data)
+        vertices, faces = ply.vertices, ply.faces
+        colours = {"vertex_colors": ply.vertex_colours, "face_colors": ply.face_colours}
+    if faces.size == 0:
+        return trimesh.Scene()
+    return trimesh.Scene(trimesh.Trimesh(vertices, faces, process=False, **colours))
 
 
 def _files(root: Path, path: Path) -> Any:
