@@ -6,35 +6,32 @@ A photo is decoded once, here, and is linear from then on. What cannot be used i
 
 from __future__ import annotations
 
-import io
 import warnings
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import torch
-from PIL import ExifTags, Image, ImageCms, ImageOps, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.scene.light import linear_from_srgb, srgb8_from_linear
+from vig.photo.checks import MAX_PIXELS as MAX_PIXELS
+from vig.photo.checks import MIN_SIDE as MIN_SIDE
+from vig.photo.checks import check_size as check_size
+from vig.photo.checks import existing_file as existing_file
+from vig.photo.checks import head_of as head_of
+from vig.photo.checks import refuse as refuse
+from vig.photo.checks import refuse_huge
+from vig.photo.decoding import LINEAR, decoded, opened
+from vig.photo.decoding import MID_GREY as MID_GREY
+from vig.photo.formats import tiff_samples, why_no_photo
+from vig.scene.light import srgb8_from_linear
 
-MIN_SIDE = 16
-MAX_PIXELS = 100_000_000
-MID_GREY = 0.18
-"""Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
-
-_LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
-"""Linear light of each byte of sRGB."""
-
-# Only formats that pillow decodes itself: no vector files, no outside programs.
-FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 _PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 RUN_LENGTHS = 3
 """zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
 FAST_FROM = 3_000_000
 """Bytes of a picture above which that is how it is written."""
-HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", b"\x76\x2f\x31\x01")
 
 
 def read_photo(path: str | Path) -> np.ndarray:
@@ -50,22 +47,21 @@ def _read(path: str | Path) -> np.ndarray:
             `MAX_PIXELS`, judged by its header) or an HDR image.
     """
     path = existing_file(path)
-    if head_of(path).startswith(HDR_MAGIC):
-        refuse(path, _PHOTO, "an HDR image", "Save it as 8-bit sRGB; HDR is for panoramas.")
+    if reason := why_no_photo(path):
+        refuse(path, _PHOTO, *reason)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pillow's own bomb warning: the limit below is ours
         try:
-            with Image.open(path, formats=FORMATS) as image:
-                check_size(path, *image.size)
-                return _decoded(path, image)
+            with opened(path) as image:
+                return decoded(path, image)
         except UserError:
             raise
         except MemoryError:
             refuse(path, "a photo that fits into memory", "too large a one", "Make it smaller.")
         except Image.DecompressionBombError:
-            _refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
+            refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
         except UnidentifiedImageError:
-            refuse(path, _PHOTO, "something else", "Convert it to JPEG or PNG.")
+            refuse(path, _PHOTO, tiff_samples(path) or "something else", "Convert it to JPEG or PNG.")
         except Exception as error:  # a decoder may raise anything on a damaged file
             refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
 
@@ -82,7 +78,7 @@ def coded(picture: np.ndarray) -> np.ndarray:
 
 def linear_photo(coded: np.ndarray) -> np.ndarray:
     """Linear RGB float32 of pixels (..., 3) as `coded_photo` returns them."""
-    return coded if coded.dtype == np.float32 else _LINEAR[coded]
+    return coded if coded.dtype == np.float32 else LINEAR[coded]
 
 
 def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
@@ -106,7 +102,7 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> 
     name = Path("the photo")
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)
-        return _decoded(name, photo)
+        return decoded(name, photo)
     if not isinstance(photo, np.ndarray | torch.Tensor):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
     if isinstance(photo, torch.Tensor):  # numpy has no bfloat16
@@ -176,83 +172,3 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     fast = {"compress_level": 1, "compress_type": RUN_LENGTHS} if array.size > FAST_FROM else {}
     with atomic_write(path) as temporary:
         Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG", **fast)
-
-
-def _decoded(path: Path, image: Image.Image) -> np.ndarray:
-    """Decode an opened image; see `coded_photo`."""
-    sixteen = image.mode.startswith("I;16") or (image.format == "PPM" and image.mode == "I")
-    image.load()
-    try:
-        if image.getexif().get(ExifTags.Base.Orientation, 1) != 1:  # else it would copy the image
-            image = ImageOps.exif_transpose(image)
-    except Exception:  # an unreadable EXIF block has no orientation
-        pass
-    if sixteen:
-        table = linear_from_srgb(np.arange(65536) / 65535).astype(np.float32)
-        return np.repeat(table[np.asarray(image)][..., None], 3, axis=-1)
-    if image.mode in ("I", "F"):
-        refuse(path, "8 or 16 bits a channel", "32 bits", "Save it as 8-bit sRGB.")
-    coded = np.asarray(_to_srgb(image))
-    if coded.shape[-1] == 3:
-        return coded
-    linear = _LINEAR[coded[..., :3]]
-    alpha = coded[..., 3:].astype(np.float32) / 255
-    laid: np.ndarray = alpha * linear + (1 - alpha) * np.float32(MID_GREY)
-    return laid
-
-
-def _to_srgb(image: Image.Image) -> Image.Image:
-    """Convert any 8-bit image to mode RGB, or RGBA when it is transparent somewhere, in sRGB."""
-    mode = "RGBA" if image.has_transparency_data else "RGB"
-    profile = image.info.get("icc_profile")
-    if image.mode not in ("RGB", "RGBA", "CMYK", "L") or mode == "RGBA":
-        image = image.convert(mode)
-    if profile:
-        try:
-            source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-            converted = ImageCms.profileToProfile(
-                image, source, ImageCms.createProfile("sRGB"), outputMode=mode
-            )
-            assert converted is not None
-            return converted
-        except (ImageCms.PyCMSError, OSError):
-            pass
-    return image if image.mode == mode else image.convert(mode)
-
-
-def existing_file(path: str | Path) -> Path:
-    path = Path(path)
-    wanted = "an image file"
-    try:
-        if path.is_dir():
-            refuse(path, wanted, "a folder", "Name the files in it.")
-        if not path.exists():
-            refuse(path, wanted, "nothing of that name", "Check the path.")
-        if not path.is_file():
-            refuse(path, wanted, "a device or pipe", "Save the image to a file.")
-        if not head_of(path):
-            refuse(path, wanted, "an empty file", "Save or copy it again.")
-    except OSError as error:
-        refuse(path, "a readable image file", error.strerror or str(error), "Check the path and its rights.")
-    return path
-
-
-def head_of(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(16)
-
-
-def check_size(path: Path, width: int, height: int) -> None:
-    if min(width, height) < MIN_SIDE:
-        came = f"{width} x {height}"
-        refuse(path, f"at least {MIN_SIDE} pixels a side", came, "Give a larger picture.")
-    if width * height > MAX_PIXELS:
-        _refuse_huge(path, f"{width} x {height} = {width * height / 1e6:.0f}")
-
-
-def _refuse_huge(path: Path, came: str) -> NoReturn:
-    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", came, "Make it smaller.")
-
-
-def refuse(path: Path, expected: str, came: str, remedy: str) -> NoReturn:
-    raise UserError(f"{path}: expected {expected}; got {came}. {remedy}")

@@ -12,7 +12,8 @@ import numpy as np
 from PIL import ExifTags, Image
 
 from vig.errors import UserError
-from vig.photo.images import FORMATS, existing_file
+from vig.photo.checks import existing_file
+from vig.photo.decoding import opened
 
 FILM_DIAGONAL = math.hypot(36, 24)
 """Millimetres of 35 mm film, to which cameras state their focal length."""
@@ -159,7 +160,7 @@ def focal_of(photo: object) -> float | None:
     """
     try:
         if isinstance(photo, str | Path):
-            with Image.open(existing_file(photo), formats=FORMATS) as image:  # a pipe would be waited for
+            with opened(existing_file(photo)) as image:  # a pipe would be waited for
                 return focal_of(image)
         if not isinstance(photo, Image.Image):
             return None

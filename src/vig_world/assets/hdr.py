@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from vig.errors import UserError
-from vig.photo.images import HDR_MAGIC, check_size, existing_file, head_of, refuse
+from vig.photo.checks import check_size, existing_file, head_of, refuse
+from vig.photo.formats import HDR_MAGIC
 from vig_world.extras import optional_import
 
 UNDERSHOOT = 0.05

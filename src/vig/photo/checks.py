@@ -1,0 +1,49 @@
+"""Refusals of files and sizes that are no photo's, in one line each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NoReturn
+
+from vig.errors import UserError
+
+MIN_SIDE = 16
+MAX_PIXELS = 100_000_000
+
+
+def existing_file(path: str | Path) -> Path:
+    path = Path(path)
+    wanted = "an image file"
+    try:
+        if path.is_dir():
+            refuse(path, wanted, "a folder", "Name the files in it.")
+        if not path.exists():
+            refuse(path, wanted, "nothing of that name", "Check the path.")
+        if not path.is_file():
+            refuse(path, wanted, "a device or pipe", "Save the image to a file.")
+        if not head_of(path):
+            refuse(path, wanted, "an empty file", "Save or copy it again.")
+    except OSError as error:
+        refuse(path, "a readable image file", error.strerror or str(error), "Check the path and its rights.")
+    return path
+
+
+def head_of(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(256)
+
+
+def check_size(path: Path, width: int, height: int) -> None:
+    if min(width, height) < MIN_SIDE:
+        came = f"{width} x {height}"
+        refuse(path, f"at least {MIN_SIDE} pixels a side", came, "Give a larger picture.")
+    if width * height > MAX_PIXELS:
+        refuse_huge(path, f"{width} x {height} = {width * height / 1e6:.0f}")
+
+
+def refuse_huge(path: Path, came: str) -> NoReturn:
+    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", came, "Make it smaller.")
+
+
+def refuse(path: Path, expected: str, came: str, remedy: str) -> NoReturn:
+    raise UserError(f"{path}: expected {expected}; got {came}. {remedy}")

@@ -1,0 +1,285 @@
+"""Colour encodings other than sRGB, decoded to linear light of Rec. 709's primaries.
+
+Codes of primaries and transfer are those of ITU-T H.273, which PNG, AVIF, HEIC and videos share.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from PIL import ExifTags, Image, ImageCms
+
+from vig.scene.light import linear_from_srgb
+
+D65 = (0.3127, 0.329)
+REC709: tuple[float, ...] = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, *D65)
+"""x and y of red, green, blue and white."""
+# Sets that differ from Rec. 709's by less than two photos of one thing do (BT.601, EBU) count as it.
+_PRIMARIES = {
+    4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, 0.31, 0.316),
+    8: (0.681, 0.319, 0.243, 0.692, 0.145, 0.049, 0.31, 0.316),
+    9: (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, *D65),
+    10: (1, 0, 0, 1, 0, 0, 1 / 3, 1 / 3),
+    11: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.314, 0.351),
+    12: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, *D65),
+} | dict.fromkeys((1, 2, 5, 6, 7, 22), REC709)
+ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
+PQ, HLG = 16, 18
+TRANSFER_FUNCTION, WHITE_POINT, PRIMARIES = 301, 318, 319
+"""Tags of TIFF."""
+SDR_WHITE = 203.0
+"""cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
+PEAK_QUANTILE = 0.999
+"""Of a picture's pixels, those above are clipped: a few highlights must not darken the rest."""
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+Profile = ImageCms.ImageCmsProfile
+Curve = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How a picture's samples stand for light.
+
+    Attributes:
+        transfer: From samples in [0, 1] to linear light, 1 being white.
+        chromaticities: x and y of red, green, blue and white.
+        hdr: Whether light may be above 1, and is then mapped into [0, 1].
+        system_gamma: Of HLG, whose samples are light of the scene, not of the display.
+        narrow: Whether black and white are 16 and 235 of 255.
+    """
+
+    transfer: Curve
+    chromaticities: tuple[float, ...] = REC709
+    hdr: bool = False
+    system_gamma: float = 1.0
+    narrow: bool = False
+
+    def light(self, samples: np.ndarray, maximum: int, peak: float | None = None) -> np.ndarray:
+        """Decode samples to linear light of Rec. 709's primaries in [0, 1], float32.
+
+        Args:
+            samples: (..., 3) or grey (..., 1), uint8 or uint16.
+            maximum: The sample that stands for 1.
+            peak: Of HDR: the light that becomes white; None: that of `peak_of`.
+        """
+        levels = np.arange(np.iinfo(samples.dtype).max + 1) / maximum
+        if self.narrow:  # 16 to 235 of 255
+            levels = (levels * 255 - 16) / 219 if maximum == 255 else (levels * 65535 / 256 - 16) / 219
+        light: np.ndarray = self.transfer(np.clip(levels, 0, 1)).astype(np.float32)[samples]
+        if self.system_gamma != 1:
+            weights = np.array([0.2627, 0.678, 0.0593] if light.shape[-1] == 3 else [1.0], np.float32)
+            light = light * ((light @ weights) ** (self.system_gamma - 1))[..., None]
+        if light.shape[-1] == 3 and self.chromaticities != REC709:
+            light = light @ rec709_from(self.chromaticities).T.astype(np.float32)
+        if self.hdr:
+            return tone_mapped(light, peak or peak_of(light))
+        clipped: np.ndarray = np.clip(light, 0, 1)
+        return clipped
+
+
+SRGB = Encoding(linear_from_srgb)
+
+
+def rec709_from(chromaticities: Sequence[float]) -> np.ndarray:
+    """Return the matrix (3, 3) from linear RGB of other primaries to Rec. 709's, white kept white (Bradford).
+
+    Args:
+        chromaticities: x and y of red, green, blue and white.
+
+    Raises:
+        ValueError: They span no colour space.
+    """
+    to, back = _adapted_xyz(chromaticities), _adapted_xyz(REC709)
+    return np.linalg.solve(back, to)
+
+
+def _adapted_xyz(chromaticities: Sequence[float]) -> np.ndarray:
+    """The matrix from RGB to XYZ (3, 3), adapted from its white to that of D65."""
+    values = np.asarray(chromaticities, np.float64)
+    xyz = np.stack([values[0::2], values[1::2], 1 - values[0::2] - values[1::2]])  # a column a colour
+    primaries, white = xyz[:, :3], xyz[:, 3]
+    if values.shape != (8,) or not np.isfinite(xyz).all() or white[1] <= 0:
+        raise ValueError("no colour space")
+    if abs(np.linalg.det(primaries)) < 1e-4:
+        raise ValueError("no colour space")
+    white = white / white[1]
+    matrix = primaries * np.linalg.solve(primaries, white)
+    d65 = np.array([D65[0], D65[1], 1 - sum(D65)]) / D65[1]
+    gain = (_BRADFORD @ d65) / (_BRADFORD @ white)
+    adapted: np.ndarray = np.linalg.solve(_BRADFORD, gain[:, None] * _BRADFORD) @ matrix
+    return adapted
+
+
+def gamma(exponent: float) -> Curve:
+    return lambda samples: samples**exponent
+
+
+def _pq(samples: np.ndarray) -> np.ndarray:
+    """SMPTE ST 2084, in units of `SDR_WHITE`."""
+    root = samples ** (32 / 2523)
+    ratio = np.maximum(root - 3424 / 4096, 0) / (2413 / 128 - 2392 / 128 * root)
+    light: np.ndarray = 10_000 / SDR_WHITE * ratio ** (16384 / 2610)
+    return light
+
+
+def _hlg(samples: np.ndarray) -> np.ndarray:
+    """ARIB STD-B67, scaled so that its system gamma of 1.2 gives a display of 1000 cd/m2."""
+    a, b, c = 0.17883277, 0.28466892, 0.55991073
+    scene = np.where(samples <= 0.5, samples**2 / 3, (np.exp((samples - c) / a) + b) / 12)
+    scaled: np.ndarray = scene * (1000 / SDR_WHITE) ** (1 / 1.2)
+    return scaled
+
+
+_TRANSFERS: dict[int, Curve] = {
+    4: gamma(2.2),
+    5: gamma(2.8),
+    8: gamma(1.0),
+    PQ: _pq,
+    17: lambda samples: 52.37 / 48 * samples**2.6,
+    HLG: _hlg,
+} | dict.fromkeys((1, 2, 6, 7, 13, 14, 15), linear_from_srgb)  # what is made for a display of sRGB's kind
+
+
+def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
+    """Return the encoding of H.273's codes; None for sRGB and its like.
+
+    Raises:
+        ValueError: A code that is not known.
+    """
+    if primaries not in _PRIMARIES or transfer not in _TRANSFERS:
+        raise ValueError(f"primaries {primaries} and transfer {transfer} of H.273")
+    curve, chromaticities = _TRANSFERS[transfer], _PRIMARIES[primaries]
+    if curve is linear_from_srgb and chromaticities is REC709:
+        return None
+    return Encoding(curve, chromaticities, transfer in (PQ, HLG), 1.2 if transfer == HLG else 1.0)
+
+
+def peak_of(light: np.ndarray) -> float:
+    """Return the light (..., C) that is mapped to white: nearly the brightest, at least 1."""
+    return max(1.0, float(np.quantile(light.max(-1), PEAK_QUANTILE)))
+
+
+def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
+    """Map light (..., C) in [0, `peak`] into [0, 1], hues kept: unchanged where `peak` is 1.
+
+    The largest channel m becomes m (1 + m / peak^2) / (1 + m), Reinhard's curve with `peak` for white.
+    """
+    light = np.maximum(light, 0)
+    largest = light.max(-1, keepdims=True)
+    mapped: np.ndarray = np.minimum(light * (1 + largest / peak**2) / (1 + largest), 1)
+    return mapped
+
+
+def encoding_of(image: Image.Image, cicp: tuple[int, int, bool] | None) -> Encoding | Profile | None:
+    """Return how a loaded picture's samples stand for light.
+
+    Args:
+        image: Of any mode.
+        cicp: Primaries, transfer and whether the range is full, where the file states H.273's codes.
+
+    Returns:
+        A colour profile for pictures of 8 bits, which is for `in_srgb`; None for sRGB.
+
+    Raises:
+        ValueError: The codes are not known.
+    """
+    data = image.info.get("icc_profile")
+    if cicp and (image.format == "PNG" or cicp[1] in (PQ, HLG) or not data):
+        encoding = coded_encoding(*cicp[:2])
+        return encoding if cicp[2] else replace(encoding or SRGB, narrow=True)
+    grey = image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
+    if data:
+        try:
+            profile = Profile(io.BytesIO(data))
+            space = profile.profile.xcolor_space.strip()
+            if hdr := _hdr_encoding(profile, data):
+                return hdr
+            if image.mode.startswith("I") or (space == "GRAY" and not grey):
+                return _grey_encoding(profile)
+            if space.upper() in ((image.mode,) if image.mode in ("CMYK", "LAB") else ("GRAY", "RGB")):
+                return profile
+        except (ImageCms.PyCMSError, OSError):  # an unreadable profile is ignored
+            pass
+    if image.mode == "LAB":
+        return Profile(ImageCms.createProfile("LAB"))
+    if "srgb" in image.info:
+        return None
+    tags = getattr(image, "tag_v2", {})
+    curve, chromaticities = _stated_curve(image, tags), REC709
+    if stated := image.info.get("chromaticity"):  # a PNG's, the white first
+        chromaticities = (*stated[2:], *stated[:2])
+    elif PRIMARIES in tags and WHITE_POINT in tags:
+        chromaticities = tuple(float(value) for value in (*tags[PRIMARIES], *tags[WHITE_POINT]))
+    elif _is_adobe_rgb(image):
+        curve, chromaticities = gamma(563 / 256), ADOBE_RGB
+    try:
+        like_srgb = grey or np.abs(rec709_from(chromaticities) - np.eye(3)).max() < 0.01
+    except ValueError:  # no colour space: left aside, as readers of PNG do
+        like_srgb = True
+    if like_srgb and curve is None:
+        return None
+    return Encoding(curve or linear_from_srgb, REC709 if like_srgb else chromaticities)
+
+
+def _stated_curve(image: Image.Image, tags: Any) -> Curve | None:
+    """The curve of a PNG's gAMA or a TIFF's TransferFunction; None where it is sRGB's or not stated."""
+    exponent = image.info.get("gamma") if image.format == "PNG" else None
+    if exponent and abs(exponent * 2.2 - 1) > 0.01:  # else as PNG's sRGB chunk wants it beside itself
+        return gamma(1 / exponent)
+    table = tags.get(TRANSFER_FUNCTION, ())
+    if len(table) in (256, 768, 65536, 3 * 65536):
+        size = 256 if len(table) <= 768 else 65536
+        levels = np.array(table[:size]) / 65535
+        return lambda samples: np.interp(samples, np.linspace(0, 1, size), levels)
+    return None
+
+
+def _is_adobe_rgb(image: Image.Image) -> bool:
+    """Whether a camera states Adobe RGB as DCF does, in EXIF alone."""
+    try:
+        interop = image.getexif().get_ifd(ExifTags.IFD.Interop) if image.getexif() else {}
+        return interop.get(1) == "R03"
+    except Exception:  # damaged EXIF data
+        return False
+
+
+def _hdr_encoding(profile: Profile, data: bytes) -> Encoding | None:
+    """Return the encoding of an HDR profile, whose curve a conversion of 8 bits would lose; else None."""
+    for place in range(132, 132 + 12 * int.from_bytes(data[128:132], "big"), 12):
+        if data[place : place + 4] == b"cicp":
+            start = int.from_bytes(data[place + 4 : place + 8], "big") + 8
+            primaries, transfer = data[start : start + 2]
+            return coded_encoding(primaries, transfer) if transfer in (PQ, HLG) else None
+    name = profile.profile.profile_description or ""
+    if re.search("(?<![A-Za-z0-9])(HLG|PQ|2084)(?![A-Za-z0-9])", name):
+        return coded_encoding(9, HLG if "HLG" in name else PQ)
+    return None
+
+
+def _grey_encoding(profile: Profile) -> Encoding:
+    """Return the encoding of grey samples by a colour profile.
+
+    Raises:
+        ImageCms.PyCMSError: The profile is not for grey or RGB.
+    """
+    ramp = Image.fromarray(np.arange(256, dtype=np.uint8)[None])
+    if profile.profile.xcolor_space.strip() == "RGB":
+        ramp = ramp.convert("RGB")
+    levels = linear_from_srgb(np.asarray(in_srgb(ramp, profile))[0] / 255).mean(-1)
+    return Encoding(lambda samples: np.interp(samples, np.arange(256) / 255, levels))
+
+
+def in_srgb(image: Image.Image, profile: Profile) -> Image.Image:
+    """Convert an 8-bit picture by its colour profile to sRGB, mode RGB.
+
+    Raises:
+        ImageCms.PyCMSError: The profile is for other pictures.
+    """
+    converted = ImageCms.profileToProfile(image, profile, ImageCms.createProfile("sRGB"), outputMode="RGB")
+    assert converted is not None
+    return converted

@@ -1,0 +1,259 @@
+"""What a file is by its content, and what its container states of colour and pages."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+from PIL import TiffImagePlugin
+
+HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", b"\x76\x2f\x31\x01")
+_TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_RAW_MAGIC = (
+    b"FUJIFILMCCD-RAW",
+    b"IIRO",
+    b"IIRS",
+    b"MMOR",
+    b"IIU\0",
+    b"II\x1a\0\0\0HEAPCCDR",
+    b"\0MRM",
+    b"FOVb",
+)
+_RAW_ENDINGS = frozenset(
+    ".3fr .arw .cr2 .cr3 .crw .dng .erf .fff .gpr .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2"
+    " .rwl .sr2 .srf .srw .x3f".split()
+)
+_PHOTO_MAGIC = (
+    b"\x89PNG",
+    b"\xff\xd8\xff",
+    b"GIF8",
+    b"BM",
+    b"RIFF",
+    b"P1",
+    b"P2",
+    b"P3",
+    b"P4",
+    b"P5",
+    b"P6",
+)
+_CONVERT = "Convert it to JPEG or PNG."
+_VIDEO = "a video", "Give vig fit the file with the ending of a video, such as .mp4."
+_OTHERS = (
+    (HDR_MAGIC, "an HDR image", "Save it as 8-bit sRGB; HDR is for panoramas."),
+    ((b"PF\n", b"Pf\n"), "an HDR image (PFM)", "Save it as 8-bit sRGB."),
+    ((b"%PDF",), "a PDF document", "Save its picture as JPEG or PNG."),
+    ((b"%!PS", b"\xc5\xd0\xd3\xc6"), "a PostScript drawing", "Save it as PNG."),
+    ((b"8BPS",), "a Photoshop document", "Export it as JPEG or PNG."),
+    ((b"gimp xcf",), "a GIMP document", "Export it as JPEG or PNG."),
+    ((b"\xff\x0a", b"\0\0\0\x0cJXL "), "JPEG XL", _CONVERT),
+    ((b"II\xbc\x01",), "JPEG XR", _CONVERT),
+    ((b"\0\0\1\0",), "an icon (ICO)", _CONVERT),
+    ((b"SIMPLE  =",), "a FITS file", "Save its picture as PNG."),
+    ((b"DDS ",), "a texture (DDS)", _CONVERT),
+    ((b"\x93NUMPY",), "an array of numpy", "Load it, and pass the array to vig.Explainer.explain."),
+    ((b"PK\3\4", b"\x1f\x8b", b"7z\xbc\xaf", b"Rar!"), "an archive", "Unpack it."),
+    ((b"\0\5\x16\7",), "a side file of macOS (AppleDouble)", "Name the file beside it, without ._ in front."),
+    ((b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"\0\0\1\xb3", b"OggS", b"FLV\1", b"0&\xb2u\x8ef"), *_VIDEO),
+)
+CFA, LINEAR_RAW = 32803, 34892
+"""Photometric interpretations of TIFF that only raw files have."""
+SUBFILE, WIDTH, HEIGHT, BITS, PHOTOMETRIC, SUB_IFDS, DNG_VERSION = 254, 256, 257, 258, 262, 330, 50706
+ORIENTATION, MAX_SAMPLE, PLANAR, SAMPLE_FORMAT, S_MAX_SAMPLE = 274, 281, 284, 339, 341
+"""Tags of TIFF."""
+
+
+def why_no_photo(path: Path) -> tuple[str, str] | None:
+    """Return what a file is that vig does not read as a photo, and what to do; None for all others.
+
+    It is recognised by its first bytes, raw files by their tags and ending too. A damaged photo is not.
+    """
+    with path.open("rb") as file:
+        head = file.read(1024)
+        raw = (
+            f"a camera's raw file ({path.suffix.lstrip('.').upper() or 'no ending'})",
+            "Develop it to JPEG or PNG.",
+        )
+        brand = head[8:12] if head[4:8] == b"ftyp" else b""
+        if head.startswith(_RAW_MAGIC) or brand == b"crx ":
+            return raw
+        if head.startswith(_TIFF_MAGIC):
+            is_raw = path.suffix.lower() in _RAW_ENDINGS or head[8:10] == b"CR"
+            return raw if is_raw or any(_is_raw(tags) for _, tags in tiff_pages(file)) else None
+    if is_heif(head):
+        return (
+            None
+            if find_spec("pillow_heif")
+            else ("HEIC", "Convert it to JPEG, or run pip install 'vig[heic]'.")
+        )
+    if (brand and not _is_avif(head)) or (head[:4] == b"RIFF" and head[8:12] == b"AVI "):
+        return _VIDEO
+    for magic, name, remedy in _OTHERS:
+        if head.startswith(magic):
+            return name, remedy
+    if head[128:132] == b"DICM":
+        return "a DICOM file", "Save its picture as PNG."
+    text = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    if b"<svg" in head.lower() and text.startswith((b"<", b"<?xml")):
+        return "a drawing (SVG)", "Save it as PNG."
+    if text.startswith((b"<!doctype html", b"<html")):
+        return "a web page", "Save the picture in it instead."
+    if head.startswith(b"version https://git-lfs"):
+        return "a pointer of Git LFS", "Run git lfs pull."
+    if path.suffix.lower() in _RAW_ENDINGS and not brand and not head.startswith(_PHOTO_MAGIC):
+        return raw
+    return None
+
+
+def is_heif(head: bytes) -> bool:
+    """Whether a file with these first bytes is HEIF of HEVC (HEIC) or another codec than AVIF's."""
+    return head[4:8] == b"ftyp" and not _is_avif(head) and head[8:12] in (
+        *(b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"),
+        *(b"mif1", b"msf1", b"mif2", b"miaf", b"avci", b"avcs", b"jpeg", b"jpgs", b"j2ki", b"vvic"),
+    )  # fmt: skip
+
+
+def _is_avif(head: bytes) -> bool:
+    return head[4:8] == b"ftyp" and any(
+        head[place : place + 4] in (b"avif", b"avis")
+        for place in (8, *range(16, int.from_bytes(head[:4], "big"), 4))
+    )
+
+
+def _is_raw(tags: Any) -> bool:
+    return DNG_VERSION in tags or tags.get(PHOTOMETRIC) in (CFA, LINEAR_RAW)
+
+
+def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
+    """Return number and tags of every page of a TIFF file, after each those of the pages below it (SubIFDs).
+
+    The number is None for a page below another. What cannot be read ends them.
+    """
+    pages: list[tuple[int | None, Any]] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of damaged tags
+        try:
+            file.seek(0)
+            head = file.read(8)
+            head += file.read(8) if head[2] == 43 else b""
+            offsets = [(TiffImagePlugin.ImageFileDirectory_v2(head).next, True)]
+            seen, number = {0}, 0
+            while offsets:
+                offset, in_chain = offsets.pop(0)
+                if offset in seen:
+                    continue
+                seen.add(offset)
+                tags = TiffImagePlugin.ImageFileDirectory_v2(head)
+                file.seek(offset)
+                tags.load(file)
+                below = tags.get(SUB_IFDS, ())
+                if in_chain:
+                    offsets.append((tags.next, True))
+                offsets[:0] = [(place, False) for place in (below if isinstance(below, tuple) else (below,))]
+                pages.append((number if in_chain else None, tags))
+                number += in_chain
+        except Exception:  # a damaged file: who decodes it says so
+            pass
+    return pages
+
+
+class Page(NamedTuple):
+    """A page of a TIFF file: its number, None for one below another, and (width, height)."""
+
+    number: int | None
+    size: tuple[int, int]
+
+
+def largest_page(path: Path) -> Page | None:
+    """Return a TIFF file's largest page, reduced ones and masks left aside; None if it is damaged."""
+    with path.open("rb") as file:
+        pages = [(number, tags) for number, tags in tiff_pages(file) if WIDTH in tags and HEIGHT in tags]
+    whole = [(number, tags) for number, tags in pages if not tags.get(SUBFILE, 0) & 5]
+    sizes = [Page(number, (tags[WIDTH], tags[HEIGHT])) for number, tags in whole or pages]
+    return max(sizes, key=lambda page: page.size[0] * page.size[1], default=None)
+
+
+def tiff_samples(path: Path) -> str | None:
+    """Return what the samples of a TIFF that is not decoded are, in words; None for other files."""
+    with path.open("rb") as file:
+        pages = tiff_pages(file) if file.read(4).startswith(_TIFF_MAGIC) else []
+    return next((f"a TIFF of {samples_of(tags)}" for _, tags in pages if WIDTH in tags), None)
+
+
+def samples_of(tags: Any) -> str:
+    """What the samples of a page with these TIFF tags are, in words."""
+    bits = tags.get(BITS, (1,))[0]
+    kind = {2: "signed ", 3: "floating-point ", 6: "complex "}.get(tags.get(SAMPLE_FORMAT, (1,))[0], "")
+    return f"{kind}samples of {bits} bits" + (", 0 for white" if tags.get(PHOTOMETRIC) == 0 else "")
+
+
+def white_level(tags: Any) -> int:
+    """Return the 16-bit sample that is white: below 65535 where TIFF tags state fewer bits."""
+    bits = int(tags.get(BITS, (16,))[0])
+    if 8 < bits < 16:
+        return 2**bits - 1
+    for tag in (S_MAX_SAMPLE, MAX_SAMPLE):
+        largest = np.atleast_1d(tags.get(tag, 0))[0]
+        # Writers also state the largest sample of the one picture; a power of two less 1 is a depth.
+        if bits == 16 and largest in [2**depth - 1 for depth in range(9, 16)]:
+            return int(largest)
+    return 65535
+
+
+def stated_cicp(file: IO[bytes]) -> tuple[int, int, bool] | None:
+    """Return the primaries, transfer (codes of H.273) and full range that a PNG, AVIF or HEIC file states."""
+    file.seek(0)
+    head = file.read(16)
+    if head.startswith(b"\x89PNG"):
+        file.seek(8)
+        while len(header := file.read(8)) == 8 and header[4:] != b"IDAT":
+            body = file.read(int.from_bytes(header[:4], "big") + 4)
+            if header[4:] == b"cICP" and len(body) == 8:
+                return body[0], body[1], body[3] != 0
+    elif head[4:8] == b"ftyp":
+        file.seek(0)
+        for kind, body in _boxes(file.read()):
+            if kind == b"meta":
+                return _primary_nclx(body[4:])
+    return None
+
+
+def _primary_nclx(meta: bytes) -> tuple[int, int, bool] | None:
+    """The nclx colour property of the primary item, of a `meta` box's content (ISO/IEC 23008-12)."""
+    boxes = dict(_boxes(meta))
+    primary = int.from_bytes(boxes[b"pitm"][4:8] if boxes[b"pitm"][0] else boxes[b"pitm"][4:6], "big")
+    inner = dict(_boxes(boxes[b"iprp"]))
+    properties = list(_boxes(inner[b"ipco"]))
+    table = inner[b"ipma"]
+    id_size, index_size = 4 if table[0] else 2, 2 if table[3] & 1 else 1
+    place = 8
+    for _ in range(int.from_bytes(table[4:8], "big")):
+        item, count = int.from_bytes(table[place : place + id_size], "big"), table[place + id_size]
+        place += id_size + 1
+        for start in range(place, place + count * index_size, index_size):
+            index = int.from_bytes(table[start : start + index_size], "big") & (
+                0x7FFF if index_size == 2 else 0x7F
+            )
+            kind, body = properties[index - 1] if index else (b"", b"")
+            if item == primary and kind == b"colr" and body[:4] == b"nclx":
+                primaries, transfer = (int.from_bytes(body[k : k + 2], "big") for k in (4, 6))
+                return primaries, transfer, True  # the decoder expands a limited range
+        place += count * index_size
+    return None
+
+
+def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield the kinds and contents of the boxes in a row (ISO/IEC 14496-12)."""
+    place = 0
+    while place + 8 <= len(data):
+        size, start = int.from_bytes(data[place : place + 4], "big"), place + 8
+        if size == 1:
+            size, start = int.from_bytes(data[start : start + 8], "big"), start + 8
+        size = size or len(data) - place
+        if size < start - place:
+            return
+        yield data[place + 4 : place + 8], data[start : place + size]
+        place += size
