@@ -15,6 +15,7 @@ import stat
 import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
@@ -170,6 +171,13 @@ def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
     low, high = int(indices.min()), int(indices.max())
     if low < least or high >= count:
         raise ValueError(f"{name} must be from {least} to {count - 1}; they are from {low} to {high}")
+
+
+def number_of(value: Any) -> float | None:
+    """A number as a float, whether it is Python's, numpy's or a tensor's of no dimension; None for others."""
+    if getattr(value, "shape", None) == () and hasattr(value, "item"):
+        value = value.item()
+    return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+from vig.checks import number_of
 from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.hints import Hints
@@ -153,7 +154,10 @@ class Explainer:
             window = Window.of(width, height, checked_box(box))
             window = upright(seen, window, self.recognizer) if roll is None else replace(window, roll=roll)
         if window is None:
-            window, found = (best := find(seen, self.recognizer)).window, best.score
+            clues = None if hints is None else hints.clues()
+            best = find(seen, self.recognizer, clues)
+            # Where the user says where it is, it is there.
+            window, found = best.window, best.score if clues is None else 1.0
             window = window if roll is None else replace(window, roll=roll)
         focal_from, too_wide = "assumed", False
         if self.settings.farther is not None:
@@ -208,7 +212,8 @@ class Explainer:
             UserError: As `explain`, for workers below 1, for more or fewer boxes than photos, or when a
                 worker process was killed.
         """
-        if not isinstance(workers, int) or workers < 1:
+        number = number_of(workers)
+        if number is None or number != int(number) or number < 1:
             raise UserError(f"expected 1 or more workers; got {workers}. Give a whole number.")
         if isinstance(photos, Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
@@ -218,7 +223,7 @@ class Explainer:
             (photo, box, lens_of(photo, focal, camera), told)
             for photo, box, told, camera in _matched(photos, box=boxes, hint=hints, camera=cameras)
         )
-        if workers == 1:
+        if number == 1:
             found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
         else:
             if (folder := self.object_class.folder) is None:
@@ -227,15 +232,15 @@ class Explainer:
                 )
             sent = ((_sendable(photo), *others) for photo, *others in items)
             shared = folder, self.settings, self.recognizer.device
-            answers = map_in_processes(_prepare, shared, sent, workers)
+            answers = map_in_processes(_prepare, shared, sent, int(number))
             found = map(self._received, answers)
-        for number, result in enumerate(found):
+        for place, result in enumerate(found):
             if not isinstance(result, UserError):
                 yield result
             elif skip is None:
                 raise result
             else:
-                skip(number, result)
+                skip(place, result)
 
     def _tried(self, item: Item) -> Explanation | UserError:
         photo, box, lens, hints = item
@@ -254,7 +259,8 @@ class Explainer:
 def checked_box(box: Any) -> Box:
     """Four finite numbers from whatever was given as a box; UserError when it is something else."""
     try:
-        x, y, w, h = (float(number) for number in box)
+        numbers = [float(number) if isinstance(number, str) else number_of(number) for number in box]
+        x, y, w, h = (math.nan if number is None else number for number in numbers)
         if not all(map(math.isfinite, (x, y, w, h))):
             raise ValueError
     except (TypeError, ValueError):
@@ -266,9 +272,10 @@ def checked_box(box: Any) -> Box:
 
 def checked_focal(focal: float) -> float:
     """A focal length in pixels; UserError when it is not positive and finite."""
-    if not isinstance(focal, int | float) or not 0 < focal < math.inf:
+    number = number_of(focal)
+    if number is None or not 0 < number < math.inf:
         raise UserError(f"expected a focal length in pixels, above 0; got {focal!r}. Leave it out.")
-    return float(focal)
+    return number
 
 
 def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Lens | None:

@@ -21,6 +21,7 @@ from vig.inference import Fit, Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.images import coded, linear_photo, write_png
+from vig.photo.masks import box_of
 from vig.photo.pinhole import outline_weights, reprojected, sight_axes, turned_pose
 from vig.renderer import render_latents
 from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
@@ -262,11 +263,7 @@ class Explanation:
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
         """x, y, width, height in pixels round what the object covers of the photo; None for nothing."""
-        rows, columns = (np.flatnonzero(self.amodal.any(axis)) for axis in (1, 0))
-        if not len(rows):
-            return None
-        x, y = int(columns[0]), int(rows[0])
-        return x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y
+        return box_of(self.amodal)
 
     @property
     def hidden_fraction(self) -> float | None:

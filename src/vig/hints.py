@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 import torch
 
+from vig.checks import number_of
 from vig.errors import UserError
 from vig.inference import Said, WindowHints
 from vig.photo import Window
+from vig.recognition.find import Clues
 from vig.scene import IMAGE_SIZE, ObjectClass
 
+FARTHEST = 100.0
+"""Usual distances beyond which an object is not: a pose in millimetres."""
 BEYOND = 1.5
 """Photo's sides from its middle within which a named point must be: the object may reach beyond the photo."""
 
@@ -56,7 +60,13 @@ class Hints:
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (given := getattr(self, name)) is not None:
-                array = np.asarray(given)
+                array = np.asarray(given.cpu() if isinstance(given, torch.Tensor) else given)
+                if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
+                    array = array[..., 0] if array.shape[2] == 1 else array[0]
+                if name == "mask" and array.dtype.kind in "iuf" and array.size:
+                    # 0 and another value, or shades of which half of the range is the edge.
+                    most = 1.0 if array.max() <= 1 else 255.0
+                    array = array > 0 if len(np.unique(array)) <= 2 else array > most / 2
                 if array.shape != (height, width) or array.dtype not in (bool, np.uint8):
                     raise UserError(
                         f"expected {name} of {width} x {height} pixels, bool or uint8; got {array.dtype} of"
@@ -91,15 +101,17 @@ class Hints:
                     raise UserError(f"expected {name} within {most:g} degrees; got {number:g}. Give degrees.")
                 changed[name] = number
         if self.pose is not None:
-            pose = np.asarray(self.pose, float)
-            turn = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
-            if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
-                raise UserError(
-                    "expected a pose as a rigid (4, 4) camera_from_object, OpenCV axes; got something else."
-                    " Its upper left (3, 3) must be a rotation."
-                )
-            changed["pose"] = pose
+            changed["pose"] = checked_pose(self.pose, object_class.viewing_distance)
         return replace(self, **changed)
+
+    def clues(self) -> Clues | None:
+        """What tells where the object is; None where nothing does."""
+        seen = self.mask if self.marks is None else self.marks == Said.SEEN
+        if self.mask is not None and self.marks is not None:
+            seen = self.mask | (self.marks == Said.SEEN)
+        seen = seen if seen is not None and seen.any() else None
+        points = np.array(list(self.points.values()), float).reshape(-1, 2)
+        return Clues(seen, points) if seen is not None or len(points) else None
 
     def described(self) -> dict[str, Any]:
         """What was said, in plain values: for masks and marks the number of pixels."""
@@ -150,6 +162,46 @@ class Hints:
         )
 
 
+def checked_pose(given: Any, usual_distance: float) -> np.ndarray:
+    """A pose (4, 4) camera_from_object of an object in front of the camera; UserError names what it may be.
+
+    usual_distance: Metres at which a photo is taken of such an object.
+    """
+    try:
+        pose = np.asarray(given, float)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape == (3, 4):
+        pose = np.concatenate([pose, [[0.0, 0.0, 0.0, 1.0]]])
+    came = None
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        came = f"an array of shape {pose.shape}" if np.isfinite(pose).all() else "numbers that are not finite"
+    elif not np.allclose(pose[3], [0, 0, 0, 1], atol=1e-6):
+        came = f"a last row of {pose[3].round(4).tolist()}; is it transposed (column by column)?"
+    else:
+        turn = pose[:3, :3]
+        square = turn @ turn.T
+        scale = math.sqrt(max(np.trace(square) / 3, 0.0))
+        if not np.allclose(square, scale**2 * np.eye(3), atol=1e-3 * max(scale**2, 1e-9)):
+            came = "a matrix whose upper left (3, 3) is no rotation"
+        elif abs(scale - 1) > 1e-3:
+            came = f"a rotation scaled by {scale:.4g}; divide its (3, 3) by that"
+        elif np.linalg.det(turn) < 0:
+            came = "a mirrored, left-handed frame; turn one axis over"
+        elif np.linalg.norm(pose[:3, 3]) > FARTHEST * usual_distance:
+            came = f"an object {np.linalg.norm(pose[:3, 3]):.4g} metres away; is that in millimetres?"
+        elif pose[2, 3] <= 0:
+            came = f"an object behind the camera, z = {pose[2, 3]:.4g}"
+            came += "; of OpenGL or Blender? Multiply by diag(1, -1, -1, 1) from the left"
+        elif np.hypot(*pose[:2, 3]) > 3 * pose[2, 3]:
+            came = "an object far beside what the camera sees; is it object_from_camera? Take the inverse"
+    if came is not None:
+        raise UserError(
+            f"expected a pose as a rigid (4, 4) camera_from_object in metres, OpenCV axes; got {came}."
+        )
+    return pose
+
+
 def view_of(pose: np.ndarray) -> tuple[float, float, float]:
     """Azimuth, elevation and roll, radians, of a pose (4, 4) camera_from_object."""
     rotation = pose[:3, :3]
@@ -168,10 +220,10 @@ def _share(mask: np.ndarray, window: Window) -> torch.Tensor:
 
 def _finite(what: str, given: Any, count: int) -> tuple[Any, ...]:
     try:
-        numbers = tuple(float(number) for number in given)
-    except (TypeError, ValueError):
+        numbers = tuple(map(number_of, given))
+    except TypeError:
         numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+    if len(numbers) != count or not all(number is not None and math.isfinite(number) for number in numbers):
         raise UserError(
             f"expected {what} as {count} finite number(s); got {str(given)[:60]}. Give pixels or degrees."
         )

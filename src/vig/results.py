@@ -15,7 +15,7 @@ from PIL import Image
 
 from vig.checks import read_json, reading
 from vig.files import atomic_write
-from vig.report.export import MILLIMETRES, OBJECT_ID, box_of, run_lengths
+from vig.report.export import MILLIMETRES, OBJECT_ID, bop_box, run_lengths
 
 TABLE = "results"
 TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
@@ -158,7 +158,7 @@ def coco_json(folder: str | Path, path: str | Path, category_id: int = OBJECT_ID
                     "image_id": images[row["photo"]][1],
                     "category_id": number[row["class"]],
                     "segmentation": run_lengths(seen),
-                    "bbox": box_of(seen),
+                    "bbox": bop_box(seen),
                     "score": _score(row),
                     "file_name": PurePath(row["photo"]).name,
                 }

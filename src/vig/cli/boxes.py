@@ -7,6 +7,7 @@ from typing import Any
 
 from vig.checks import decode, read_json, reading
 from vig.cli.common import Fit
+from vig.cli.naming import by_photo
 from vig.errors import UserError
 from vig.explainer import Box, checked_box
 from vig.together import MOST_OBJECTS
@@ -35,14 +36,10 @@ def boxes_of(settings: Fit, photos: list[Path]) -> list[tuple[Box | None, Object
     with reading(settings.boxes, "boxes by the photos' file names", REMEDY):
         told = decode(dict[str, Any], read_json(settings.boxes))
         named = {name: _read(each, settings) for name, each in told.items()}
-    if unknown := sorted(named.keys() - {photo.name for photo in photos}):
-        raise UserError(
-            f"expected boxes of the {len(photos)} photos; got one of '{unknown[0]}' in '{settings.boxes}'."
-            " Use the photos' file names."
-        )
-    if any(objects for _, objects in named.values()):
+    of_photo = by_photo(named, photos, "boxes", settings.boxes)
+    if any(objects for _, objects in of_photo.values()):
         _check_several(settings)
-    return [named.get(photo.name, (None, ())) for photo in photos]
+    return [of_photo.get(photo, (None, ())) for photo in photos]
 
 
 def _read(told: Any, settings: Fit) -> tuple[Box | None, Objects]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 from vig.checks import read_json, reading
 from vig.cli.common import Fit
+from vig.cli.naming import by_photo
 from vig.errors import UserError
 
 NAMES = ("K", "k", "cam_K", "fx", "fl_x")
@@ -33,16 +34,18 @@ def cameras_of(settings: Fit, photos: list[Path]) -> list[Any]:
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:
             raise ValueError("it holds no camera")
-    return [_camera_of(photo, content, settings.cameras, photos) for photo in photos]
+    if all(name.isdecimal() for name in content):
+        return [_numbered(photo, content, settings.cameras, photos) for photo in photos]
+    of_photo = by_photo(content, photos, "cameras", settings.cameras)
+    for photo in photos:
+        if photo not in of_photo:
+            raise UserError(f"expected a camera of '{photo}' in '{settings.cameras}'; it has none. {REMEDY}")
+    return [of_photo[photo] for photo in photos]
 
 
-def _camera_of(photo: Path, cameras: Mapping[str, Any], path: Path, photos: list[Path]) -> Any:
-    """One photo's camera: by the end of its path, or by its number, as in BOP's scene_camera.json."""
-    parts = photo.resolve().parts
-    named = [name for name in cameras if parts[-len(PurePath(name).parts) :] == PurePath(name).parts]
-    if named:
-        return cameras[max(named, key=lambda name: len(PurePath(name).parts))]
-    if photo.stem.isdecimal() and all(name.isdecimal() for name in cameras):
+def _numbered(photo: Path, cameras: Mapping[str, Any], path: Path, photos: list[Path]) -> Any:
+    """One photo's camera by its number, as in BOP's scene_camera.json."""
+    if photo.stem.isdecimal():
         scenes = {other.resolve().parent.parent for other in photos}
         if len(scenes) > 1:
             raise UserError(

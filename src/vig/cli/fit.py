@@ -22,11 +22,14 @@ from vig.cli.boxes import boxes_of, classes_of
 from vig.cli.cameras import cameras_of
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of, mask_of
+from vig.cli.naming import listed, note
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import ExplainSettings
 from vig.likelihood import LIKELIHOODS
 from vig.optimizers import OPTIMIZERS
+from vig.photo.decoding import FORMATS
+from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
 from vig.report.sheet import sheet_name, write_sheets
@@ -39,6 +42,9 @@ FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES}
 """Names within a run's folder that no photo's folder may have."""
+HEIC = (".heic", ".heif", ".hif")
+PASSED_OVER = {"Thumbs.db", "desktop.ini", "__MACOSX"}
+"""What systems put into folders of photos."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
@@ -57,8 +63,8 @@ def fit(settings: Fit) -> int:
         free_framing=FRAMINGS[settings.framing],
         optimizer=OPTIMIZERS[settings.optimizer],
     )
-    note = partial(add_line, settings.log)
-    note(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
+    log = partial(add_line, settings.log)
+    log(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
     given = RunSettings(first, how, settings.device, settings.export, others)
     tasks = (
         Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
@@ -69,7 +75,7 @@ def fit(settings: Fit) -> int:
     def done(row: dict[str, Any]) -> None:
         found.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
         line = in_one_line(_line(row))
-        note(line)
+        log(line)
         if row["error"] is not None:
             print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
         elif not settings.json and not settings.quiet:
@@ -172,7 +178,6 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
     `out`/frames first; UserError when there are none.
     """
     photos: list[Path] = []
-    known = Image.registered_extensions()
     expanded = [each for given in images for each in _expanded(given)]
     folders = iter(
         result_folders([image for image in expanded if is_video(image) and not image.is_dir()], out / FRAMES)
@@ -181,15 +186,53 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
         if is_video(image) and not image.is_dir():
             photos += frames_of(image, next(folders))
             continue
-        found = (
-            [path for path in image.iterdir() if path.suffix.lower() in known] if image.is_dir() else [image]
-        )
-        if not found:
-            raise UserError(f"expected photos in '{image}'; got none. Name others.")
+        found = _photos_in(image) if image.is_dir() else [image]
         photos += sorted(found)
     if not photos:
         raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
     return photos
+
+
+def _photos_in(folder: Path) -> list[Path]:
+    """The photos in a folder; what else is there is named in a line, UserError where that is all.
+
+    Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
+    """
+    known, photos, others = Image.registered_extensions(), list[Path](), list[Path]()
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or path.name in PASSED_OVER:
+            continue
+        suffix = path.suffix.lower()
+        of_photos = known.get(suffix) in FORMATS or suffix in HEIC
+        is_photo = of_photos and path.is_file() and (not _readable(path) or why_no_photo(path) is None)
+        (photos if is_photo else others).append(path)
+    named = [f"{path.name} ({_kind_of(path)})" for path in others]
+    if not photos:
+        came = f"{len(others)} of other kinds, {listed(named)}" if others else "none"
+        raise UserError(f"expected photos in '{folder}'; got {came}. Name others.")
+    if others:
+        files = "file" if len(others) == 1 else "files"
+        note(f"{len(others)} {files} of '{folder}' not taken: {listed(named)}")
+    return photos
+
+
+def _readable(path: Path) -> bool:
+    """Whether a file's content tells what it is: what is empty or may not be read is refused as a photo."""
+    try:
+        return path.stat().st_size > 0 and os.access(path, os.R_OK)
+    except OSError:
+        return False
+
+
+def _kind_of(path: Path) -> str:
+    """What a file is that is not taken as a photo from its folder."""
+    if path.is_dir():
+        return "a folder"
+    if is_video(path):
+        return "a video; name it itself"
+    if not path.is_file():
+        return "no file"
+    return (why_no_photo(path) or ("no photo", ""))[0]
 
 
 def _expanded(given: Path) -> list[Path]:

@@ -14,6 +14,7 @@ from vig.errors import UserError
 from vig.hints import Hints
 from vig.inference import Said
 from vig.photo.images import eight_bit_photo, refuse
+from vig.photo.masks import mask_file
 
 CHANNELS = ((0, Said.IN_FRONT), (1, Said.SEEN), (2, Said.NOTHING))
 """What a pixel of marks says whose red, green or blue is far above the others."""
@@ -46,7 +47,16 @@ def mask_of(settings: Fit, photos: list[Path]) -> Callable[[Path], Path | None]:
         if given is not None and len(photos) > 1:
             raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{given}'. Name one.")
         return lambda photo: given
-    return lambda photo: given / f"{photo.stem}.png"
+    names = [mask_file(given, photo) for photo in photos]
+    for name in names:
+        if names.count(name) > 1 and len({photo.resolve() for photo in photos}) > 1:
+            owners = [photo for photo, other in zip(photos, names, strict=True) if other == name]
+            if len({photo.resolve() for photo in owners}) > 1:
+                raise UserError(
+                    f"expected a mask for each photo; got '{name}' for {owners[0]} and {owners[1]}."
+                    " Put the masks into folders named as the photos' folders are."
+                )
+    return dict(zip(photos, names, strict=True)).__getitem__
 
 
 def parse_point(text: str) -> tuple[str, tuple[float, float]]:
@@ -80,6 +90,10 @@ def read_pose(path: Path) -> np.ndarray:
         if isinstance(found, dict):
             found = found.get("camera_from_object", found.get("camera", {}).get("camera_from_object"))
         pose = np.array(found, float)
+        if pose.size == 16:
+            pose = pose.reshape(4, 4)
+        elif pose.shape == (3, 4):
+            pose = np.concatenate([pose, [[0.0, 0, 0, 1]]])
         if pose.shape != (4, 4):
             raise ValueError(f"its shape is {pose.shape}")
     return pose

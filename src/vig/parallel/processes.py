@@ -31,6 +31,8 @@ WINDOW = 16
 """Items of each process by which one may be ahead of the oldest that is not done."""
 ATTEMPTS = 3
 """Processes that may die of one item."""
+UNGUARDED = 97
+"""Exit code of a process that would start processes while it imports the script that started it."""
 RENEWED_AFTER = 4000
 """Items after which a process is replaced by a new one, which bounds memory leaks in libraries."""
 
@@ -83,6 +85,9 @@ def map_as_done(
     Raises:
         Exception: What `prepare` or work raised.
     """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        # A script without a guard begins anew in each process that it starts: this one was to import it.
+        os._exit(UNGUARDED)
     pool = _Pool(prepare, shared, items, processes)
     try:
         yield from pool.run()
@@ -204,6 +209,11 @@ class _Pool:
         self.workers.remove(worker)
         worker.process.join()
         worker.connection.close()
+        if worker.process.exitcode == UNGUARDED:
+            raise UserError(
+                "expected a script that its worker processes can import; this one starts workers as it is"
+                " imported. Put what it does under `if __name__ == '__main__':`, or use one worker."
+            )
         if worker.waiting:
             first = worker.waiting[0]
             first.attempts += 1

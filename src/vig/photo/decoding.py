@@ -20,7 +20,7 @@ MID_GREY = 0.18
 LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
 # Only formats that pillow decodes itself: no vector files, no outside programs.
-_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
+FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 UNSCALED = 4096
 """A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16."""
 
@@ -32,7 +32,7 @@ def opened(path: Path) -> Image.Image:
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
-        image = Image.open(path, formats=_FORMATS)
+        image = Image.open(path, formats=FORMATS)
     if image.format == "TIFF" and (page := formats.largest_page(path)):
         check_size(path, *page.size)
         if page.number is None:
@@ -147,7 +147,7 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     swapped = {"L": "B", "B": "L", "N": "B" if sys.byteorder == "little" else "L"}
     if not path or getattr(image, "tag_v2", {}).get(formats.PLANAR) == 2:
         return None
-    with Image.open(path, formats=_FORMATS) as lower:
+    with Image.open(path, formats=FORMATS) as lower:
         lower.seek(image.tell())
         tiles = []
         for tile in lower.tile:

@@ -194,7 +194,7 @@ def white_level(tags: Any) -> int:
     """Return the 16-bit sample that is white: below 65535 where TIFF tags state fewer bits."""
     bits = int(tags.get(BITS, (16,))[0])
     if 8 < bits < 16:
-        return 2**bits - 1
+        return int(2**bits - 1)
     for tag in (S_MAX_SAMPLE, MAX_SAMPLE):
         largest = np.atleast_1d(tags.get(tag, 0))[0]
         # Writers also state the largest sample of the one picture; a power of two less 1 is a depth.

@@ -27,6 +27,8 @@ from vig.photo.decoding import MID_GREY as MID_GREY
 from vig.photo.formats import tiff_samples, why_no_photo
 from vig.scene.light import srgb8_from_linear
 
+ROUNDING = 1e-6
+"""By which floats may lie beyond [0, 1]: resampling rounds."""
 _PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 RUN_LENGTHS = 3
 """zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
@@ -120,24 +122,19 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> 
     if not np.issubdtype(array.dtype, np.floating):
         refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to uint8.")
     least, most = float(array.min()), float(array.max())
-    if not (least >= 0 and most <= 1):  # NaN fails both
+    if not (least >= -ROUNDING and most <= 1 + ROUNDING):  # NaN fails both
         remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
-    return np.array(array, np.float32, order="C")  # a copy: the caller may use the array again
+    clipped: np.ndarray = np.clip(array, 0, 1).astype(np.float32, order="C")
+    return clipped
 
 
 def eight_bit_photo(path: Path) -> np.ndarray:
     """A picture's bytes (H, W, 3) uint8; UserError for one with more bits or transparency."""
-    found = coded_photo(path)
-    if found.dtype != np.uint8:
+    picture = coded_photo(path)
+    if picture.dtype != np.uint8:
         refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
-    return found
-
-
-def read_mask(path: Path) -> np.ndarray:
-    """A mask (H, W) bool from a picture: True where it is brighter than half."""
-    seen: np.ndarray = eight_bit_photo(path).mean(-1) > 127
-    return seen
+    return picture
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image
 
+from vig.photo.masks import box_of
+
 FINER = 4
 """Distances are kept at so many points a pixel of the map."""
 SMOOTH = 0.5
@@ -23,11 +25,11 @@ def outline_distance(share: np.ndarray) -> np.ndarray:
 
     size, mask = len(share), share > 0.25
     distance: np.ndarray = np.full((FINER * size, FINER * size), float(REACH), np.float32)
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    if not len(rows):
+    if (box := box_of(mask)) is None:
         return distance
-    top, left = max(0, rows[0] - REACH), max(0, columns[0] - REACH)
-    part = share[top : rows[-1] + 1 + REACH, left : columns[-1] + 1 + REACH]
+    x, y, width, height = box
+    top, left = max(0, y - REACH), max(0, x - REACH)
+    part = share[top : y + height + REACH, left : x + width + REACH]
     soft = ndimage.gaussian_filter(part.astype(np.float32), SMOOTH, mode="nearest")
     shape = part.shape[1] * FINER, part.shape[0] * FINER
     fine = np.asarray(Image.fromarray(soft).resize(shape, Image.Resampling.BICUBIC)) > 0.5

@@ -86,6 +86,8 @@ def _decoded(video: Path, done: list[Path], folder: Path) -> Any:
                 for frame in packet.decode():
                     picture = frame.to_ndarray(format="rgb24")
                     yield np.ascontiguousarray(np.rot90(picture, round(frame.rotation / 90)))
+    except UserError:
+        raise
     except (av.error.FFmpegError, ValueError) as error:
         if not done:
             raise UserError(

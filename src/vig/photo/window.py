@@ -24,6 +24,8 @@ BOX_BELOW_CENTRE = 0.033
 """How far the box's centre lies below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
+LEAST_IN_PHOTO = 0.25
+"""Share of a box that must be in the photo."""
 LEFT = 4
 """Pixels of a half over those of the window cut from it: with 2, fits turn by a degree or two."""
 LINES = 256
@@ -80,18 +82,23 @@ class Window:
     def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> Window:
         """The window of a box (x, y, w, h) round the whole object, or of the whole photo.
 
+        The box may leave the photo, as one round an object that the photo cuts off does.
+
         Raises:
-            UserError: The box is not inside the photo or too small.
+            UserError: The box is too small, or hardly any of it is in the photo.
         """
         if box is None:
             side = float(max(width, height))
             return Window((width - side) / 2, (height - side) / 2, side)
         x, y, w, h = box
-        inside = x >= 0 and y >= 0 and x + w <= width and y + h <= height
-        if not all(map(math.isfinite, box)) or min(w, h) < SMALLEST_BOX or not inside:
+        shown_w, shown_h = min(x + w, width) - max(x, 0.0), min(y + h, height) - max(y, 0.0)
+        sized = all(map(math.isfinite, box)) and min(w, h) >= SMALLEST_BOX
+        seen = min(shown_w, shown_h) >= SMALLEST_BOX and shown_w * shown_h >= LEAST_IN_PHOTO * w * h
+        if not sized or not seen:
+            numbers = ",".join(f"{number:.12g}" for number in box)
             raise UserError(
-                f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side within the photo of"
-                f" {width} x {height}; got {x:g},{y:g},{w:g},{h:g}. Cut it at the photo's edges or widen it."
+                f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side, most of it in the photo of"
+                f" {width} x {height}; got {numbers}. w and h are width and height, not another corner."
             )
         return Window.round_box(box)
 

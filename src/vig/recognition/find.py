@@ -10,7 +10,8 @@ import numpy as np
 import torch
 
 from vig.photo import Halved, Window
-from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
+from vig.photo.masks import box_of
+from vig.photo.window import BOX_BELOW_CENTRE, SMALLEST_BOX, WINDOW_OVER_BOX
 from vig.recognition.prediction import Prediction, Recognizer
 
 SIZES, STEP = 6, 0.4
@@ -25,6 +26,8 @@ SAME_PLACE = 0.4
 """Overlap of windows from which they are of one object."""
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
+GROWN = (1.0, 1.25, 1.6, 2.2)
+"""Boxes of the object over those of what is known of it."""
 SHOWN = 0.5
 """Predicted probability from which a pixel belongs to the object, hidden or not."""
 
@@ -42,27 +45,86 @@ class Candidate:
     score: float
 
 
-def find(photo: np.ndarray | Halved, recognizer: Recognizer) -> Candidate:
+def find(photo: np.ndarray | Halved, recognizer: Recognizer, clues: Clues | None = None) -> Candidate:
     """The best place of the object in a photo (H, W, 3), as `coded_photo` gives it.
 
-    A low score means that the photo may not show the object.
+    A low score means that the photo may not show the object. With clues only places that agree count.
     """
     tried: list[tuple[float, Window]] = []
     found: list[Candidate] = []
+    near = [] if clues is None else clues.windows()
     for sizes in (range(LARGE), range(LARGE, SIZES)):
-        windows = _grid(photo.shape[1], photo.shape[0], sizes)
+        windows = near + _grid(photo.shape[1], photo.shape[0], sizes)
+        near = []
+        if clues is not None:
+            windows = [window for window in windows if clues.within(window)]
+        if not windows:
+            continue
         prediction = predict_windows(photo, windows, recognizer, twice=False)
         tried += zip(_scores(prediction), _all_moved(windows, prediction), strict=True)
         tried.sort(key=lambda each: -each[0])
         moved = [window for _, window in tried[:KEPT]]
         for _ in range(MOVES):
             prediction = predict_windows(photo, moved, recognizer)
-            found += map(Candidate, moved, _scores(prediction))
+            scores = _scores(prediction)
+            if clues is not None:
+                scores = [score * clues.agreement(window, prediction[i : i + 1])
+                          for i, (score, window) in enumerate(zip(scores, moved, strict=True))]  # fmt: skip
+            found += map(Candidate, moved, scores)
             moved = _all_moved(moved, prediction)
         best = max(found, key=lambda each: each.score)
         if best.score >= SURE:
             break
     return best
+
+
+@dataclass(frozen=True, eq=False)
+class Clues:
+    """What is known of where the object is in a photo.
+
+    Attributes:
+        mask: (H, W) bool, where it is seen, or None.
+        points: (N, 2) places x, y on it, hidden ones too; N may be 0.
+    """
+
+    mask: np.ndarray | None
+    points: np.ndarray
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """x, y, w, h round all that is known."""
+        corners = [self.points]
+        if self.mask is not None and (box := box_of(self.mask)) is not None:
+            corners.append(np.array([box[:2], np.add(box[:2], box[2:])], float))
+        places = np.concatenate(corners)
+        (left, top), (right, bottom) = places.min(0), places.max(0)
+        return float(left), float(top), float(right - left), float(bottom - top)
+
+    def windows(self) -> list[Window]:
+        """Windows about what is known, as if it were all of the object, and larger ones for hidden parts."""
+        x, y, w, h = self.box
+        side = max(w, h, float(SMALLEST_BOX))
+        x, y = x + w / 2, y + h / 2
+        sides = [side * grown for grown in GROWN]
+        return [Window.round_box((x - s / 2, y - s / 2, s, s)) for s in sides]
+
+    def within(self, window: Window) -> bool:
+        """Whether a window shows all that is known."""
+        x, y, w, h = self.box
+        corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
+        return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
+
+    def agreement(self, window: Window, prediction: Prediction) -> float:
+        """From 0 to 1: how well what the network sees in a window is what is known."""
+        if not self.within(window):
+            return 0.0
+        if self.mask is None:
+            return 1.0
+        grey = np.repeat(self.mask[:, :, None].astype(np.float32), 3, axis=2)
+        known = window.cut(grey)[0][..., 0] > 0.5
+        seen = prediction.mask[0, :, :, 0].numpy() > SHOWN
+        union = int((known | seen).sum())
+        return int((known & seen).sum()) / union if union else 0.0
 
 
 def find_several(photo: np.ndarray | Halved, recognizer: Recognizer, most: int) -> list[Candidate]:
@@ -128,12 +190,10 @@ def _grid(width: int, height: int, sizes: Iterable[int]) -> list[Window]:
 def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] | None:
     """The box (x, y, w, h) of the object's pixels in the first window, in its sides; None for none."""
     shown = 1 - prediction.mask[0, :, :, 2].numpy() > SHOWN
-    rows, columns = np.flatnonzero(shown.any(1)), np.flatnonzero(shown.any(0))
-    if not len(rows):
+    if (box := box_of(shown)) is None:
         return None
     height, width = shown.shape
-    x, y = columns[0] / width, rows[0] / height
-    return x, y, (columns[-1] + 1) / width - x, (rows[-1] + 1) / height - y
+    return box[0] / width, box[1] / height, box[2] / width, box[3] / height
 
 
 def _moved(window: Window, prediction: Prediction) -> Window:

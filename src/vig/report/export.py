@@ -13,6 +13,7 @@ import numpy as np
 from vig import __version__
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.photo.masks import box_of
 from vig.report.glb import LOOKS_BACK
 from vig.scene import Camera, ObjectClass
 
@@ -57,7 +58,7 @@ class Exported:
 def write_bop(folder: Path, one: Exported) -> None:
     """`bop/`: scene_camera.json, scene_gt.json, scene_gt_info.json and the model, in millimetres."""
     pose, hidden = one.camera_from_object, one.amodal.sum()
-    box, seen = box_of(one.amodal), box_of(one.mask)
+    box, seen = bop_box(one.amodal), bop_box(one.mask)
     truth = {
         "obj_id": OBJECT_ID,
         "cam_R_m2c": pose[:3, :3].ravel().tolist(),
@@ -92,7 +93,7 @@ def write_coco(folder: Path, one: Exported) -> None:
         "image_id": 1,
         "category_id": OBJECT_ID,
         "iscrowd": 0,
-        "bbox": box_of(one.amodal),
+        "bbox": bop_box(one.amodal),
         "area": int(one.amodal.sum()),
         "segmentation": run_lengths(one.amodal),
         "visible_segmentation": run_lengths(one.mask),
@@ -218,13 +219,9 @@ def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
     return x, y, z, w
 
 
-def box_of(mask: np.ndarray) -> list[int]:
+def bop_box(mask: np.ndarray) -> list[int]:
     """x, y, width, height round a mask (H, W) bool; -1 four times for nothing, as BOP has it."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    if not len(rows):
-        return [-1, -1, -1, -1]
-    x, y = int(columns[0]), int(rows[0])
-    return [x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y]
+    return list(box_of(mask) or (-1, -1, -1, -1))
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, Any]:

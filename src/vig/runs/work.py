@@ -18,7 +18,7 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExplainSettings
 from vig.parallel import Lost
-from vig.photo.images import read_mask
+from vig.photo.masks import read_mask
 from vig.results import COLUMNS
 from vig.together import explain_found, explain_together
 

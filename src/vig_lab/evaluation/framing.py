@@ -6,6 +6,7 @@ import numpy as np
 
 from vig.inference import ExplainSettings
 from vig.photo import Window
+from vig.photo.masks import box_of
 from vig.recognition import Recognizer
 from vig.recognition.find import upright
 from vig.scene import linear_from_srgb, srgb_from_linear
@@ -43,9 +44,5 @@ def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings
 
 def box_of_silhouette(whole: np.ndarray) -> tuple[float, float, float, float] | None:
     """The box of a silhouette (H, W) bool."""
-    rows, columns = np.flatnonzero(whole.any(1)), np.flatnonzero(whole.any(0))
-    if min(len(rows), len(columns)) == 0:
-        return None
-    x, y = float(columns[0]), float(rows[0])
-    w, h = float(columns[-1]) + 1 - x, float(rows[-1]) + 1 - y
-    return None if min(w, h) < LEAST_SIDE else (x, y, w, h)
+    box = box_of(whole)
+    return None if box is None or min(box[2:]) < LEAST_SIDE else box

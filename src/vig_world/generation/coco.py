@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vig.checks import read_bytes, reading
+from vig.photo.masks import box_of
 from vig.scene import IMAGE_SIZE
 from vig_world.dataset.format import MOST_PICTURE, OBJECT_ID, REMEDY, image_paths, inside, read_info
 from vig_world.dataset.read import Dataset, read_dataset
@@ -75,11 +76,7 @@ def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
 
 def bounding_box(mask: np.ndarray) -> list[float]:
     """COCO's x, y, width, height of a mask (H, W), whole pixels; all 0 when it is empty."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return [0.0, 0.0, 0.0, 0.0]
-    left, top, right, bottom = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
-    return [float(left), float(top), float(right - left), float(bottom - top)]
+    return list(map(float, box_of(mask) or (0, 0, 0, 0)))
 
 
 def _instance(index: int) -> dict[str, Any]:

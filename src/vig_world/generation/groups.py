@@ -23,6 +23,7 @@ import numpy as np
 from vig.checks import reading
 from vig.errors import UserError
 from vig.photo.images import write_png
+from vig.photo.masks import box_of
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.group import GroupSpec, group_stream, sample_group
 from vig_world.dataset.spec import Split
@@ -63,12 +64,7 @@ class Group:
     @property
     def boxes(self) -> list[list[int]]:
         """x, y, width, height in pixels round each whole object, within the photo."""
-        found = []
-        for mask in self.amodal:
-            rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-            ends = int(columns[-1] + 1 - columns[0]), int(rows[-1] + 1 - rows[0])
-            found.append([int(columns[0]), int(rows[0]), *ends])
-        return found
+        return [list(box_of(mask) or ()) for mask in self.amodal]
 
     def truth(self) -> list[dict[str, Any]]:
         """Of each object, plain values; see the module."""

@@ -13,7 +13,7 @@ import trimesh
 
 import vig
 from vig.errors import UserError
-from vig.report.export import box_of, run_lengths
+from vig.report.export import bop_box, run_lengths
 from vig_lab.examples import example_photos
 
 ALL = ("bop", "coco", "nerfstudio", "ros", "usd")
@@ -182,7 +182,7 @@ def test_run_lengths_begin_with_zeros(first: bool) -> None:
 
 
 def test_the_box_of_nothing() -> None:
-    assert box_of(np.zeros((3, 3), bool)) == [-1] * 4
+    assert bop_box(np.zeros((3, 3), bool)) == [-1] * 4
 
 
 def test_a_gltf_library_reads_the_object(folder: Path, explanation: vig.Explanation) -> None:

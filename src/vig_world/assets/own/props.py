@@ -99,6 +99,8 @@ def _standing(
         if not pieces:
             raise ValueError("triangles with an area; all of its are degenerate")
         return stand(pieces, settings, path.suffix.lower(), kind)
+    except UserError:
+        raise
     except ValueError as error:
         raise UserError(f"{path}: expected {error}.") from error
 
