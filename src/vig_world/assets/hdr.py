@@ -38,6 +38,8 @@ def read_panorama(path: str | Path) -> np.ndarray:
     except UserError:
         raise
     except Exception as error:  # OpenImageIO may raise anything on a damaged file, even while reporting it
+        if "subsampled" in str(error).lower():
+            refuse(path, "channels R, G and B", "luminance and chroma", "Export it as RGB.")
         refuse(path, "a whole HDR panorama", f"a damaged one ({error})", "Copy it again.")
     finite = np.isfinite(rgb)
     lowest = -UNDERSHOOT * float(rgb.mean(where=finite, dtype=np.float64)) if finite.any() else 0.0
@@ -149,10 +151,7 @@ def _opened(path: Path) -> Any:
 
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        error = oiio.geterror()
-        if "subsampled" in error:
-            refuse(path, "channels R, G and B", "luminance and chroma", "Export it as RGB.")
-        raise OSError(error)
+        raise OSError(oiio.geterror())
     return source
 
 
