@@ -59,14 +59,19 @@ class Encoding:
     system_gamma: float = 1.0
     narrow: bool = False
 
-    def light(self, samples: np.ndarray, maximum: int, peak: float | None = None) -> np.ndarray:
+    def light(self, samples: np.ndarray, maximum: int) -> np.ndarray:
         """Decode samples to linear light of Rec. 709's primaries in [0, 1], float32.
 
         Args:
             samples: (..., 3) or grey (..., 1), uint8 or uint16.
             maximum: The sample that stands for 1.
-            peak: Of HDR: the light that becomes white; None: that of `peak_of`.
         """
+        return self.light_and_peak(samples, maximum)[0]
+
+    def light_and_peak(
+        self, samples: np.ndarray, maximum: int, peak: float | None = None
+    ) -> tuple[np.ndarray, float]:
+        """As `light`, and the light that became white: `peak` for further frames of a video."""
         levels = np.arange(np.iinfo(samples.dtype).max + 1) / maximum
         if self.narrow:  # 16 to 235 of 255
             levels = (levels * 255 - 16) / 219 if maximum == 255 else (levels * 65535 / 256 - 16) / 219
@@ -76,10 +81,8 @@ class Encoding:
             light = light * ((light @ weights) ** (self.system_gamma - 1))[..., None]
         if light.shape[-1] == 3 and self.chromaticities != REC709:
             light = light @ rec709_from(self.chromaticities).T.astype(np.float32)
-        if self.hdr:
-            return tone_mapped(light, peak or peak_of(light))
-        clipped: np.ndarray = np.clip(light, 0, 1)
-        return clipped
+        peak = (peak or peak_of(light)) if self.hdr else 1.0
+        return (tone_mapped(light, peak) if self.hdr else np.clip(light, 0, 1)), peak
 
 
 SRGB = Encoding(linear_from_srgb)

@@ -11,7 +11,8 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from PIL import TiffImagePlugin
 
-HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", b"\x76\x2f\x31\x01")
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", EXR_MAGIC)
 _TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _RAW_MAGIC = (
     b"FUJIFILMCCD-RAW",
@@ -194,7 +195,7 @@ def white_level(tags: Any) -> int:
     """Return the 16-bit sample that is white: below 65535 where TIFF tags state fewer bits."""
     bits = int(tags.get(BITS, (16,))[0])
     if 8 < bits < 16:
-        return int(2**bits - 1)
+        return (1 << bits) - 1
     for tag in (S_MAX_SAMPLE, MAX_SAMPLE):
         largest = np.atleast_1d(tags.get(tag, 0))[0]
         # Writers also state the largest sample of the one picture; a power of two less 1 is a depth.

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import json
 import re
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from vig.errors import UserError
 from vig.files import atomic_write
-from vig.photo.images import existing_file, write_png
+from vig.photo.colour import Encoding, coded_encoding
+from vig.photo.images import coded, existing_file, write_png
 
-ENDINGS = {".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ogv", ".ts", ".webm", ".wmv"}
+UNREAD_MATRICES = (8, 10, 12, 13, 14)
+"""Of H.273 (YCgCo, constant luminance, ICtCp): what ffmpeg takes for another, without an error."""
+ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .ogv .ts .webm .wmv".split())
 """Of files that are taken for videos."""
+FORMAT = 2
+"""Of frames: others, of an earlier vig, are written anew."""
 WHOLE = "frames.json"
 """Written when all frames are: from what file, and how many."""
 
@@ -27,8 +34,9 @@ def is_video(path: Path) -> bool:
 def frames_of(video: Path, folder: Path) -> list[Path]:
     """Write the frames of a video into a folder, one at a time, and return them in order.
 
-    They are named after the folder, `folder-000000.png` on, and turned as the video says. Frames of the same
-    file that are there are not written again.
+    They are named after the folder, `folder-000000.png` on, turned and mirrored as the video says, oblong
+    pixels made square, HDR and wide colours made sRGB. Frames of the same file that are there are not written
+    again.
 
     Raises:
         UserError: PyAV is not installed, the file is missing, no video, damaged, or without a frame, or the
@@ -36,6 +44,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     """
     stat = existing_file(video).stat()
     source = {"video": str(video.resolve()), "bytes": stat.st_size, "modified": stat.st_mtime_ns}
+    source["format"] = FORMAT
     try:
         told = json.loads((folder / WHOLE).read_text())
         paths = [folder / _name(folder, number) for number in range(told["frames"])]
@@ -80,12 +89,20 @@ def _decoded(video: Path, done: list[Path], folder: Path) -> Any:
                 raise UserError(
                     f"expected a video; got '{video}', in which there are no pictures. Name another."
                 )
-            for packet in file.demux(file.streams.video[0]):
+            stream: Any = file.streams.best("video") or file.streams.video[0]
+            peak = None
+            for packet in file.demux(stream):
                 if packet.is_corrupt:
                     raise av.error.InvalidDataError(0, "a damaged packet")
-                for frame in packet.decode():
-                    picture = frame.to_ndarray(format="rgb24")
-                    yield np.ascontiguousarray(np.rot90(picture, round(frame.rotation / 90)))
+                frames: list[Any] = packet.decode()
+                for frame in frames:
+                    encoding = _encoding(video, stream.codec_context, int(frame.colorspace))
+                    picture = frame.to_ndarray(format="rgb48le" if encoding else "rgb24")
+                    if encoding:
+                        light, peak = encoding.light_and_peak(picture, 65535, peak)
+                        picture = coded(light)
+                    picture = _squared(picture, stream.sample_aspect_ratio)
+                    yield np.ascontiguousarray(_turned(picture, frame.side_data.get("DISPLAYMATRIX")))
     except UserError:
         raise
     except (av.error.FFmpegError, ValueError) as error:
@@ -99,6 +116,41 @@ def _decoded(video: Path, done: list[Path], folder: Path) -> Any:
         ) from error
     if not done:
         raise UserError(f"expected a video; got '{video}', which has no frames. Name another.")
+
+
+def _encoding(video: Path, codec: Any, matrix: int) -> Encoding | None:
+    """How samples stand for light where a video is HDR or has other primaries than sRGB's like; else None."""
+    primaries, transfer = int(codec.color_primaries), int(codec.color_trc)
+    try:
+        if matrix in UNREAD_MATRICES:
+            raise ValueError(f"matrix {matrix} of H.273")
+        # Reserved or not stated; and the curves of analogue television, which nobody shows them by.
+        return coded_encoding(
+            2 if primaries in (0, 3) else primaries, 2 if transfer in (0, 3, 4, 5) else transfer
+        )
+    except ValueError as error:
+        raise UserError(
+            f"expected a known colour encoding; got '{video}' with {error}. Convert it to BT.709."
+        ) from error
+
+
+def _squared(picture: np.ndarray, aspect: Fraction | None) -> np.ndarray:
+    """A picture (H, W, 3) uint8 of pixels `aspect` times as wide as high, with the width of square ones."""
+    height, width = picture.shape[:2]
+    square = max(1, round(width * (aspect or 1)))
+    if square == width:
+        return picture
+    return np.asarray(Image.fromarray(picture).resize((square, height), Image.Resampling.BICUBIC))
+
+
+def _turned(picture: np.ndarray, matrix: Any) -> np.ndarray:
+    """Turn and mirror a picture as a display matrix says: (x, y) goes to (a x + c y, b x + d y), in 16.16."""
+    if matrix is None:
+        return picture
+    a, b, _, c, d = np.frombuffer(bytes(matrix), np.int32)[:5]
+    if abs(b) > abs(a):
+        picture, a, d = picture.transpose(1, 0, 2), c, b
+    return picture[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
 def _name(folder: Path, number: int) -> str:
