@@ -20,7 +20,7 @@ from vig.errors import UserError
 from vig.hints import Hints, view_of
 from vig.inference import Objective, PointTerm, Said, objective_of
 from vig.photo import Window
-from vig.photo.images import read_mask
+from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig_lab.examples import Example, example_photos
 

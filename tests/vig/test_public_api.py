@@ -210,7 +210,7 @@ def test_what_is_not_surely_found_is_not_trusted(
 
     window = Window.of(photo.shape[1], photo.shape[0], BOX)
     monkeypatch.setattr(vig.explainer, "explain", trusting)
-    monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer: Candidate(window, score))
+    monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, score))
     assert str(explainer.explain(photo).verdict) == verdict
     assert str(explainer.explain(photo, BOX).verdict) == "trusted"
 

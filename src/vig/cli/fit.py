@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from datetime import datetime
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -203,8 +204,8 @@ def _photos_in(folder: Path) -> list[Path]:
         if path.name.startswith(".") or path.name in PASSED_OVER:
             continue
         suffix = path.suffix.lower()
-        of_photos = known.get(suffix) in FORMATS or suffix in HEIC
-        is_photo = of_photos and path.is_file() and (not _readable(path) or why_no_photo(path) is None)
+        # What has a photo's ending and is none is an error of its own, not passed over.
+        is_photo = known.get(suffix) in FORMATS or (suffix in HEIC and find_spec("pillow_heif") is not None)
         (photos if is_photo else others).append(path)
     named = [f"{path.name} ({_kind_of(path)})" for path in others]
     if not photos:
@@ -214,14 +215,6 @@ def _photos_in(folder: Path) -> list[Path]:
         files = "file" if len(others) == 1 else "files"
         note(f"{len(others)} {files} of '{folder}' not taken: {listed(named)}")
     return photos
-
-
-def _readable(path: Path) -> bool:
-    """Whether a file's content tells what it is: what is empty or may not be read is refused as a photo."""
-    try:
-        return path.stat().st_size > 0 and os.access(path, os.R_OK)
-    except OSError:
-        return False
 
 
 def _kind_of(path: Path) -> str:

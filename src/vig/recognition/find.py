@@ -193,7 +193,9 @@ def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] |
     if (box := box_of(shown)) is None:
         return None
     height, width = shown.shape
-    return box[0] / width, box[1] / height, box[2] / width, box[3] / height
+    (left, top), size = np.array(box[:2]), np.array(box[2:])
+    x, y = left / width, top / height
+    return x, y, (left + size[0]) / width - x, (top + size[1]) / height - y
 
 
 def _moved(window: Window, prediction: Prediction) -> Window:

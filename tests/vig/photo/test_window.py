@@ -60,12 +60,20 @@ def test_a_disc_drawn_in_the_photo_comes_back_where_it_was(size):
     assert (back & disc).sum() / union > 0.93
 
 
-@pytest.mark.parametrize("box", [(-1, 0, 20, 20), (90, 0, 20, 20), (0, 0, 4, 4), (0, 90, 20, 20)])
+@pytest.mark.parametrize("box", [(-15, 0, 20, 20), (95, 0, 20, 20), (0, 0, 4, 4), (0, 96, 20, 20), (9, 9, 400, 400)])
 def test_box_outside_the_photo_or_tiny_is_refused_in_one_line(box):
     with pytest.raises(UserError) as caught:
         Window.of(100, 100, box)
     assert "100 x 100" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_box_may_leave_the_photo_by_rounding_or_with_what_is_cut_off():
+    """Its window is where it would be in a larger photo."""
+    for box in ((80, 10, 20.0000001, 20), (-1e-9, 0, 20, 20), (-10, 30, 40, 30), (70, 70, 50, 45)):
+        window, (x, y, w, h) = Window.of(100, 100, box), box
+        assert window.side == pytest.approx(1.4 * max(w, h))
+        assert window.centre[0] == pytest.approx(x + w / 2)
 
 
 @pytest.mark.parametrize("roll", [0.0, 0.5, -2.0])
