@@ -97,7 +97,9 @@ def test_sixteen_bit_rgb(tmp_path: Path) -> None:
 
 def test_thirty_two_bits_are_refused(tmp_path: Path) -> None:
     Image.fromarray(np.ones(SIZE[::-1], np.float32)).save(tmp_path / "a.tif")
-    refused(tmp_path / "a.tif", "expected 8 or 16 bits a channel; got floating-point samples of 32 bits. Save it")
+    refused(
+        tmp_path / "a.tif", "expected 8 or 16 bits a channel; got floating-point samples of 32 bits. Save it"
+    )
 
 
 def test_exif_orientation_is_applied(tmp_path: Path) -> None:
