@@ -6,13 +6,16 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
 from tests.fuzz.mutations import damaged, outcomes
+from tests.vig.photo.pictures import chrm, cicp, gama, png, profile, tiff
 from vig.cli.boxes import parse_box
 from vig.errors import UserError
 from vig.photo.images import read_photo
@@ -27,6 +30,9 @@ FORMATS = {
     "BMP": {},
     "GIF": {},
     "PPM": {},
+    "JPEG2000": {},
+    "AVIF": {},
+    "MPO": {"save_all": True, "append_images": [Image.new("RGB", (60, 40))]},
 }
 
 
@@ -49,6 +55,53 @@ def test_damaged_photos(name: str, tmp_path: Path) -> None:
         assert 0 <= photo.min() and photo.max() <= 1  # NaN fails both
 
     counts = outcomes(mutants(held.getvalue(), tmp_path / "photo", 200, 1), read)
+    assert counts.total() == 200 and counts["refused"] > 20
+
+
+def rich_files(folder: Path) -> Iterator[Path]:
+    """Photos whose containers state much: colours, depth, pages, transparency."""
+    noise = np.random.default_rng(2).integers(1, 65536, (20, 24, 4)).astype(np.uint16)
+    stated = (cicp(9, 16), gama(1), chrm(0.3127, 0.329, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06))
+    yield png(folder / "hdr.png", noise, 6, *stated)
+    icc = (b"iCCP", b"x\0\0" + zlib.compress(profile(b"GRAY", 1)))
+    yield png(folder / "grey.png", noise[..., :2], 4, icc, *stated[1:])
+    yield png(folder / "key.png", noise[..., :3], 2, (b"tRNS", bytes(6)), (b"pHYs", bytes(9)))
+    small = np.full((20, 24, 3), 9, np.uint8)
+    yield tiff(folder / "pages.tif", (small, {254: 1}), (noise[..., :3], {281: (4095,) * 3, 274: 6}))
+    yield tiff(folder / "white.tif", (noise[..., :1], {262: 0, 341: 16383}), (small, {}))
+    if find_spec("pillow_heif"):
+        import pillow_heif
+
+        pillow_heif.from_pillow(Image.fromarray(small)).save(folder / "a.heic", transfer_characteristics=18)
+        yield folder / "a.heic"
+
+
+def test_damaged_photos_that_state_much(tmp_path: Path) -> None:
+    def read(path: Path) -> None:
+        photo = read_photo(path)
+        assert photo.ndim == 3 and photo.dtype == np.float32
+        assert 0 <= photo.min() and photo.max() <= 1
+
+    for path in rich_files(tmp_path):
+        read(path)
+        counts = outcomes(mutants(path.read_bytes(), path, 150, 5), read)
+        assert counts.total() == 150 and counts["refused"] > 5
+
+
+def test_damaged_panoramas_of_openexr(tmp_path: Path) -> None:
+    spec = oiio.ImageSpec(32, 16, 3, oiio.HALF)
+    spec.full_width, spec.full_height = 64, 32
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), (0.7, 0.3, 0, 1, 0.1, 0, 0.32, 0.34))
+    target = oiio.ImageOutput.create(str(tmp_path / "p.exr"))
+    target.open(str(tmp_path / "p.exr"), spec)
+    target.write_image(np.random.default_rng(3).uniform(0.1, 9, (16, 32, 3)).astype(np.float32))
+    target.close()
+
+    def read(path: Path) -> None:
+        image = read_panorama(path)
+        assert np.isfinite(image).all() and image.min() >= 0
+
+    counts = outcomes(mutants((tmp_path / "p.exr").read_bytes(), tmp_path / "p.exr", 200, 4), read)
     assert counts.total() == 200 and counts["refused"] > 20
 
 

@@ -213,7 +213,8 @@ def encoding_of(image: Image.Image, cicp: tuple[int, int, bool] | None) -> Encod
     if "srgb" in image.info:
         return None
     tags = getattr(image, "tag_v2", {})
-    curve, chromaticities = _stated_curve(image, tags), REC709
+    exponent = image.info.get("gamma") if image.format == "PNG" else None
+    curve, chromaticities = gamma(1 / exponent) if exponent else _tabulated(tags), REC709
     if stated := image.info.get("chromaticity"):  # a PNG's, the white first
         chromaticities = (*stated[2:], *stated[:2])
     elif PRIMARIES in tags and WHITE_POINT in tags:
@@ -224,22 +225,18 @@ def encoding_of(image: Image.Image, cicp: tuple[int, int, bool] | None) -> Encod
         like_srgb = grey or np.abs(rec709_from(chromaticities) - np.eye(3)).max() < 0.01
     except ValueError:  # no colour space: left aside, as readers of PNG do
         like_srgb = True
-    if like_srgb and curve is None:
-        return None
+    if like_srgb and (curve is None or (exponent and abs(exponent * 2.2 - 1) < 0.01)):
+        return None  # 1 / 2.2 is what PNG wants to stand beside sRGB's chunk
     return Encoding(curve or linear_from_srgb, REC709 if like_srgb else chromaticities)
 
 
-def _stated_curve(image: Image.Image, tags: Any) -> Curve | None:
-    """The curve of a PNG's gAMA or a TIFF's TransferFunction; None where it is sRGB's or not stated."""
-    exponent = image.info.get("gamma") if image.format == "PNG" else None
-    if exponent and abs(exponent * 2.2 - 1) > 0.01:  # else as PNG's sRGB chunk wants it beside itself
-        return gamma(1 / exponent)
+def _tabulated(tags: Any) -> Curve | None:
+    """The curve of a TIFF's TransferFunction; None where there is none."""
     table = tags.get(TRANSFER_FUNCTION, ())
-    if len(table) in (256, 768, 65536, 3 * 65536):
-        size = 256 if len(table) <= 768 else 65536
-        levels = np.array(table[:size]) / 65535
-        return lambda samples: np.interp(samples, np.linspace(0, 1, size), levels)
-    return None
+    if len(table) not in (256, 768, 65536, 3 * 65536):
+        return None
+    levels = np.array(table[: 256 if len(table) <= 768 else 65536]) / 65535
+    return lambda samples: np.interp(samples, np.linspace(0, 1, len(levels)), levels)
 
 
 def _is_adobe_rgb(image: Image.Image) -> bool:

@@ -41,6 +41,7 @@ _PHOTO_MAGIC = (
     b"P5",
     b"P6",
 )
+_HEIF_BRANDS = b"heic heix heim heis hevc hevx hevm hevs mif1 msf1 mif2 miaf avci avcs jpeg j2ki vvic".split()
 _CONVERT = "Convert it to JPEG or PNG."
 _VIDEO = "a video", "Give vig fit the file with the ending of a video, such as .mp4."
 _OTHERS = (
@@ -110,18 +111,13 @@ def why_no_photo(path: Path) -> tuple[str, str] | None:
 
 
 def is_heif(head: bytes) -> bool:
-    """Whether a file with these first bytes is HEIF of HEVC (HEIC) or another codec than AVIF's."""
-    return head[4:8] == b"ftyp" and not _is_avif(head) and head[8:12] in (
-        *(b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"),
-        *(b"mif1", b"msf1", b"mif2", b"miaf", b"avci", b"avcs", b"jpeg", b"jpgs", b"j2ki", b"vvic"),
-    )  # fmt: skip
+    """Whether a file with these first bytes is HEIF, such as HEIC, that is not AVIF."""
+    return head[4:8] == b"ftyp" and head[8:12] in _HEIF_BRANDS and not _is_avif(head)
 
 
 def _is_avif(head: bytes) -> bool:
-    return head[4:8] == b"ftyp" and any(
-        head[place : place + 4] in (b"avif", b"avis")
-        for place in (8, *range(16, int.from_bytes(head[:4], "big"), 4))
-    )
+    size = min(int.from_bytes(head[:4], "big"), len(head))
+    return any(head[place : place + 4] in (b"avif", b"avis") for place in (8, *range(16, size, 4)))
 
 
 def _is_raw(tags: Any) -> bool:

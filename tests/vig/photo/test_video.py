@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import builtins
+import json
+import struct
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +14,21 @@ import pytest
 from PIL import Image
 
 from vig.errors import UserError
+from vig.photo.images import read_photo
 from vig.photo.video import WHOLE, frames_of, is_video
 
 av = pytest.importorskip("av")
 COUNT = 12
 
 
-def write_video(path: Path, count: int = COUNT, codec: str = "mjpeg") -> Path:
+def write_video(path: Path, count: int = COUNT, codec: str = "mjpeg", aspect: Fraction | None = None) -> Path:
     """A video of 48 x 64 pixels whose frames become brighter, with a bright left half."""
     with av.open(str(path), "w") as file:
         stream = file.add_stream(codec, rate=24)
         stream.height, stream.width = 48, 64
         stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        if aspect:
+            stream.codec_context.sample_aspect_ratio = aspect
         file.start_encoding()
         for number in range(count):
             picture = np.full((48, 64, 3), 10 + 10 * number, np.uint8)
@@ -60,40 +66,141 @@ def test_frames_that_are_there_are_not_written_again_unless_the_video_changed(tm
     assert len(frames_of(video, folder)) == 5 == len(list(folder.glob("*.png")))
 
 
-def test_a_video_is_turned_as_its_header_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A phone held upright: -90 is a quarter turn clockwise, which puts the bright left half on top."""
+LUMA = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}
+"""Weights of red and blue in luma, by H.273's code of the matrix."""
 
-    class Turned:
-        rotation = -90
 
-        def to_ndarray(self, format: str) -> Any:
-            picture = np.zeros((48, 64, 3), np.uint8)
-            picture[:, :32] = 200
-            return picture
+def write_flat(path: Path, colour: tuple[float, float, float], matrix: int, **codes: int) -> Path:
+    """A lossless video of two equal frames of 48 x 64, 10 bits of limited range, with H.273's codes."""
+    red, blue = LUMA[matrix]
+    luma = red * colour[0] + (1 - red - blue) * colour[1] + blue * colour[2]
+    chroma = (colour[2] - luma) / (2 - 2 * blue), (colour[0] - luma) / (2 - 2 * red)
+    samples = [round(4 * (16 + 219 * luma)), *(round(4 * (128 + 224 * value)) for value in chroma)]
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("ffv1", rate=24)
+        stream.height, stream.width, stream.pix_fmt = 48, 64, "yuv444p10le"
+        for name, value in {"colorspace": matrix, "color_range": 1, **codes}.items():
+            setattr(stream.codec_context, name, value)
+        for number in range(2):
+            frame = av.VideoFrame(64, 48, "yuv444p10le")
+            frame.pts = number
+            for plane, sample in zip(frame.planes, samples, strict=True):
+                plane.update(np.full(plane.buffer_size // 2, sample, np.uint16).tobytes())
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+    return path
 
-    class Packet:
-        is_corrupt = False
 
-        def decode(self) -> list[Turned]:
-            return [Turned()]
+def corners(path: Path) -> list[int]:
+    """Red of the corners: top left, top right, bottom left, bottom right."""
+    picture = pixels(path).astype(int)
+    return [int(picture[row, column, 0]) for row in (4, -4) for column in (4, -4)]
 
-    class File:
-        class streams:  # noqa: N801
-            video = (0,)
 
-        def demux(self, _: Any) -> list[Packet]:
-            return [Packet()]
+ONE = 65536
 
-        def __enter__(self) -> File:
-            return self
 
-        def __exit__(self, *_: Any) -> None:
-            pass
+@pytest.mark.parametrize(
+    ("matrix", "expected"),
+    [
+        ((ONE, 0, 0, ONE), [40, 80, 160, 240]),
+        ((0, ONE, -ONE, 0), [160, 40, 240, 80]),  # a quarter turn clockwise: a phone held upright
+        ((0, -ONE, ONE, 0), [80, 240, 40, 160]),
+        ((-ONE, 0, 0, -ONE), [240, 160, 80, 40]),
+        ((-ONE, 0, 0, ONE), [80, 40, 240, 160]),  # mirrored: a front camera
+        ((ONE, 0, 0, -ONE), [160, 240, 40, 80]),
+        ((0, ONE, ONE, 0), [40, 160, 80, 240]),
+    ],
+)
+def test_a_video_is_turned_and_mirrored_as_its_header_says(
+    matrix: tuple[int, int, int, int], expected: list[int], tmp_path: Path
+) -> None:
+    """(x, y) goes to (a x + c y, b x + d y), by a, b, c, d of the track's header."""
+    picture = np.empty((48, 64, 3), np.uint8)
+    picture[:24, :32], picture[:24, 32:], picture[24:, :32], picture[24:, 32:] = 40, 80, 160, 240
+    video = tmp_path / "a.mp4"
+    with av.open(str(video), "w") as file:
+        stream = file.add_stream("mpeg4", rate=24)
+        stream.height, stream.width, stream.pix_fmt = 48, 64, "yuv420p"
+        file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        file.mux(stream.encode())
+    data = bytearray(video.read_bytes())
+    place = data.index(b"tkhd") + 4 + 40  # version 0: version, times, duration, layer ... precede the matrix
+    a, b, c, d = matrix
+    data[place : place + 36] = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    video.write_bytes(data)
+    found = corners(frames_of(video, tmp_path / "frames")[0])
+    assert np.abs(np.array(found) - expected).max() < 12
 
-    monkeypatch.setattr(av, "open", lambda _: File())
-    (tmp_path / "a.mp4").write_bytes(b"x")
-    found = pixels(frames_of(tmp_path / "a.mp4", tmp_path / "frames")[0])
-    assert found.shape == (64, 48, 3) and (found[:32] == 200).all() and (found[32:] == 0).all()
+
+@pytest.mark.parametrize(
+    ("aspect", "width"),
+    [(Fraction(32, 27), 76), (Fraction(8, 9), 57), (Fraction(1, 2), 32), (Fraction(1), 64)],
+)
+@pytest.mark.parametrize("name", ["a.mp4", "a.avi", "a.mkv"])
+def test_oblong_pixels_become_square(aspect: Fraction, width: int, name: str, tmp_path: Path) -> None:
+    video = write_video(tmp_path / name, codec="mpeg4", aspect=aspect)
+    for number, path in enumerate(frames_of(video, tmp_path / "frames")):
+        found = pixels(path)
+        assert found.shape == (48, width, 3)
+        assert (
+            np.abs(found[:, : width // 2 - 6].mean() - (70 + 10 * number)) < 8
+        )  # the edge stays in the middle
+        assert np.abs(found[:, width // 2 + 6 :].mean() - (10 + 10 * number)) < 8
+
+
+@pytest.mark.parametrize(("matrix", "primaries"), [(1, 1), (5, 5), (6, 6), (9, 1)])
+def test_colours_do_not_depend_on_the_matrix(matrix: int, primaries: int, tmp_path: Path) -> None:
+    colour = (200 / 255, 60 / 255, 30 / 255)
+    video = write_flat(tmp_path / "a.mkv", colour, matrix, color_primaries=primaries, color_trc=1)
+    found = pixels(frames_of(video, tmp_path / "frames")[0]).astype(int)
+    assert np.abs(found - (200, 60, 30)).max() <= 3
+
+
+@pytest.mark.parametrize(
+    ("transfer", "signal", "light"),
+    [
+        (16, 0.5096, 0.5),  # PQ of 101.5 cd/m2: half of diffuse white's 203
+        (18, 0.75, 1.0),  # HLG's diffuse white
+        (18, 0.5, 1000 / 203 * (1 / 12) ** 1.2),
+        (8, 0.5, 0.5),
+        (14, 0.5, 0.2140),  # BT.2020's own curve: as sRGB
+    ],
+)
+def test_hdr_and_linear_videos_become_srgb(
+    transfer: int, signal: float, light: float, tmp_path: Path
+) -> None:
+    video = write_flat(tmp_path / "a.mkv", (signal,) * 3, 9, color_primaries=9, color_trc=transfer)
+    np.testing.assert_allclose(read_photo(frames_of(video, tmp_path / "frames")[1]), light, atol=0.02)
+
+
+def test_wide_primaries_become_srgb(tmp_path: Path) -> None:
+    """Linear light of BT.2020 (.5, .05, .05) by the matrix of BT.2087.
+
+    Red: 1.6605 * .5 - (.5876 + .0728) * .05 = .797; green: -.1246 * .5 + (1.1329 - .0083) * .05 < 0; blue:
+    -.0182 * .5 + (1.1187 - .1006) * .05 = .042.
+    """
+    red, other = (1.055 * light ** (1 / 2.4) - 0.055 for light in (0.5, 0.05))
+    video = write_flat(tmp_path / "a.mkv", (red, other, other), 9, color_primaries=9, color_trc=14)
+    found = read_photo(frames_of(video, tmp_path / "frames")[0])
+    np.testing.assert_allclose(found, np.broadcast_to([0.797, 0, 0.042], found.shape), atol=0.01)
+
+
+def test_unread_encodings_of_videos_are_named(tmp_path: Path) -> None:
+    video = write_flat(tmp_path / "a.mkv", (0.5, 0.5, 0.5), 1, color_primaries=1, color_trc=10)
+    with pytest.raises(UserError, match=r"got '.*a\.mkv' with primaries 1 and transfer 10 of H\.273"):
+        frames_of(video, tmp_path / "frames")
+    assert not (tmp_path / "frames").exists()
+
+
+def test_frames_of_an_earlier_vig_are_written_again(tmp_path: Path) -> None:
+    video, folder = write_video(tmp_path / "a.avi"), tmp_path / "frames"
+    frames_of(video, folder)
+    state = json.loads((folder / WHOLE).read_text())
+    del state["source"]["format"]
+    (folder / WHOLE).write_text(json.dumps(state))
+    (folder / "frames-000000.png").write_text("of oblong pixels")
+    assert pixels(frames_of(video, folder)[0]).shape == (48, 64, 3)
 
 
 def test_a_damaged_video_keeps_its_frames_and_says_where_they_are(tmp_path: Path) -> None:

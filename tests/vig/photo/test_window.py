@@ -60,7 +60,9 @@ def test_a_disc_drawn_in_the_photo_comes_back_where_it_was(size):
     assert (back & disc).sum() / union > 0.93
 
 
-@pytest.mark.parametrize("box", [(-15, 0, 20, 20), (95, 0, 20, 20), (0, 0, 4, 4), (0, 96, 20, 20), (9, 9, 400, 400)])
+@pytest.mark.parametrize(
+    "box", [(-15, 0, 20, 20), (95, 0, 20, 20), (0, 0, 4, 4), (0, 96, 20, 20), (9, 9, 400, 400)]
+)
 def test_box_outside_the_photo_or_tiny_is_refused_in_one_line(box):
     with pytest.raises(UserError) as caught:
         Window.of(100, 100, box)
