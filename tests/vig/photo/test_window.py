@@ -73,7 +73,7 @@ def test_box_outside_the_photo_or_tiny_is_refused_in_one_line(box):
 def test_a_box_may_leave_the_photo_by_rounding_or_with_what_is_cut_off():
     """Its window is where it would be in a larger photo."""
     for box in ((80, 10, 20.0000001, 20), (-1e-9, 0, 20, 20), (-10, 30, 40, 30), (70, 70, 50, 45)):
-        window, (x, y, w, h) = Window.of(100, 100, box), box
+        window, (x, _, w, h) = Window.of(100, 100, box), box
         assert window.side == pytest.approx(1.4 * max(w, h))
         assert window.centre[0] == pytest.approx(x + w / 2)
 
