@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +18,12 @@ from vig.cli.common import Fit
 from vig.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig.cli.main import main
 from vig.errors import UserError
-from vig.hints import Hints, view_of
+from vig.hints import Hints, checked_pose, view_of
 from vig.inference import Objective, PointTerm, Said, objective_of
 from vig.photo import Window
 from vig.photo.masks import read_mask
 from vig.recognition import Prediction
+from vig.scene import ObjectClass
 from vig_lab.examples import Example, example_photos
 
 HIDDEN = 3
@@ -294,3 +296,81 @@ def test_the_command_line_takes_hints(
         with pytest.raises(SystemExit) as ended:
             main(["fit", photo, *more, *arguments])
         assert ended.value.code == 2 and told in capsys.readouterr().err
+
+
+POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], [0, 0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        (
+            np.diag([1.0, -1, -1, 1]) @ POSE,
+            r"behind the camera, z = -0.7; of OpenGL or Blender\?",
+        ),
+        (POSE.T, "transposed"),
+        (POSE * [[2, 2, 2, 1]] * 3 + np.diag([0, 0, 0, -2.0]), "scaled by 6"),
+        (POSE @ np.diag([1.0, -1, 1, 1]), "left-handed"),
+        (
+            POSE * [[1, 1, 1, 1000]] * 1.0 - np.diag([0, 0, 0, 999.0]),
+            r"700.* metres away; is that in millimetres\?",
+        ),
+        (np.eye(4) + 1, "a last row"),
+        (np.full((4, 4), np.nan), "not finite"),
+        (np.eye(3), r"shape \(3, 3\)"),
+        ("here", "an array of shape"),
+        (np.diag([1.0, 2, 3, 1]) + np.eye(4, k=3), "no rotation"),
+        (POSE + np.eye(4, k=3) * 4, "far beside"),
+    ],
+)
+def test_a_pose_of_another_convention_is_named(pose: object, words: str) -> None:
+    with pytest.raises(UserError, match=words) as caught:
+        checked_pose(pose, 0.4)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_pose_may_lack_its_last_row() -> None:
+    np.testing.assert_array_equal(checked_pose(POSE[:3].tolist(), 0.4), POSE)
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        np.eye(30, 40, dtype=np.uint8),
+        255 * np.eye(30, 40, dtype=np.uint8),
+        np.eye(30, 40, dtype=np.float32),
+        np.eye(30, 40, dtype=int)[..., None],
+        torch.eye(30, 40)[None],
+        255 * np.eye(30, 40) + 3 * np.eye(30, 40, k=1),
+    ],
+)
+def test_a_mask_is_taken_in_any_usual_type(mask: Any) -> None:
+    hints = Hints(mask=mask).checked(40, 30, ObjectClass.load("teapot"))
+    np.testing.assert_array_equal(hints.mask, np.eye(30, 40, dtype=bool))
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.array, torch.tensor])
+def test_numbers_may_be_numpys_or_tensors(kind: Any) -> None:
+    teapot = ObjectClass.load("teapot")
+    given = Hints(azimuth_deg=kind(30), elevation_deg=kind(20), points={"spout": (kind(12), kind(9))})
+    hints = given.checked(40, 30, teapot)
+    assert (hints.azimuth_deg, hints.elevation_deg, hints.points) == (30.0, 20.0, {"spout": (12.0, 9.0)})
+    with pytest.raises(UserError, match="azimuth_deg"):
+        Hints(azimuth_deg=True).checked(40, 30, teapot)
+
+
+def test_a_mask_or_points_without_a_box_place_the_window(explainer: vig.Explainer) -> None:
+    """The photo in the corner of a larger, noisy one that holds it twice: what is marked is explained."""
+    example = example_photos()[0]
+    picture = np.asarray(Image.open(example.photo).convert("RGB"))
+    wide = np.random.default_rng(0).integers(90, 120, (330, 480, 3), np.uint8)
+    wide[20:170, 30:180] = wide[170:320, 310:460] = picture
+    true = explainer.explain(picture)
+    mask = np.zeros(wide.shape[:2], bool)
+    mask[170:320, 310:460] = true.mask
+    x, y, w, h = true.box
+    ends = {"spout": (310.0 + x, 170.0 + y + h / 3), "handle": (310.0 + x + w, 170.0 + y + h / 3)}
+    for hints in (Hints(mask=mask), Hints(points=ends)):
+        found = explainer.explain(wide, hints=hints)
+        assert abs(found.box[0] - 310 - x) < 12 and abs(found.box[1] - 170 - y) < 12
+        assert abs(found.box[2] - w) < 20

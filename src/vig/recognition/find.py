@@ -28,6 +28,8 @@ LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
 GROWN = (1.0, 1.25, 1.6, 2.2)
 """Boxes of the object over those of what is known of it."""
+HIDDEN_PART = 1.15
+"""Longer side of the object, as the network sees it, over that of a mask, from which the rest is hidden."""
 SHOWN = 0.5
 """Predicted probability from which a pixel belongs to the object, hidden or not."""
 
@@ -75,6 +77,8 @@ def find(photo: np.ndarray | Halved, recognizer: Recognizer, clues: Clues | None
         best = max(found, key=lambda each: each.score)
         if best.score >= SURE:
             break
+    if clues is not None and clues.mask is not None:
+        return replace(best, window=clues.placed(photo, best.window, recognizer))
     return best
 
 
@@ -113,6 +117,26 @@ class Clues:
         x, y, w, h = self.box
         corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
+
+    def placed(self, photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:
+        """The window of the object's box: that of what is known, or with what the network sees hidden.
+
+        window: One that shows the object.
+        """
+        x, y, w, h = self.box
+        whole = box_in_window(predict_windows(photo, [window], recognizer))
+        if whole is not None:
+            left, top = whole[0] - 0.5, whole[1] - 0.5
+            corners = [
+                window.to_photo(window.side * (left + across), window.side * (top + down))
+                for across in (0.0, whole[2])
+                for down in (0.0, whole[3])
+            ]
+            low = np.minimum(np.min(corners, axis=0), (x, y))
+            high = np.maximum(np.max(corners, axis=0), (x + w, y + h))
+            if max(high - low) > HIDDEN_PART * max(w, h):
+                (x, y), (w, h) = low.tolist(), (high - low).tolist()
+        return upright(photo, Window.round_box((x, y, w, h)), recognizer)
 
     def agreement(self, window: Window, prediction: Prediction) -> float:
         """From 0 to 1: how well what the network sees in a window is what is known."""
