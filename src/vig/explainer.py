@@ -32,11 +32,15 @@ Box = tuple[float, float, float, float]
 Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
-LEAST_FOUND = 0.05
-"""Score of `find` below which the object counts as not found."""
+LEAST_FOUND = 0.55
+"""Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below, of
+26 mugs sought as teapots half."""
+PRESENCE_MIDDLE, PRESENCE_SLOPE = 0.83, 35.0
+"""Of `presence_of`: of many windows the best looks like the object by chance; real pots and mugs that are found
+have 0.93 and 0.98 in the median."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 SURELY_FOUND = 0.75
-"""And below which no fit is trusted: of many windows the best looks like the object by chance, too."""
+"""Score from which a place counts as one of several objects, or as where a lost one is found again."""
 
 
 class Explainer:
@@ -174,16 +178,8 @@ class Explainer:
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, told))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
-        if found < LEAST_FOUND:
-            reason = f"no {self.object_class.name} was found in the photo; give a box if there is one"
-            fit = replace(fit, verdict=Verdict.FAILED, reason=reason, confidence=0.0, alternatives=())
-            fit = replace(fit, mask_confidence=0.0, mask_trusted=False)
-        elif found < SURELY_FOUND:
-            fit = replace(fit, mask_trusted=False)
-            if fit.verdict is Verdict.TRUSTED:
-                reason = f"what was found in the photo may be no {self.object_class.name}"
-                reason += "; give a box if it is one"
-                fit = replace(fit, verdict=Verdict.AMBIGUOUS, reason=reason)
+        if found < 1.0:
+            fit = _doubted(fit, found, self.object_class.name)
         return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0, focal_from, hints)
 
     def explain_many(
@@ -254,6 +250,32 @@ class Explainer:
             return answer
         picture, window, fit, *others = answer
         return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
+
+
+def presence_of(score: float) -> float:
+    """Probability that a photo shows the object, from the score of the best window found in it."""
+    return 1 / (1 + math.exp(-PRESENCE_SLOPE * (score - PRESENCE_MIDDLE)))
+
+
+def _doubted(fit: Fit, score: float, name: str) -> Fit:
+    """A fit of what was found, not given, with a score from 0 to 1: it may be of another thing."""
+    present = presence_of(score)
+    if score < LEAST_FOUND:
+        reason = f"no {name} was found in the photo; give a box if there is one"
+        nothing = torch.zeros_like(fit.visible)
+        hidden = torch.zeros_like(fit.mask)
+        absent = replace(fit, verdict=Verdict.ABSENT, reason=reason, confidence=0.0, alternatives=())
+        absent = replace(absent, present=present, mask_confidence=0.0, mask_trusted=False)
+        return replace(absent, visible=nothing, coverage=nothing, mask=hidden, mask_by_pixel=hidden)
+    confidence, mask_confidence = present * fit.confidence, present * fit.mask_confidence
+    views = tuple(replace(view, probability=present * view.probability) for view in fit.alternatives)
+    doubted = replace(fit, confidence=confidence, mask_confidence=mask_confidence, alternatives=views)
+    sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
+    doubted = replace(doubted, present=present, mask_trusted=sure)
+    if fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold:
+        reason = f"what was found in the photo may be no {name}; give a box if it is one"
+        doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)
+    return doubted
 
 
 def checked_box(box: Any) -> Box:

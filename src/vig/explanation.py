@@ -24,7 +24,17 @@ from vig.photo.images import coded, linear_photo, write_png
 from vig.photo.masks import box_of
 from vig.photo.pinhole import outline_weights, reprojected, sight_axes, turned_pose
 from vig.renderer import render_latents
-from vig.report import CloseUp, describe, mask_picture, overlay, panels, part_colours, write_glb, write_json
+from vig.report import (
+    CloseUp,
+    describe,
+    mask_picture,
+    overlay,
+    panels,
+    part_colours,
+    remove_stale_exports,
+    write_glb,
+    write_json,
+)
 from vig.report.page import write_thumbnail
 from vig.report.pictures import PANEL
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
@@ -114,6 +124,11 @@ class Explanation:
     def mask_confidence(self) -> float:
         """Probability that the mask has an IoU of .8 or more, NaN for a class without calibration."""
         return self.fit.mask_confidence
+
+    @property
+    def present(self) -> float:
+        """Probability that the photo shows the object at all; NaN where its place was given."""
+        return self.fit.present
 
     @property
     def trusted(self) -> tuple[str, ...]:
@@ -365,6 +380,8 @@ class Explanation:
     def save(self, folder: str | Path, photo: str = "photo") -> Path:
         """Write the files of docs/explanation.md into a folder, and return it.
 
+        Exports of another result that are there, see `export`, are removed.
+
         Args:
             folder: Is made when it is missing.
             photo: What the photo is called in the report.
@@ -375,6 +392,7 @@ class Explanation:
         if not isinstance(folder, str | Path):
             raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
         folder, angles = Path(folder), (float(self.latents.azimuth), float(self.latents.elevation))
+        remove_stale_exports(folder, self.to_dict())
         drawn = self.overlay()
         write_png(folder / "overlay.png", drawn)
         write_thumbnail(folder, drawn)
@@ -421,7 +439,7 @@ class Explanation:
         pinhole, pose, covariance = self.pinhole_pose()
         exported = Exported(
             photo, self.object_class, self.vertices, self.part_albedo, self.camera, self.camera_from_object,
-            pinhole, pose, covariance, self.amodal, self.mask, self.confidence,
+            pinhole, pose, covariance, self.amodal, self.mask, self.confidence, coded(self.picture),
         )  # fmt: skip
         for name in formats:
             WRITERS[name](Path(folder), exported)

@@ -37,8 +37,8 @@ TRACK_COLUMNS = (
 """Of the table of a track, likewise."""
 
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
-NUMBERED = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", r"()(?:^|/)([0-9]+)")
-"""Ends of paths that number scene and image: those of BOP, and files named by a number, as in COCO."""
+NUMBERED = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", r"()(?:^|/)([0-9]+)", r"()(?:^|/|[^0-9])([0-9]{1,18})")
+"""Ends of paths that number scene and image: BOP's; files named by a number, or with one at the end."""
 
 
 def name_of(row: Mapping[str, Any]) -> str:
@@ -112,7 +112,7 @@ def bop_csv(folder: str | Path, path: str | Path, object_id: int = OBJECT_ID) ->
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print("scene_id,im_id,obj_id,score,R,t,time", file=file)
         for row in rows:
-            if row["error"] is not None:
+            if row["error"] is not None or row["verdict"] == "absent":
                 continue
             pose = _pose_of_photo(Path(folder) / row["folder"] / "explanation.json")
             turn = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
@@ -148,7 +148,7 @@ def coco_json(folder: str | Path, path: str | Path, category_id: int = OBJECT_ID
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         before = "["
         for row in rows:
-            if row["error"] is not None:
+            if row["error"] is not None or row["verdict"] == "absent":
                 continue
             picture = Path(folder) / row["folder"] / "mask.png"
             with reading(picture, "a mask of `vig fit`", "Fit the photo again."), Image.open(picture) as mask:

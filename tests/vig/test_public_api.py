@@ -20,6 +20,7 @@ from scipy.ndimage import binary_dilation
 
 import vig
 from vig.cli.main import main
+from vig.explainer import presence_of
 from vig.photo import Window
 from vig.recognition.find import Candidate
 from vig.scene import srgb8_from_linear
@@ -199,7 +200,7 @@ def test_the_camera_is_rolled_as_window_and_fit_are(explainer: vig.Explainer, ph
     assert explanation.camera.roll == pytest.approx(fitted)
 
 
-@pytest.mark.parametrize(("score", "verdict"), [(0.8, "trusted"), (0.7, "ambiguous"), (0.01, "failed")])
+@pytest.mark.parametrize(("score", "verdict"), [(0.97, "trusted"), (0.7, "ambiguous"), (0.3, "absent")])
 def test_what_is_not_surely_found_is_not_trusted(
     explainer: vig.Explainer, photo: np.ndarray, score: float, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -211,7 +212,11 @@ def test_what_is_not_surely_found_is_not_trusted(
     window = Window.of(photo.shape[1], photo.shape[0], BOX)
     monkeypatch.setattr(vig.explainer, "explain", trusting)
     monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, score))
-    assert str(explainer.explain(photo).verdict) == verdict
+    found = explainer.explain(photo)
+    assert str(found.verdict) == verdict and found.present == pytest.approx(presence_of(score))
+    assert ("view" in found.trusted) == (found.confidence >= found.fit.view_threshold)
+    assert ("mask" in found.trusted) == (found.mask_confidence >= found.fit.mask_threshold)
+    assert bool(found.amodal.any()) == (verdict != "absent")
     assert str(explainer.explain(photo, BOX).verdict) == "trusted"
 
 
@@ -228,7 +233,8 @@ def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.nd
 
 def test_a_photo_without_the_object_fails_and_says_so(explainer: vig.Explainer) -> None:
     explanation = explainer.explain(np.full((200, 300, 3), 128, np.uint8))
-    assert explanation.verdict is vig.Verdict.FAILED and explanation.confidence == 0
+    assert explanation.verdict is vig.Verdict.ABSENT and explanation.confidence == 0
+    assert explanation.present < 0.01 and explanation.trusted == () and explanation.box is None
     assert explanation.reason == "no teapot was found in the photo; give a box if there is one"
 
 

@@ -241,17 +241,24 @@ def _expanded(given: Path) -> list[Path]:
 def _line(row: dict[str, Any]) -> str:
     if row["error"] is not None:
         return f"error: {row['error']}"
+    if row["verdict"] == "absent":
+        return f"absent: {name_of(row)}; {row['reason']} ({_when(row)})"
     hidden, sure = row["hidden_fraction"], row["mask_confidence"]
-    mask = "" if sure is None else f" (mask right with {sure:.0%})"
+    trust = ", trusted" if row["mask_trusted"] else ", not trusted"
+    trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # as the verdict says of the view
+    mask = "" if sure is None else f" (mask right with {sure:.0%}{trust})"
     seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
     if row["focal_from"] == "assumed":
         seen += ", distance unknown (focal length assumed)"
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
-    when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
     return (
         f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
-        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({when})"
+        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({_when(row)})"
     )
+
+
+def _when(row: dict[str, Any]) -> str:
+    return "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
 
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:

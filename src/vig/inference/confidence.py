@@ -10,10 +10,10 @@ import torch
 from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION, FitCalibration
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
-from vig.inference.settings import ExplainSettings, Fit, Verdict, View
+from vig.inference.settings import UNIFORM_TURN, ExplainSettings, Fit, Verdict, View
 from vig.likelihood import PixelModel, SpatialModel, spatial_posterior
 from vig.recognition import Prediction
-from vig.scene import Latents
+from vig.scene import Latents, latent_layout
 
 MASK_SIGMA = 0.1
 """Noise under which a pixel of the fit is taken as visible, as in the paper."""
@@ -23,6 +23,8 @@ LEAST_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
 MUCH_HIDDEN = 0.3
 """Hidden share from which that is given as the reason for doubt."""
+BELOW = 0.99
+"""Share of the threshold that a confidence has at most which must not reach it."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
@@ -56,6 +58,8 @@ def assess(
     deviation, position = objective.latents(deviations).to_vector()[0], torch.tensor(UNCALIBRATED_POSITION)
     if calibration is not None:
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
+        place = latent_layout(latents.shape.shape[1]).at("azimuth")
+        deviation[place] = min(float(deviation[place]), UNIFORM_TURN / max(symmetry.fold, 1))
         position = calibration.position[0 if verdict is Verdict.TRUSTED else 1]
     return Fit(
         latents=latents,
@@ -77,6 +81,8 @@ def assess(
         evaluations=selection.evaluations,
         alternatives=_views(objective, selection, prediction, latents, confidence),
         descent=torch.cat([path.to_vector(), objective.framing(selection.path)], dim=1),
+        view_threshold=math.nan if calibration is None else calibration.threshold,
+        mask_threshold=math.nan if calibration is None else calibration.mask_threshold,
         position_deviation=position,
     )
 
@@ -195,6 +201,8 @@ def _verdict(
     if not anything:
         return (math.nan if calibration is None else 0.0), Verdict.FAILED, Verdict.FAILED.value
     if selection.reverted:
+        if calibration is not None:  # a verdict below trusted never has the confidence of one
+            confidence = min(confidence, BELOW * calibration.threshold)
         return confidence, Verdict.REVERTED, Verdict.REVERTED.value
     if trusted:
         unknown = "; how often such a fit is right was not learned" if calibration is None else ""

@@ -26,9 +26,14 @@ class Verdict(Enum):
     REVERTED = "the fit went astray; this is the recognition model's guess"
     AMBIGUOUS = "more than one explanation is within reach of the evidence"
     FAILED = "nothing of the object could be recognised in the photo"
+    ABSENT = "the photo seems not to show such an object"
 
     def __str__(self) -> str:
         return self.name.lower()
+
+
+UNIFORM_TURN = math.tau / math.sqrt(12)
+"""Standard deviation, radians, of an azimuth of which nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,10 @@ class Fit:
         confidence: Probability that the view is right; NaN without a calibration.
         mask_confidence: Probability that the mask's IoU with the truth is `MASK_RIGHT` or more; NaN likewise.
         mask_trusted: Whether that reaches the calibration's threshold.
+        present: Probability that the photo shows the object at all, where it was found in it; NaN where its
+            place was given.
+        view_threshold: Confidence from which a view is trusted, and mask_threshold a mask; NaN without a
+            calibration.
         confidence_features: (C,) float64, what these follow from; see `CONFIDENCE_FEATURES`.
         evidence: Log posterior at the fit, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
@@ -95,6 +104,9 @@ class Fit:
     evaluations: int
     alternatives: tuple[View, ...]
     descent: torch.Tensor
+    present: float = math.nan
+    view_threshold: float = math.nan
+    mask_threshold: float = math.nan
     position_deviation: torch.Tensor = field(default_factory=lambda: torch.tensor(UNCALIBRATED_POSITION))
 
     @property

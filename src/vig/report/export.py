@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from vig import __version__
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.photo.images import write_png
 from vig.photo.masks import box_of
+from vig.renderer.shading import smooth_normals
 from vig.report.glb import LOOKS_BACK
 from vig.scene import Camera, ObjectClass
 
@@ -39,6 +43,7 @@ class Exported:
         amodal: (H, W) bool, what the object covers.
         mask: (H, W) bool, what of it is seen.
         confidence: That the view is right, NaN where unknown.
+        picture: (H, W, 3) uint8 sRGB.
     """
 
     photo: str
@@ -53,6 +58,7 @@ class Exported:
     amodal: np.ndarray
     mask: np.ndarray
     confidence: float
+    picture: np.ndarray
 
 
 def write_bop(folder: Path, one: Exported) -> None:
@@ -88,9 +94,10 @@ def write_bop(folder: Path, one: Exported) -> None:
 def write_coco(folder: Path, one: Exported) -> None:
     """coco.json: an image and an annotation with its amodal and its visible mask as run lengths."""
     height, width = one.mask.shape
+    image = number_of_name(one.photo) or 1
     annotation = {
         "id": 1,
-        "image_id": 1,
+        "image_id": image,
         "category_id": OBJECT_ID,
         "iscrowd": 0,
         "bbox": bop_box(one.amodal),
@@ -101,7 +108,7 @@ def write_coco(folder: Path, one: Exported) -> None:
     }
     described = {
         "info": {"description": f"vig {__version__}"},
-        "images": [{"id": 1, "file_name": one.photo, "width": width, "height": height}],
+        "images": [{"id": image, "file_name": one.photo, "width": width, "height": height}],
         "categories": [{"id": OBJECT_ID, "name": one.object_class.name}],
         "annotations": [annotation],
     }
@@ -109,11 +116,16 @@ def write_coco(folder: Path, one: Exported) -> None:
 
 
 def write_nerfstudio(folder: Path, one: Exported) -> None:
-    """transforms.json: the photo's camera in the object's frame, its mask beside it."""
-    camera = one.camera
+    """transforms.json: the photo's camera in the object's frame; `nerfstudio/` with the photo and its mask.
+
+    Where the mask is 0 nerfstudio does not train: on what hides the object and what is around it.
+    """
+    camera, photo, mask = one.camera, "nerfstudio/photo.png", "nerfstudio/mask.png"
+    write_png(folder / photo, one.picture)
+    write_png(folder / mask, one.mask)
     frame = {
-        "file_path": one.photo,
-        "mask_path": "mask.png",
+        "file_path": photo,
+        "mask_path": mask,
         "transform_matrix": (np.linalg.inv(one.camera_from_object) @ LOOKS_BACK).tolist(),
     }
     described = {
@@ -170,6 +182,8 @@ def write_usd(folder: Path, one: Exported) -> None:
     stage.SetDefaultPrim(root.GetPrim())
     model = one.object_class.shape_model
     owner = model.parts[model.faces[:, 0]]
+    normals = smooth_normals(torch.from_numpy(one.vertices), torch.from_numpy(model.faces)).numpy()
+    normals[~normals.any(1)] = 0, 0, 1  # of vertices without area
     for number in np.unique(owner).tolist():
         used, faces = np.unique(model.faces[owner == number], return_inverse=True)
         path = root.GetPath().AppendChild(_identifier(model.part_names[number]))
@@ -178,6 +192,10 @@ def write_usd(folder: Path, one: Exported) -> None:
         mesh.CreateFaceVertexCountsAttr([3] * (faces.size // 3))
         mesh.CreateFaceVertexIndicesAttr(faces.ravel().tolist())
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        low, high = one.vertices[used].min(0).tolist(), one.vertices[used].max(0).tolist()
+        mesh.CreateExtentAttr([Gf.Vec3f(*low), Gf.Vec3f(*high)])
+        mesh.CreateNormalsAttr([Gf.Vec3f(*row) for row in normals[used].tolist()])
+        mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         colour = Gf.Vec3f(*one.colours[number].tolist())
         mesh.CreateDisplayColorAttr([colour])
         material = UsdShade.Material.Define(stage, path.AppendChild("material"))
@@ -200,6 +218,39 @@ def write_usd(folder: Path, one: Exported) -> None:
     eye.AddTransformOp().Set(Gf.Matrix4d(*seen_from.T.ravel().tolist()))
     with atomic_write(folder / "object.usdc") as temporary:
         stage.GetRootLayer().Export(str(temporary))
+
+
+WRITTEN = (
+    "bop/scene_camera.json",
+    "bop/scene_gt.json",
+    "bop/scene_gt_info.json",
+    f"bop/models/obj_{OBJECT_ID:06}.ply",
+    "coco.json",
+    "transforms.json",
+    "nerfstudio/photo.png",
+    "nerfstudio/mask.png",
+    "pose.yaml",
+    "camera_info.yaml",
+    "object.usdc",
+)
+"""All files of all formats."""
+
+
+def remove_exports(folder: Path) -> None:
+    """Remove the exports of an earlier result, and folders that held nothing else."""
+    for name in WRITTEN:
+        path = folder / name
+        path.unlink(missing_ok=True)
+        for parent in path.parents:
+            if parent == folder or not parent.is_dir() or any(parent.iterdir()):
+                break
+            parent.rmdir()
+
+
+def number_of_name(photo: str) -> int | None:
+    """The number at the end of a file's name: 139 of COCO_val2014_000000000139.jpg; None where none is."""
+    digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
+    return int(digits[1]) if digits else None
 
 
 WRITERS = {

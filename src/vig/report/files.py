@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,16 @@ def write_json(folder: Path, described: dict[str, Any], name: str = "explanation
         Path(temporary).write_text(json.dumps(described, indent=2) + "\n")
 
 
+def remove_stale_exports(folder: Path, described: dict[str, Any]) -> None:
+    """Remove what was exported of another result than the one that is described from its folder."""
+    path = folder / "explanation.json"
+    with suppress(OSError, ValueError):
+        if path.exists() and json.loads(path.read_text()) != json.loads(json.dumps(described)):
+            from vig.report.export import remove_exports
+
+            remove_exports(folder)
+
+
 def describe(
     fit: Fit,
     object_class: ObjectClass,
@@ -77,11 +88,18 @@ def describe(
         "verdict": fit.verdict.name.lower(),
         "reason": fit.reason,
         "confidence": _probability(fit.confidence),
+        "present": _probability(fit.present),
         "mask_confidence": _probability(fit.mask_confidence),
+        "trusted_from": {
+            "view": _probability(fit.view_threshold),
+            "mask": _probability(fit.mask_threshold),
+        },
         **describe_latents(fit.latents),
         "roll_deg": _rounded(math.degrees(camera.roll)),
         "deviation": {
-            "azimuth_deg": _rounded(math.degrees(deviation["azimuth"])) if turns else None,
+            "azimuth_deg": _rounded(min(math.degrees(deviation["azimuth"]), 180 / math.sqrt(3) / turns))
+            if turns
+            else None,
             "elevation_deg": _rounded(math.degrees(deviation["elevation"])),
             **{name: _rounded(deviation[name]) for name in ("albedo", "light", "shape")},
         },

@@ -24,7 +24,7 @@ THUMBNAIL = 320
 WHOLE = 1200
 """And of the picture of several objects."""
 THUMBNAIL_FILE = "thumbnail.jpg"
-STRANGE = ("failed", "reverted", "ambiguous", "trusted")
+STRANGE = ("failed", "absent", "reverted", "ambiguous", "trusted")
 """Verdicts in the order in which their photos should be looked at."""
 INTERVAL = 1.645
 """Standard deviations to either side that hold 90 % of a Gaussian."""

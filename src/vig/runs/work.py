@@ -19,6 +19,7 @@ from vig.hints import Hints
 from vig.inference import ExplainSettings
 from vig.parallel import Lost
 from vig.photo.masks import read_mask
+from vig.report.export import remove_exports
 from vig.results import COLUMNS
 from vig.together import explain_found, explain_together
 
@@ -166,6 +167,7 @@ def beside_folder(task: Task) -> Iterator[Path]:
             return
         for name in (KEY, *FILES):
             (task.folder / name).unlink(missing_ok=True)
+        remove_exports(task.folder)
         for path in task.folder.glob("[0-9]*-*/explanation.json"):  # of several objects
             shutil.rmtree(path.parent)
         for path in sorted(beside.iterdir(), key=lambda path: path.name == KEY):

@@ -244,7 +244,7 @@ def _frames(
         TrackedFrame(
             number=number,
             azimuth_deg=float(azimuth[0, number]) % (360 / fold),
-            azimuth_deviation_deg=ALIKE[0] * float(azimuth[1, number]),
+            azimuth_deviation_deg=min(ALIKE[0] * float(azimuth[1, number]), 180 / math.sqrt(3)),
             elevation_deg=float(elevation[0, number]),
             elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
             alone_azimuth_deg=math.degrees(before.azimuths[0]),

@@ -88,7 +88,7 @@ class Sighting:
             hidden=hidden,
             albedo=found.latents.albedo[0].numpy(),
             shape=found.latents.shape[0].numpy(),
-            lost=found.verdict is Verdict.FAILED or hidden is None or hidden > MOST_HIDDEN,
+            lost=found.verdict in (Verdict.FAILED, Verdict.ABSENT) or hidden is None or hidden > MOST_HIDDEN,
         )
 
     @property
