@@ -189,6 +189,8 @@ def samples_of(tags: Any) -> str:
 
 def white_level(tags: Any) -> int:
     """Return the 16-bit sample that is white: below 65535 where TIFF tags state fewer bits."""
+    if not tags:
+        return 65535
     bits = int(tags.get(BITS, (16,))[0])
     if 8 < bits < 16:
         return (1 << bits) - 1

@@ -47,7 +47,7 @@ def _read(path: str | Path) -> np.ndarray:
 
     Raises:
         UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
-            `MAX_PIXELS`, judged by its header) or an HDR image.
+            `MAX_PIXELS`, judged by its header), of oblong pixels, or another kind of file (`why_no_photo`).
     """
     path = existing_file(path)
     if reason := why_no_photo(path):
@@ -87,11 +87,13 @@ def linear_photo(coded: np.ndarray) -> np.ndarray:
 def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
     """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
 
-    8 bits a channel are taken as sRGB, 16-bit grey too (16-bit colour keeps its upper 8 bits, which is what
-    pillow decodes). An embedded colour profile is honoured, an unreadable one ignored. Grey and palette
-    images become RGB, CMYK is converted, the EXIF orientation applied, of an animation the first frame
-    taken. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light: white or black would look
-    like a bright or dark object.
+    Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the
+    file states: H.273's codes (PNG, AVIF, HEIC), else its colour profile, else a PNG's sRGB, gamma and
+    primaries; without any as sRGB (16-bit colour then keeps its upper 8 bits). HDR is mapped into [0, 1]
+    (`vig.photo.colour.tone_mapped`). An unreadable profile is ignored. Grey and palette images become RGB,
+    CMYK and Lab are converted, the orientation applied; of several pages or pictures the largest is taken, of
+    an animation the first frame. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light:
+    white or black would look like a bright or dark object.
 
     Args:
         photo: A file, a PIL image, or an array or tensor (H, W, 3) or grey (H, W): uint8
