@@ -52,14 +52,14 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
     """Decode an opened picture, as `vig.photo.images.coded_photo` describes; `path` is what errors name."""
     _check_square(path, image)
     source, tags = getattr(image, "filename", ""), getattr(image, "tag_v2", {})
-    cicp = _stated_cicp(image)
+    stated = _stated_colour(image)
     rawmodes = str(getattr(image, "tile", ""))
     deep = ";16" in rawmodes
     if tags.get(formats.ORIENTATION, 1) > 4:
         image.filename = ""  # type: ignore[attr-defined]  # else pillow maps the file with the sides exchanged
     image.load()
     try:
-        encoding = encoding_of(image, cicp)
+        encoding = encoding_of(image, stated)
     except ValueError as error:
         refuse(path, "a known colour encoding", str(error), "Save it as 8-bit sRGB.")
     white, alpha = formats.white_level(tags), None
@@ -170,18 +170,18 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     return np.asarray(_upright(image)).astype(np.uint16) << 8 | low
 
 
-def _stated_cicp(image: Image.Image) -> tuple[int, int, bool] | None:
-    """The colour encoding in a PNG, AVIF or HEIC file, which pillow does not read; None for none."""
-    if image.format not in ("PNG", "AVIF", "HEIF"):
+def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
+    """The codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not read."""
+    if image.format not in ("PNG", "AVIF", "HEIF", "JPEG2000", "BMP"):
         return None
     try:
         if path := getattr(image, "filename", ""):
             with open(path, "rb") as file:
-                return formats.stated_cicp(file)
+                return formats.stated_colour(file)
         file = image.fp  # type: ignore[attr-defined]
         place = file.tell()
         try:
-            return formats.stated_cicp(file)
+            return formats.stated_colour(file)
         finally:
             file.seek(place)
     except Exception:  # a damaged file, or a closed one: who decodes it says so

@@ -25,7 +25,7 @@ from vig.photo.checks import refuse as refuse
 from vig.photo.checks import refuse_huge
 from vig.photo.decoding import LINEAR, decoded, opened
 from vig.photo.decoding import MID_GREY as MID_GREY
-from vig.photo.formats import tiff_samples, why_no_photo
+from vig.photo.formats import unread_samples, why_no_photo
 from vig.scene.light import srgb8_from_linear
 
 FILM_DIAGONAL = math.hypot(36, 24)
@@ -64,7 +64,7 @@ def _read(path: str | Path) -> np.ndarray:
         except Image.DecompressionBombError:
             refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
         except UnidentifiedImageError:
-            refuse(path, _PHOTO, tiff_samples(path) or "something else", "Convert it to JPEG or PNG.")
+            refuse(path, _PHOTO, unread_samples(path) or "something else", "Convert it to JPEG or PNG.")
         except Exception as error:  # a decoder may raise anything on a damaged file
             refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
 

@@ -13,6 +13,7 @@ from PIL import Image, ImageCms
 from tests.vig.photo.pictures import SIZE, chrm, cicp, flat, gama, png, profile, tiff
 from vig.errors import UserError
 from vig.photo.colour import HLG, PQ, REC709, SRGB, coded_encoding, rec709_from, tone_mapped
+from vig.photo.formats import stated_colour
 from vig.photo.images import MID_GREY, as_photo, coded_photo, read_photo
 from vig.scene.light import linear_from_srgb
 
@@ -160,6 +161,27 @@ def test_profiles_of_16_bits(space: bytes, tmp_path: Path) -> None:
     is_light(read_photo(png(tmp_path / "b.png", colour, 2, chunk)), colour[0, 0] / 65535)
 
 
+def test_profiles_of_formats_whose_profiles_pillow_does_not_read(tmp_path: Path) -> None:
+    data = profile(b"RGB ", 1)
+    Image.new("RGB", SIZE, (64, 128, 32)).save(tmp_path / "a.jp2")
+    held = (tmp_path / "a.jp2").read_bytes()
+    place = held.index(b"colr") - 4
+    size = int.from_bytes(held[place : place + 4], "big")
+    colours = struct.pack(">I4s3B", 11 + len(data), b"colr", 2, 0, 0) + data
+    outer = held.index(b"jp2h") - 4
+    larger = int.from_bytes(held[outer : outer + 4], "big") + len(colours) - size
+    held = held[:outer] + struct.pack(">I", larger) + held[outer + 4 : place] + colours + held[place + size :]
+    (tmp_path / "a.jp2").write_bytes(held)
+    is_light(read_photo(tmp_path / "a.jp2"), (64 / 255, 128 / 255, 32 / 255), 0.01)
+
+    pixels = bytes([32, 128, 64]) * 480
+    header = struct.pack("<IiiHHIIiiII", 124, 24, 20, 1, 24, 0, len(pixels), 0, 0, 0, 0) + bytes(16)
+    header += b"DEBM" + bytes(48 + 4) + struct.pack("<III", 124 + len(pixels), len(data), 0)
+    bmp = b"BM" + struct.pack("<IHHI", 14 + 124 + len(pixels) + len(data), 0, 0, 138) + header + pixels + data
+    (tmp_path / "b.bmp").write_bytes(bmp)
+    is_light(read_photo(tmp_path / "b.bmp"), (64 / 255, 128 / 255, 32 / 255))
+
+
 def test_hdr_profiles_are_known_by_their_tag_and_name(tmp_path: Path) -> None:
     """Their curve, applied in 8 bits, would leave a photo nearly black."""
     sample = round(255 * PQ_OF_HALF_WHITE)
@@ -293,7 +315,6 @@ def test_hdr_avif(codes: tuple[int, int], tmp_path: Path) -> None:
 
 def test_a_gain_map_beside_an_sdr_picture_is_left_aside(tmp_path: Path) -> None:
     """Only the primary item's colours count: another item of the file may be HDR."""
-    from vig.photo.formats import stated_cicp
 
     def box(kind: bytes, body: bytes) -> bytes:
         return struct.pack(">I", len(body) + 8) + kind + body
@@ -305,7 +326,7 @@ def test_a_gain_map_beside_an_sdr_picture_is_left_aside(tmp_path: Path) -> None:
     path = tmp_path / "a.avif"
     path.write_bytes(box(b"ftyp", b"avif" + bytes(4)) + box(b"meta", meta))
     with path.open("rb") as file:
-        assert stated_cicp(file) == (9, 13, True)
+        assert stated_colour(file) == (9, 13, True)
 
 
 def test_hdr_and_wide_heic(tmp_path: Path) -> None:

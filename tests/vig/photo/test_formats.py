@@ -140,6 +140,18 @@ def test_raw_files_are_no_photos_though_their_previews_are(ending: str, tmp_path
         refused(alone, "a camera's raw file")
 
 
+def test_jpeg_of_rare_kinds_is_named(tmp_path: Path) -> None:
+    Image.new("RGB", SIZE).save(tmp_path / "a.jpg")
+    data = bytearray((tmp_path / "a.jpg").read_bytes())
+    frame = data.index(b"\xff\xc0")
+    data[frame + 4] = 12
+    (tmp_path / "a.jpg").write_bytes(data)
+    refused(tmp_path / "a.jpg", "got a JPEG of 12 bits. Convert")
+    data[frame + 1], data[frame + 4] = 0xC3, 16
+    (tmp_path / "a.jpg").write_bytes(data)
+    refused(tmp_path / "a.jpg", "got a JPEG of 16 bits in a rare coding")
+
+
 def test_photos_by_another_name_are_photos(tmp_path: Path) -> None:
     png(tmp_path / "a.dng", flat(1, 2, 3), 2)
     assert why_no_photo(tmp_path / "a.dng") is None and read_photo(tmp_path / "a.dng").shape == (20, 24, 3)
