@@ -8,11 +8,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps
+from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps, UnidentifiedImageError
 
 from vig.photo import formats
 from vig.photo.checks import check_size, head_of, refuse
 from vig.photo.colour import SRGB, Profile, encoding_of, in_srgb
+from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
 
 MID_GREY = 0.18
@@ -32,7 +33,12 @@ def opened(path: Path) -> Image.Image:
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
-        image = Image.open(path, formats=_FORMATS)
+        try:
+            image = Image.open(path, formats=_FORMATS)
+        except UnidentifiedImageError:
+            if head_of(path).startswith(formats.TIFF_MAGIC) and (packed := packed_picture(path)):
+                return packed
+            raise
     if image.format == "TIFF" and (page := formats.largest_page(path)):
         check_size(path, *page.size)
         if page.number is None:

@@ -14,7 +14,7 @@ from PIL import TiffImagePlugin
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", EXR_MAGIC)
-_TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _RAW_MAGIC = (
     b"FUJIFILMCCD-RAW",
     b"IIRO",
@@ -65,7 +65,7 @@ _OTHERS = (
 CFA, LINEAR_RAW = 32803, 34892
 """Photometric interpretations of TIFF that only raw files have."""
 SUBFILE, WIDTH, HEIGHT, BITS, PHOTOMETRIC, SUB_IFDS, DNG_VERSION = 254, 256, 257, 258, 262, 330, 50706
-ORIENTATION, MAX_SAMPLE, PLANAR, SAMPLE_FORMAT, S_MAX_SAMPLE = 274, 281, 284, 339, 341
+FILL_ORDER, ORIENTATION, MAX_SAMPLE, PLANAR, SAMPLE_FORMAT, S_MAX_SAMPLE = 266, 274, 281, 284, 339, 341
 """Tags of TIFF."""
 
 
@@ -83,7 +83,7 @@ def why_no_photo(path: Path) -> tuple[str, str] | None:
         brand = head[8:12] if head[4:8] == b"ftyp" else b""
         if head.startswith(_RAW_MAGIC) or brand == b"crx ":
             return raw
-        if head.startswith(_TIFF_MAGIC):
+        if head.startswith(TIFF_MAGIC):
             is_raw = path.suffix.lower() in _RAW_ENDINGS or head[8:10] == b"CR"
             return raw if is_raw or any(_is_raw(tags) for _, tags in tiff_pages(file)) else None
     if is_heif(head):
@@ -159,10 +159,11 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
 
 
 class Page(NamedTuple):
-    """A page of a TIFF file: its number, None for one below another, and (width, height)."""
+    """A page of a TIFF file: its number, None for one below another, (width, height) and tags."""
 
     number: int | None
     size: tuple[int, int]
+    tags: Any
 
 
 def largest_page(path: Path) -> Page | None:
@@ -170,7 +171,7 @@ def largest_page(path: Path) -> Page | None:
     with path.open("rb") as file:
         pages = [(number, tags) for number, tags in tiff_pages(file) if WIDTH in tags and HEIGHT in tags]
     whole = [(number, tags) for number, tags in pages if not tags.get(SUBFILE, 0) & 5]
-    sizes = [Page(number, (tags[WIDTH], tags[HEIGHT])) for number, tags in whole or pages]
+    sizes = [Page(number, (tags[WIDTH], tags[HEIGHT]), tags) for number, tags in whole or pages]
     return max(sizes, key=lambda page: page.size[0] * page.size[1], default=None)
 
 
@@ -185,7 +186,7 @@ def unread_samples(path: Path) -> str | None:
             if frame and (frame[2] != b"\x08" or frame[1] not in b"\xc0\xc1\xc2"):
                 lossless = "" if frame[1] in b"\xc0\xc1\xc2" else " in a rare coding"
                 return f"a JPEG of {frame[2][0]} bits{lossless}"
-        pages = tiff_pages(file) if head.startswith(_TIFF_MAGIC) else []
+        pages = tiff_pages(file) if head.startswith(TIFF_MAGIC) else []
     return next((f"a TIFF of {samples_of(tags)}" for _, tags in pages if WIDTH in tags), None)
 
 
