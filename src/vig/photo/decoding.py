@@ -20,29 +20,45 @@ MID_GREY = 0.18
 """Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
 LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
+PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 # Only formats that pillow decodes itself: no vector files, no outside programs.
-_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
+FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 UNSCALED = 4096
 """A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16."""
 
 
 def opened(path: Path) -> Image.Image:
-    """Open the largest picture of a photo file; UserError by its header when it is tiny or huge."""
+    """Open the largest picture of a photo file.
+
+    Raises:
+        UserError: It is of another kind (`vig.photo.formats.why_no_photo`), or tiny or huge by its header.
+    """
+    if reason := formats.why_no_photo(path):
+        refuse(path, PHOTO, *reason)
     if formats.is_heif(head_of(path)):
         from pillow_heif import HeifImageFile
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
         try:
-            image = Image.open(path, formats=_FORMATS)
+            image = Image.open(path, formats=FORMATS)
         except UnidentifiedImageError:
             if head_of(path).startswith(formats.TIFF_MAGIC) and (packed := packed_picture(path)):
                 return packed
             raise
+    try:
+        return _largest(path, image)
+    except BaseException:
+        image.close()
+        raise
+
+
+def _largest(path: Path, image: ImageFile.ImageFile) -> Image.Image:
     if image.format == "TIFF" and (page := formats.largest_page(path)):
         check_size(path, *page.size)
         if page.number is None:
-            return max(image.get_child_images(), key=lambda child: math.prod(child.size))
+            with image:
+                return max(image.get_child_images(), key=lambda child: math.prod(child.size))
         image.seek(page.number)
     elif image.format == "MPO":
         sizes = []
@@ -64,6 +80,8 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
     if tags.get(formats.ORIENTATION, 1) > 4:
         image.filename = ""  # type: ignore[attr-defined]  # else pillow maps the file with the sides exchanged
     image.load()
+    if source:
+        image.filename = source  # type: ignore[attr-defined]
     try:
         encoding = encoding_of(image, stated)
     except ValueError as error:
@@ -153,7 +171,7 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     swapped = {"L": "B", "B": "L", "N": "B" if sys.byteorder == "little" else "L"}
     if not path or getattr(image, "tag_v2", {}).get(formats.PLANAR) == 2:
         return None
-    with Image.open(path, formats=_FORMATS) as lower:
+    with Image.open(path, formats=FORMATS) as lower:
         lower.seek(image.tell())
         tiles = []
         for tile in lower.tile:

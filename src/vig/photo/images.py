@@ -23,14 +23,13 @@ from vig.photo.checks import existing_file as existing_file
 from vig.photo.checks import head_of as head_of
 from vig.photo.checks import refuse as refuse
 from vig.photo.checks import refuse_huge
-from vig.photo.decoding import LINEAR, decoded, opened
+from vig.photo.decoding import LINEAR, PHOTO, decoded, opened
 from vig.photo.decoding import MID_GREY as MID_GREY
-from vig.photo.formats import unread_samples, why_no_photo
+from vig.photo.formats import unread_samples
 from vig.scene.light import srgb8_from_linear
 
 FILM_DIAGONAL = math.hypot(36, 24)
 """Millimetres of 35 mm film, to which cameras state their focal length."""
-_PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 RUN_LENGTHS = 3
 """zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
 FAST_FROM = 3_000_000
@@ -50,8 +49,6 @@ def _read(path: str | Path) -> np.ndarray:
             `MAX_PIXELS`, judged by its header), of oblong pixels, or another kind of file (`why_no_photo`).
     """
     path = existing_file(path)
-    if reason := why_no_photo(path):
-        refuse(path, _PHOTO, *reason)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pillow's own bomb warning: the limit below is ours
         try:
@@ -64,7 +61,7 @@ def _read(path: str | Path) -> np.ndarray:
         except Image.DecompressionBombError:
             refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
         except UnidentifiedImageError:
-            refuse(path, _PHOTO, unread_samples(path) or "something else", "Convert it to JPEG or PNG.")
+            refuse(path, PHOTO, unread_samples(path) or "something else", "Convert it to JPEG or PNG.")
         except Exception as error:  # a decoder may raise anything on a damaged file
             refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
 

@@ -12,7 +12,8 @@ from PIL import Image
 from tests.vig.photo.pictures import SIZE, flat, png, tiff
 from vig.errors import UserError
 from vig.photo import formats
-from vig.photo.images import focal_of, read_photo, why_no_photo
+from vig.photo.formats import why_no_photo
+from vig.photo.images import focal_of, read_photo
 
 THUMBNAIL, PICTURE = np.full((20, 24, 3), 30, np.uint8), np.full((60, 80, 3), 128, np.uint8)
 LINEAR_128 = 0.21586
