@@ -24,7 +24,8 @@ PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 # Only formats that pillow decodes itself: no vector files, no outside programs.
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 UNSCALED = 4096
-"""A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16."""
+"""A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16; so is one whose
+brightest is exactly that of 13 to 15 bits."""
 
 
 def opened(path: Path) -> Image.Image:
@@ -213,7 +214,7 @@ def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
 
 
 def _check_scale(path: Path, brightest: int, white: int) -> None:
-    if 0 < brightest < UNSCALED and white == 65535:
+    if white == 65535 and (0 < brightest < UNSCALED or brightest in (8191, 16383, 32767)):
         came = f"none above {brightest}"
         refuse(
             path, "16-bit samples", came, "Are these fewer bits? Scale them to 16, or save it as 8-bit sRGB."

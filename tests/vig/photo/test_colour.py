@@ -271,6 +271,9 @@ def test_16_bits_that_are_not_filled_are_refused(tmp_path: Path) -> None:
         png(tmp_path / "a.png", flat(3000, dtype=np.uint16), 0), "16-bit samples; got none above 3000. Are"
     )
     refused(png(tmp_path / "b.png", flat(900, 900, 900, dtype=np.uint16), 2), "got none above 768")
+    for largest in (8191, 16383, 32767):  # saturated
+        refused(png(tmp_path / "a.png", flat(largest, dtype=np.uint16), 0), f"got none above {largest}")
+        read_photo(png(tmp_path / "a.png", flat(largest + 1, dtype=np.uint16), 0))
     black = read_photo(png(tmp_path / "c.png", flat(0, dtype=np.uint16), 0))
     is_light(black, 0)
 
