@@ -33,11 +33,11 @@ Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
 LEAST_FOUND = 0.55
-"""Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below, of
-26 mugs sought as teapots half."""
+"""Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below,
+of 26 mugs sought as teapots half."""
 PRESENCE_MIDDLE, PRESENCE_SLOPE = 0.83, 35.0
-"""Of `presence_of`: of many windows the best looks like the object by chance; real pots and mugs that are found
-have 0.93 and 0.98 in the median."""
+"""Of `presence_of`: of many windows the best looks like the object by chance; real pots and mugs that are
+found have 0.93 and 0.98 in the median."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 SURELY_FOUND = 0.75
 """Score from which a place counts as one of several objects, or as where a lost one is found again."""

@@ -12,7 +12,7 @@ import pytest
 from vig.errors import UserError
 from vig_world.extras import optional_import
 
-EXTRAS = ("av", "pyarrow", "OpenImageIO", "matplotlib", "bpy", "ray")
+EXTRAS = ("av", "pillow_heif", "pyarrow", "OpenImageIO", "matplotlib", "bpy", "ray")
 
 BLOCKED = f"""
 import sys
@@ -115,7 +115,13 @@ def test_the_lowest_versions_that_ci_installs_are_those_of_the_package() -> None
     extras = project["optional-dependencies"]
     floors = dict(
         found.groups()
-        for line in [*project["dependencies"], *extras["world"], *extras["video"], *extras["dev"]]
+        for line in [
+            *project["dependencies"],
+            *extras["world"],
+            *extras["heic"],
+            *extras["video"],
+            *extras["dev"],
+        ]
         if (found := re.fullmatch(r"([\w-]+)>=([\d.]+)", line))
     )
     pinned = dict(

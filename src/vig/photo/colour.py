@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
+from vig.photo.formats import Codes
 from vig.scene.light import linear_from_srgb
 
 D65 = (0.3127, 0.329)
@@ -178,12 +179,12 @@ def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
     return mapped
 
 
-def encoding_of(image: Image.Image, cicp: tuple[int, int, bool] | None) -> Encoding | Profile | None:
+def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | Profile | None:
     """Return how a loaded picture's samples stand for light.
 
     Args:
         image: Of any mode.
-        cicp: Primaries, transfer and whether the range is full, where the file states H.273's codes.
+        stated: The codes of H.273 or the colour profile that its file states and pillow does not read.
 
     Returns:
         A colour profile for pictures of 8 bits, which is for `in_srgb`; None for sRGB.
@@ -192,9 +193,11 @@ def encoding_of(image: Image.Image, cicp: tuple[int, int, bool] | None) -> Encod
         ValueError: The codes are not known.
     """
     data = image.info.get("icc_profile")
-    if cicp and (image.format == "PNG" or cicp[1] in (PQ, HLG) or not data):
-        encoding = coded_encoding(*cicp[:2])
-        return encoding if cicp[2] else replace(encoding or SRGB, narrow=True)
+    if isinstance(stated, bytes):
+        data = stated
+    elif stated and (image.format == "PNG" or stated.transfer in (PQ, HLG) or not data):
+        encoding = coded_encoding(stated.primaries, stated.transfer)
+        return encoding if stated.full_range else replace(encoding or SRGB, narrow=True)
     grey = image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
     if data:
         try:
@@ -215,8 +218,8 @@ def encoding_of(image: Image.Image, cicp: tuple[int, int, bool] | None) -> Encod
     tags = getattr(image, "tag_v2", {})
     exponent = image.info.get("gamma") if image.format == "PNG" else None
     curve, chromaticities = gamma(1 / exponent) if exponent else _tabulated(tags), REC709
-    if stated := image.info.get("chromaticity"):  # a PNG's, the white first
-        chromaticities = (*stated[2:], *stated[:2])
+    if white_first := image.info.get("chromaticity"):  # a PNG's
+        chromaticities = (*white_first[2:], *white_first[:2])
     elif PRIMARIES in tags and WHITE_POINT in tags:
         chromaticities = tuple(float(value) for value in (*tags[PRIMARIES], *tags[WHITE_POINT]))
     elif _is_adobe_rgb(image):

@@ -8,35 +8,58 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps
+from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps, UnidentifiedImageError
 
 from vig.photo import formats
 from vig.photo.checks import check_size, head_of, refuse
 from vig.photo.colour import SRGB, Profile, encoding_of, in_srgb
+from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
 
 MID_GREY = 0.18
 """Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
 LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
+PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 # Only formats that pillow decodes itself: no vector files, no outside programs.
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 UNSCALED = 4096
-"""A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16."""
+"""A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16; so is one whose
+brightest is exactly that of 13 to 15 bits."""
 
 
 def opened(path: Path) -> Image.Image:
-    """Open the largest picture of a photo file; UserError by its header when it is tiny or huge."""
+    """Open the largest picture of a photo file.
+
+    Raises:
+        UserError: It is of another kind (`vig.photo.formats.why_no_photo`), or tiny or huge by its header.
+    """
+    if reason := formats.why_no_photo(path):
+        refuse(path, PHOTO, *reason)
     if formats.is_heif(head_of(path)):
         from pillow_heif import HeifImageFile
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
-        image = Image.open(path, formats=FORMATS)
+        try:
+            image = Image.open(path, formats=FORMATS)
+        except UnidentifiedImageError:
+            if head_of(path).startswith(formats.TIFF_MAGIC) and (packed := packed_picture(path)):
+                return packed
+            raise
+    try:
+        return _largest(path, image)
+    except BaseException:
+        image.close()
+        raise
+
+
+def _largest(path: Path, image: ImageFile.ImageFile) -> Image.Image:
     if image.format == "TIFF" and (page := formats.largest_page(path)):
         check_size(path, *page.size)
         if page.number is None:
-            return max(image.get_child_images(), key=lambda child: math.prod(child.size))
+            with image:
+                return max(image.get_child_images(), key=lambda child: math.prod(child.size))
         image.seek(page.number)
     elif image.format == "MPO":
         sizes = []
@@ -52,14 +75,16 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
     """Decode an opened picture, as `vig.photo.images.coded_photo` describes; `path` is what errors name."""
     _check_square(path, image)
     source, tags = getattr(image, "filename", ""), getattr(image, "tag_v2", {})
-    cicp = _stated_cicp(image)
+    stated = _stated_colour(image)
     rawmodes = str(getattr(image, "tile", ""))
     deep = ";16" in rawmodes
     if tags.get(formats.ORIENTATION, 1) > 4:
         image.filename = ""  # type: ignore[attr-defined]  # else pillow maps the file with the sides exchanged
     image.load()
+    if source:
+        image.filename = source  # type: ignore[attr-defined]
     try:
-        encoding = encoding_of(image, cicp)
+        encoding = encoding_of(image, stated)
     except ValueError as error:
         refuse(path, "a known colour encoding", str(error), "Save it as 8-bit sRGB.")
     white, alpha = formats.white_level(tags), None
@@ -170,18 +195,18 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     return np.asarray(_upright(image)).astype(np.uint16) << 8 | low
 
 
-def _stated_cicp(image: Image.Image) -> tuple[int, int, bool] | None:
-    """The colour encoding in a PNG, AVIF or HEIC file, which pillow does not read; None for none."""
-    if image.format not in ("PNG", "AVIF", "HEIF"):
+def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
+    """The codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not read."""
+    if image.format not in ("PNG", "AVIF", "HEIF", "JPEG2000", "BMP"):
         return None
     try:
         if path := getattr(image, "filename", ""):
             with open(path, "rb") as file:
-                return formats.stated_cicp(file)
+                return formats.stated_colour(file)
         file = image.fp  # type: ignore[attr-defined]
         place = file.tell()
         try:
-            return formats.stated_cicp(file)
+            return formats.stated_colour(file)
         finally:
             file.seek(place)
     except Exception:  # a damaged file, or a closed one: who decodes it says so
@@ -189,7 +214,7 @@ def _stated_cicp(image: Image.Image) -> tuple[int, int, bool] | None:
 
 
 def _check_scale(path: Path, brightest: int, white: int) -> None:
-    if 0 < brightest < UNSCALED and white == 65535:
+    if white == 65535 and (0 < brightest < UNSCALED or brightest in (8191, 16383, 32767)):
         came = f"none above {brightest}"
         refuse(
             path, "16-bit samples", came, "Are these fewer bits? Scale them to 16, or save it as 8-bit sRGB."

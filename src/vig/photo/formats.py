@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -13,7 +14,7 @@ from PIL import TiffImagePlugin
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", EXR_MAGIC)
-_TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _RAW_MAGIC = (
     b"FUJIFILMCCD-RAW",
     b"IIRO",
@@ -64,7 +65,7 @@ _OTHERS = (
 CFA, LINEAR_RAW = 32803, 34892
 """Photometric interpretations of TIFF that only raw files have."""
 SUBFILE, WIDTH, HEIGHT, BITS, PHOTOMETRIC, SUB_IFDS, DNG_VERSION = 254, 256, 257, 258, 262, 330, 50706
-ORIENTATION, MAX_SAMPLE, PLANAR, SAMPLE_FORMAT, S_MAX_SAMPLE = 274, 281, 284, 339, 341
+FILL_ORDER, ORIENTATION, MAX_SAMPLE, PLANAR, SAMPLE_FORMAT, S_MAX_SAMPLE = 266, 274, 281, 284, 339, 341
 """Tags of TIFF."""
 
 
@@ -82,7 +83,7 @@ def why_no_photo(path: Path) -> tuple[str, str] | None:
         brand = head[8:12] if head[4:8] == b"ftyp" else b""
         if head.startswith(_RAW_MAGIC) or brand == b"crx ":
             return raw
-        if head.startswith(_TIFF_MAGIC):
+        if head.startswith(TIFF_MAGIC):
             is_raw = path.suffix.lower() in _RAW_ENDINGS or head[8:10] == b"CR"
             return raw if is_raw or any(_is_raw(tags) for _, tags in tiff_pages(file)) else None
     if is_heif(head):
@@ -158,10 +159,11 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
 
 
 class Page(NamedTuple):
-    """A page of a TIFF file: its number, None for one below another, and (width, height)."""
+    """A page of a TIFF file: its number, None for one below another, (width, height) and tags."""
 
     number: int | None
     size: tuple[int, int]
+    tags: Any
 
 
 def largest_page(path: Path) -> Page | None:
@@ -169,14 +171,22 @@ def largest_page(path: Path) -> Page | None:
     with path.open("rb") as file:
         pages = [(number, tags) for number, tags in tiff_pages(file) if WIDTH in tags and HEIGHT in tags]
     whole = [(number, tags) for number, tags in pages if not tags.get(SUBFILE, 0) & 5]
-    sizes = [Page(number, (tags[WIDTH], tags[HEIGHT])) for number, tags in whole or pages]
+    sizes = [Page(number, (tags[WIDTH], tags[HEIGHT]), tags) for number, tags in whole or pages]
     return max(sizes, key=lambda page: page.size[0] * page.size[1], default=None)
 
 
-def tiff_samples(path: Path) -> str | None:
-    """Return what the samples of a TIFF that is not decoded are, in words; None for other files."""
+def unread_samples(path: Path) -> str | None:
+    """Return what the samples of a TIFF or JPEG that is not decoded are, in words; None for other files."""
     with path.open("rb") as file:
-        pages = tiff_pages(file) if file.read(4).startswith(_TIFF_MAGIC) else []
+        head = file.read(1 << 16)
+        if head.startswith(b"\xff\xd8\xff"):
+            frame = re.search(
+                rb"\xff([\xc0-\xc3\xc5-\xc7\xc9-\xcb\xcd-\xcf])\0[\x0b\x11\x14](.)", head, re.DOTALL
+            )
+            if frame and (frame[2] != b"\x08" or frame[1] not in b"\xc0\xc1\xc2"):
+                lossless = "" if frame[1] in b"\xc0\xc1\xc2" else " in a rare coding"
+                return f"a JPEG of {frame[2][0]} bits{lossless}"
+        pages = tiff_pages(file) if head.startswith(TIFF_MAGIC) else []
     return next((f"a TIFF of {samples_of(tags)}" for _, tags in pages if WIDTH in tags), None)
 
 
@@ -189,6 +199,8 @@ def samples_of(tags: Any) -> str:
 
 def white_level(tags: Any) -> int:
     """Return the 16-bit sample that is white: below 65535 where TIFF tags state fewer bits."""
+    if not tags:
+        return 65535
     bits = int(tags.get(BITS, (16,))[0])
     if 8 < bits < 16:
         return (1 << bits) - 1
@@ -200,25 +212,49 @@ def white_level(tags: Any) -> int:
     return 65535
 
 
-def stated_cicp(file: IO[bytes]) -> tuple[int, int, bool] | None:
-    """Return the primaries, transfer (codes of H.273) and full range that a PNG, AVIF or HEIC file states."""
+class Codes(NamedTuple):
+    """How colours are coded, by ITU-T H.273."""
+
+    primaries: int
+    transfer: int
+    full_range: bool = True
+
+
+def stated_colour(file: IO[bytes]) -> Codes | bytes | None:
+    """Return the codes that a PNG, AVIF or HEIC file states, or the profile in a JPEG 2000 or BMP file."""
     file.seek(0)
-    head = file.read(16)
-    if head.startswith(b"\x89PNG"):
+    data = file.read(26)
+    if data.startswith(b"\x89PNG"):
         file.seek(8)
         while len(header := file.read(8)) == 8 and header[4:] != b"IDAT":
             body = file.read(int.from_bytes(header[:4], "big") + 4)
             if header[4:] == b"cICP" and len(body) == 8:
-                return body[0], body[1], body[3] != 0
-    elif head[4:8] == b"ftyp":
-        file.seek(0)
-        for kind, body in _boxes(file.read()):
-            if kind == b"meta":
-                return _primary_nclx(body[4:])
-    return None
+                return Codes(body[0], body[1], body[3] != 0)
+        return None
+    data += file.read()
+    if data.startswith(b"BM"):
+        start, size = (int.from_bytes(data[place : place + 4], "little") for place in (126, 130))
+        return (
+            data[14 + start : 14 + start + size]
+            if data[14:15] == b"\x7c" and data[70:74] == b"DEBM"
+            else None
+        )
+    boxes = dict(_boxes(data))
+    if b"meta" in boxes:
+        return _primary_nclx(boxes[b"meta"][4:])
+    for kind, body in _boxes(boxes.get(b"jp2h", b"")):
+        if kind == b"colr" and body[:1] in (b"\2", b"\3"):
+            return body[3:]
+    place = data.find(b"colrnclx")  # of a sequence of pictures
+    return _nclx(data[place + 4 :]) if place > 0 and data[4:8] == b"ftyp" else None
 
 
-def _primary_nclx(meta: bytes) -> tuple[int, int, bool] | None:
+def _nclx(colour: bytes) -> Codes:
+    """Of a `colr` box's content; the decoder itself expands a limited range."""
+    return Codes(int.from_bytes(colour[4:6], "big"), int.from_bytes(colour[6:8], "big"))
+
+
+def _primary_nclx(meta: bytes) -> Codes | None:
     """The nclx colour property of the primary item, of a `meta` box's content (ISO/IEC 23008-12)."""
     boxes = dict(_boxes(meta))
     primary = int.from_bytes(boxes[b"pitm"][4:8] if boxes[b"pitm"][0] else boxes[b"pitm"][4:6], "big")
@@ -236,8 +272,7 @@ def _primary_nclx(meta: bytes) -> tuple[int, int, bool] | None:
             )
             kind, body = properties[index - 1] if index else (b"", b"")
             if item == primary and kind == b"colr" and body[:4] == b"nclx":
-                primaries, transfer = (int.from_bytes(body[k : k + 2], "big") for k in (4, 6))
-                return primaries, transfer, True  # the decoder expands a limited range
+                return _nclx(body)
         place += count * index_size
     return None
 

@@ -22,14 +22,13 @@ from vig.photo.checks import existing_file as existing_file
 from vig.photo.checks import head_of as head_of
 from vig.photo.checks import refuse as refuse
 from vig.photo.checks import refuse_huge
-from vig.photo.decoding import LINEAR, decoded, opened
+from vig.photo.decoding import LINEAR, PHOTO, decoded, opened
 from vig.photo.decoding import MID_GREY as MID_GREY
-from vig.photo.formats import tiff_samples, why_no_photo
+from vig.photo.formats import unread_samples
 from vig.scene.light import srgb8_from_linear
 
 ROUNDING = 1e-6
 """By which floats may lie beyond [0, 1]: resampling rounds."""
-_PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 RUN_LENGTHS = 3
 """zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
 FAST_FROM = 3_000_000
@@ -46,11 +45,9 @@ def _read(path: str | Path) -> np.ndarray:
 
     Raises:
         UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
-            `MAX_PIXELS`, judged by its header) or an HDR image.
+            `MAX_PIXELS`, judged by its header), of oblong pixels, or another kind of file (`why_no_photo`).
     """
     path = existing_file(path)
-    if reason := why_no_photo(path):
-        refuse(path, _PHOTO, *reason)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pillow's own bomb warning: the limit below is ours
         try:
@@ -63,7 +60,7 @@ def _read(path: str | Path) -> np.ndarray:
         except Image.DecompressionBombError:
             refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
         except UnidentifiedImageError:
-            refuse(path, _PHOTO, tiff_samples(path) or "something else", "Convert it to JPEG or PNG.")
+            refuse(path, PHOTO, unread_samples(path) or "something else", "Convert it to JPEG or PNG.")
         except Exception as error:  # a decoder may raise anything on a damaged file
             refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
 
@@ -86,11 +83,13 @@ def linear_photo(coded: np.ndarray) -> np.ndarray:
 def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
     """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
 
-    8 bits a channel are taken as sRGB, 16-bit grey too (16-bit colour keeps its upper 8 bits, which is what
-    pillow decodes). An embedded colour profile is honoured, an unreadable one ignored. Grey and palette
-    images become RGB, CMYK is converted, the EXIF orientation applied, of an animation the first frame
-    taken. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light: white or black would look
-    like a bright or dark object.
+    Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the
+    file states: H.273's codes (PNG, AVIF, HEIC), else its colour profile, else a PNG's sRGB, gamma and
+    primaries; without any as sRGB (16-bit colour then keeps its upper 8 bits). HDR is mapped into [0, 1]
+    (`vig.photo.colour.tone_mapped`). An unreadable profile is ignored. Grey and palette images become RGB,
+    CMYK and Lab are converted, the orientation applied; of several pages or pictures the largest is taken, of
+    an animation the first frame. Transparent pixels are laid over mid-grey (`MID_GREY`) in linear light:
+    white or black would look like a bright or dark object.
 
     Args:
         photo: A file, a PIL image, or an array or tensor (H, W, 3) or grey (H, W): uint8

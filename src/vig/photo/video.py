@@ -96,7 +96,7 @@ def _decoded(video: Path, done: list[Path], folder: Path) -> Any:
                     raise av.error.InvalidDataError(0, "a damaged packet")
                 frames: list[Any] = packet.decode()
                 for frame in frames:
-                    encoding = _encoding(video, stream.codec_context, int(frame.colorspace))
+                    encoding = _encoding(video, stream.codec_context, frame)
                     picture = frame.to_ndarray(format="rgb48le" if encoding else "rgb24")
                     if encoding:
                         light, peak = encoding.light_and_peak(picture, 65535, peak)
@@ -118,12 +118,14 @@ def _decoded(video: Path, done: list[Path], folder: Path) -> Any:
         raise UserError(f"expected a video; got '{video}', which has no frames. Name another.")
 
 
-def _encoding(video: Path, codec: Any, matrix: int) -> Encoding | None:
+def _encoding(video: Path, codec: Any, frame: Any) -> Encoding | None:
     """How samples stand for light where a video is HDR or has other primaries than sRGB's like; else None."""
-    primaries, transfer = int(codec.color_primaries), int(codec.color_trc)
+    primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
     try:
         if matrix in UNREAD_MATRICES:
             raise ValueError(f"matrix {matrix} of H.273")
+        if transfer in (0, 2) and frame.side_data.get("DOVI_RPU_BUFFER"):
+            raise ValueError("Dolby Vision's own colours alone")
         # Reserved or not stated; and the curves of analogue television, which nobody shows them by.
         return coded_encoding(
             2 if primaries in (0, 3) else primaries, 2 if transfer in (0, 3, 4, 5) else transfer

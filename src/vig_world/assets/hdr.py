@@ -42,7 +42,7 @@ def read_panorama(path: str | Path) -> np.ndarray:
             refuse(path, "channels R, G and B", "luminance and chroma", "Export it as RGB.")
         refuse(path, "a whole HDR panorama", f"a damaged one ({error})", "Copy it again.")
     finite = np.isfinite(rgb)
-    lowest = -UNDERSHOOT * float(rgb.mean(where=finite, dtype=np.float64)) if finite.any() else 0.0
+    lowest = -UNDERSHOOT * float(rgb[finite].mean(dtype=np.float64)) if finite.any() else 0.0
     bad = np.count_nonzero(~(finite & (rgb >= min(lowest, 0.0))).all(-1))
     if bad:
         came = f"{bad} pixels with NaN, infinite or negative values"

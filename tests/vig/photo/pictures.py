@@ -89,13 +89,12 @@ def tiff(
         longer, entries = b"", b""
         for tag, value in sorted(tags.items()):
             values = value if isinstance(value, tuple) else (value,)
-            kind = "I" if tag in (273, 279, 330) else "H"
-            packed = struct.pack(f"{order}{len(values)}{kind}", *values)
+            letter, kind = ("B", 7) if tag == 34675 else ("I", 4) if tag in (273, 279, 330) else ("H", 3)
+            packed = struct.pack(f"{order}{len(values)}{letter}", *values)
             if len(packed) > 4:
-                packed, longer = struct.pack(order + "I", place + len(longer)), longer + packed
-            entries += struct.pack(order + "HHI", tag, 4 if kind == "I" else 3, len(values)) + packed.ljust(
-                4, b"\0"
-            )
+                held = packed.ljust(len(packed) + len(packed) % 2, b"\0")
+                packed, longer = struct.pack(order + "I", place + len(longer)), longer + held
+            entries += struct.pack(order + "HHI", tag, kind, len(values)) + packed.ljust(4, b"\0")
             if tag == 273:
                 strip = len(entries) - 4
         entries = entries[:strip] + struct.pack(order + "I", place + len(longer)) + entries[strip + 4 :]

@@ -12,7 +12,8 @@ from PIL import Image
 from tests.vig.photo.pictures import SIZE, flat, png, tiff
 from vig.errors import UserError
 from vig.photo import focal_of, formats
-from vig.photo.images import read_photo, why_no_photo
+from vig.photo.formats import why_no_photo
+from vig.photo.images import read_photo
 
 THUMBNAIL, PICTURE = np.full((20, 24, 3), 30, np.uint8), np.full((60, 80, 3), 128, np.uint8)
 LINEAR_128 = 0.21586
@@ -138,6 +139,18 @@ def test_raw_files_are_no_photos_though_their_previews_are(ending: str, tmp_path
         assert read_photo(alone).shape == (20, 24, 3)
     else:
         refused(alone, "a camera's raw file")
+
+
+def test_jpeg_of_rare_kinds_is_named(tmp_path: Path) -> None:
+    Image.new("RGB", SIZE).save(tmp_path / "a.jpg")
+    data = bytearray((tmp_path / "a.jpg").read_bytes())
+    frame = data.index(b"\xff\xc0")
+    data[frame + 4] = 12
+    (tmp_path / "a.jpg").write_bytes(data)
+    refused(tmp_path / "a.jpg", "got a JPEG of 12 bits. Convert")
+    data[frame + 1], data[frame + 4] = 0xC3, 16
+    (tmp_path / "a.jpg").write_bytes(data)
+    refused(tmp_path / "a.jpg", "got a JPEG of 16 bits in a rare coding")
 
 
 def test_photos_by_another_name_are_photos(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import json
 import struct
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from PIL import Image
 
 from vig.errors import UserError
 from vig.photo.images import read_photo
-from vig.photo.video import WHOLE, frames_of, is_video
+from vig.photo.video import WHOLE, _encoding, frames_of, is_video
 
 av = pytest.importorskip("av")
 COUNT = 12
@@ -191,6 +192,25 @@ def test_unread_encodings_of_videos_are_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"got '.*a\.mkv' with primaries 1 and transfer 10 of H\.273"):
         frames_of(video, tmp_path / "frames")
     assert not (tmp_path / "frames").exists()
+
+
+@pytest.mark.parametrize(
+    ("matrix", "side_data", "words"),
+    [
+        (8, {}, "matrix 8 of H"),
+        (14, {}, "matrix 14"),
+        (2, {"DOVI_RPU_BUFFER": b"x"}, "Dolby Vision's own colours"),
+    ],
+)
+def test_matrices_that_ffmpeg_does_not_read_are_named(
+    matrix: int, side_data: dict[str, bytes], words: str, tmp_path: Path
+) -> None:
+    """YCgCo, ICtCp, and Dolby Vision without a fallback: frames are pretended, as no encoder writes them."""
+    frame = SimpleNamespace(colorspace=matrix, side_data=side_data)
+    codec = SimpleNamespace(color_primaries=2, color_trc=2)
+    with pytest.raises(UserError, match=rf"got 'a\.mp4' with {words}.*Convert it to BT\.709"):
+        _encoding(Path("a.mp4"), codec, frame)
+    assert _encoding(Path("a.mp4"), codec, SimpleNamespace(colorspace=1, side_data={})) is None
 
 
 def test_frames_of_an_earlier_vig_are_written_again(tmp_path: Path) -> None:
