@@ -1,7 +1,7 @@
 """The one exception that the command line shows to its user."""
 
 
-class UserError(Exception):
+class UserError(ValueError):
     """A mistake that the user can mend: bad input, a missing file, a full disk.
 
     Its message is one line that says what was expected, what came, and what to do. The command line

@@ -21,6 +21,7 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 from vig.checks import read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.parallel import check_main_module
 from vig.parallel.cluster import require_ray
 from vig.scene import ObjectClass
 from vig_world.composition.place import zone_weights
@@ -101,6 +102,8 @@ def make_dataset(
     if object_class is None:
         object_class = ObjectClass.load("teapot")
     zone_weights(object_class)  # refuses zones that no room has
+    if ray is None and count > 1 and workers != 1:
+        check_main_module()
 
     job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo, world)
     settings = {
