@@ -38,7 +38,7 @@ RENEWED_AFTER = 4000
 READY = -1
 """Number of the message by which a process says that it has begun."""
 UNGUARDED = 78
-"""Exit code of a process that was starting when the program, imported anew, asked for processes of its own."""
+"""Exit code of a process that asked for processes itself as it imported the program."""
 
 
 @dataclass(frozen=True)
@@ -220,8 +220,8 @@ class _Pool:
         worker.connection.close()
         code = worker.process.exitcode or 0
         if not worker.ready and code >= 0:  # ended by itself, not by a signal
-            asked = "it asked for processes itself" if code == UNGUARDED else f"it ended with exit code {code}"
-            raise _no_start(f"one imported the program's main module and {asked}") from None
+            end = "asked for processes itself" if code == UNGUARDED else f"ended with exit code {code}"
+            raise _no_start(f"one imported the program's main module and it {end}") from None
         if worker.waiting:
             first = worker.waiting[0]
             first.attempts += 1

@@ -245,7 +245,7 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
             if row != item["row"]:
                 names = ", ".join(sorted(name for name in row if row[name] != item["row"].get(name)))
                 yield f"sample {spec.index}: rendered again from its spec, these columns differ: {names}"
-            if maker.sample(spec.index) != spec:
+            if maker.sample(spec.index, spec.rejected.get("scene", 0)) != spec:
                 yield f"sample {spec.index}: its scene differs when drawn again from its seed"
     finally:
         maker.close()

@@ -83,7 +83,7 @@ def make_dataset(
 
     Raises:
         UserError: For a wrong argument; when `out` holds something else or a split made with other settings,
-            the disk is full, a sample's worker was killed repeatedly, or there is no cluster.
+            the disk is full, not one scene can be made, or there is no cluster.
         KeyboardInterrupt: After the samples in progress are done; call again to resume.
     """
     root = Path(out)
@@ -247,6 +247,7 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
         **settings,
         "complete": True,
         "rejections": dict(sorted(rejections.items())),
+        "redrawn": sum("scene" in record["rejected"] for record in records),
         "rejections_per_sample": round(sum(rejections.values()) / settings["count"], 4),
         "manifest_sha256": hashlib.sha256(manifest).hexdigest(),
     }
