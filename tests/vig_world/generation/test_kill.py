@@ -58,7 +58,6 @@ def held(path, data):
 
 job.write_bytes, processes.AHEAD = held, int(os.environ["CHUNK"])
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin by ignoring it
     settings = ["--count", "{COUNT}", "--seed", "{SEED}", "--workers", "2", "--out", sys.argv[1]]
     sys.argv[1:] = ["dataset", "make", *settings]
     main()
