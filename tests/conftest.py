@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -18,6 +19,8 @@ from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
 
 torch.set_num_threads(1)
+# Under `nohup make test &` SIGINT is ignored, which programs that tests start and interrupt would inherit.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclass(frozen=True)

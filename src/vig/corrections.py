@@ -145,6 +145,12 @@ class State:
         return folder / told.photo, told.class_, told.state
 
 
+def result_in(folder: Path) -> Path:
+    """The one folder of a result in that of a run; the folder itself where it is one or holds several."""
+    inner = [] if (folder / CORRECTIONS).exists() else list(folder.glob(f"*/{CORRECTIONS}"))
+    return inner[0].parent if len(inner) == 1 else folder
+
+
 @dataclass(frozen=True)
 class _Told:
     """The file; `class_` is its "class"."""

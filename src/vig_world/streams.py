@@ -15,6 +15,7 @@ def asset_rng(split: Split, catalogue: str, number: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(entropy))
 
 
-def stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
-    """The generator of one purpose of one sample: a pure function of its arguments."""
-    return np.random.default_rng(np.random.SeedSequence([seed, index, SPLITS.index(split), purpose]))
+def stream(seed: int, index: int, split: Split, purpose: int, draw: int = 0) -> np.random.Generator:
+    """The generator of one purpose of one draw of a sample: a pure function of its arguments."""
+    entropy, key = [seed, index, SPLITS.index(split), purpose], (draw,) if draw else ()
+    return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=key))

@@ -100,7 +100,16 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), fit, teapot)
     assert set(said) == {
-        *("format", "frames", "glb_from_object", "hints", "mask_confidence", "trusted"),
+        *(
+            "format",
+            "frames",
+            "glb_from_object",
+            "hints",
+            "mask_confidence",
+            "present",
+            "trusted",
+            "trusted_from",
+        ),
         *(
             "vig",
             "class",

@@ -7,12 +7,13 @@ import errno
 import io
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -230,6 +231,31 @@ def test_ctrl_c_keeps_what_is_done_and_says_so(photos: Path, tmp_path: Path) -> 
     done = [row["folder"] for row in rows_of(out)]
     assert 1 <= len(done) < 8 and (out / "sheet.jpg").exists() and (out / "report.html").exists()
     assert sorted(path.parent.name for path in out.glob("*/explanation.json")) == sorted(done)
+
+
+@pytest.mark.parametrize(("arguments", "shown"), [((), True), (("--quiet",), False)])
+def test_a_terminal_shows_how_many_are_done_and_the_time_left(
+    arguments: tuple[str, ...], shown: bool, photos: Path, tmp_path: Path
+) -> None:
+    """Standard error is a terminal, standard output none: lines of results stay whole there."""
+    for number in range(3, 8):
+        (photos / f"{number}.png").unlink()
+    terminal, ours = pty.openpty()
+    command = [*COMMAND, photos, "--out", tmp_path / "out", *arguments]
+    environment = os.environ | {"COLUMNS": "100", "TERM": "xterm"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=ours, text=True, env=environment) as run:
+        os.close(ours)
+        written = b""
+        with suppress(OSError):  # the terminal closes
+            while read := os.read(terminal, 4096):
+                written += read
+        assert run.stdout is not None
+        lines = run.stdout.read().splitlines()
+    os.close(terminal)
+    assert run.returncode == 0 and lines[-1] == str(tmp_path / "out")
+    assert len([line for line in lines if "azimuth" in line]) == (3 if shown else 0)
+    steps = [step in written for step in (b"0/3", b"1/3", b"2/3")]
+    assert steps == [shown] * 3 and (b"left" in written) == shown
 
 
 def test_a_pattern_that_no_shell_expanded_is_expanded(photos: Path, tmp_path: Path) -> None:

@@ -239,7 +239,7 @@ def test_a_folder_of_other_boxes_is_not_taken_for_done(photo: Path):
         ({"photo.png": [[0, 0, 50, 50]] * 2}, ["--azimuth", "0"], "one object"),
         ({"photo.png": [{"box": [0, 0, 50, 50], "Class": "mug"}]}, [], "'Class'"),
         ({"photo.png": [{"box": [0, 0, 50, 50], "class": "nothing"}]}, [], "got 'nothing'"),
-        ({"photo.png": [[0, 0, 50, 50], [0, 0, 5000, 50]]}, [], "within the photo"),
+        ({"photo.png": [[0, 0, 50, 50], [0, 0, 5000, 50]]}, [], "in the photo"),
         (None, ["--objects", "0"], "1 to 16"),
         (None, ["--objects", "2", "--box", "1,1,50,50"], "two of them"),
         (None, ["--class", "teapot,mug"], "one --class"),

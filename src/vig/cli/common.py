@@ -106,7 +106,7 @@ class View:
     """Open a photo on a page: draw a box, click points, mark what is in front, choose a view, save."""
 
     photo: tyro.conf.Positional[Path]
-    """A photo, or a folder of results, to resume work on it."""
+    """A photo, or a folder of its results, to resume work on it; also that of a run of one photo."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object; without it the object is sought in the photo."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
@@ -24,6 +24,7 @@ from vig.cli.cameras import cameras_of
 from vig.cli.common import Fit
 from vig.cli.hints import hints_of, mask_of
 from vig.cli.naming import listed, note
+from vig.cli.progress import progress_of
 from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import ExplainSettings
@@ -75,6 +76,7 @@ def fit(settings: Fit) -> int:
 
     def done(row: dict[str, Any]) -> None:
         found.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
+        show(len(found))
         line = in_one_line(_line(row))
         log(line)
         if row["error"] is not None:
@@ -83,6 +85,8 @@ def fit(settings: Fit) -> int:
             print(line, flush=True)
 
     rows: list[dict[str, Any]] = []
+    line_shown = ExitStack()
+    show = line_shown.enter_context(progress_of(len(photos), settings.quiet))
     try:
         if settings.track:
             frames = run_tracked(list(tasks), settings.out, given, done).frames
@@ -93,6 +97,7 @@ def fit(settings: Fit) -> int:
             for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
                 done(row)
     finally:
+        line_shown.close()
         rows += [row for folder in folders for row in found.get(folder.name, {}).values()]
         if len(photos) > 1 and rows:
             write_table(settings.out, rows)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from vig.cli.boxes import parse_box
 from vig.cli.common import View
-from vig.corrections import State
+from vig.corrections import State, result_in
 from vig.errors import UserError
 from vig.explainer import Explainer
 from vig.viewer import Session
@@ -24,7 +24,8 @@ def view(settings: View) -> int:
         for name, given in (("class", object_class), ("out", folder)):
             if given is not None:
                 raise UserError(f"expected a photo with --{name}; got a result, which has one. Leave it out.")
-        folder, (photo, object_class, state) = photo, State.read(photo)
+        folder = result_in(photo)
+        photo, object_class, state = State.read(folder)
     else:
         folder = (folder or Path("vig-fit")) / photo.stem
     if settings.box is not None:

@@ -2,6 +2,7 @@
 
 from vig.parallel.processes import (
     Lost,
+    check_main_module,
     map_as_done,
     map_in_processes,
     one_thread_in_children,
@@ -11,6 +12,7 @@ from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, th
 
 __all__ = [
     "Lost",
+    "check_main_module",
     "map_as_done",
     "map_in_processes",
     "map_on_threads",

@@ -10,14 +10,16 @@ import multiprocessing
 import os
 import queue
 import signal
+import sys
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from vig.errors import UserError
@@ -31,10 +33,12 @@ WINDOW = 16
 """Items of each process by which one may be ahead of the oldest that is not done."""
 ATTEMPTS = 3
 """Processes that may die of one item."""
-UNGUARDED = 97
-"""Exit code of a process that would start processes while it imports the script that started it."""
 RENEWED_AFTER = 4000
 """Items after which a process is replaced by a new one, which bounds memory leaks in libraries."""
+READY = -1
+"""Number of the message by which a process says that it has begun."""
+UNGUARDED = 78
+"""Exit code of a process that asked for processes itself as it imported the program."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ def map_in_processes(
     """work(item) of each item in order; see `map_as_done`.
 
     Raises:
-        UserError: `ATTEMPTS` processes were killed at the same item.
+        UserError: `ATTEMPTS` processes were killed at the same item, or none can start.
         Exception: What `prepare` or work raised.
     """
     done: dict[int, Result] = {}
@@ -83,11 +87,10 @@ def map_as_done(
         processes: How many.
 
     Raises:
+        UserError: Processes end while they import the program's main module.
         Exception: What `prepare` or work raised.
     """
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        # A script without a guard begins anew in each process that it starts: this one was to import it.
-        os._exit(UNGUARDED)
+    check_main_module()
     pool = _Pool(prepare, shared, items, processes)
     try:
         yield from pool.run()
@@ -108,12 +111,15 @@ class _Worker:
     def __init__(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_serve, args=(theirs, prepare, shared))
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs,))
         with one_thread_in_children(), without_interrupts():
             self.process.start()
         theirs.close()
+        # Not as arguments: starting a process that ends before it has read all of them would wait for ever.
+        with suppress(OSError):
+            self.connection.send((prepare, shared))
         self.waiting: deque[_Item[Any]] = deque()
-        self.done = 0
+        self.ready, self.done = False, 0
 
     def give(self, item: _Item[Any]) -> None:
         self.waiting.append(item)
@@ -147,6 +153,9 @@ class _Pool:
                     number, succeeded, answer = ready.recv()
                 except (EOFError, OSError):
                     yield from self.bury(worker)
+                    continue
+                if number == READY:
+                    worker.ready = True
                     continue
                 assert worker.waiting.popleft().number == number
                 self.handed.remove(number)
@@ -209,11 +218,10 @@ class _Pool:
         self.workers.remove(worker)
         worker.process.join()
         worker.connection.close()
-        if worker.process.exitcode == UNGUARDED:
-            raise UserError(
-                "expected a script that its worker processes can import; this one starts workers as it is"
-                " imported. Put what it does under `if __name__ == '__main__':`, or use one worker."
-            )
+        code = worker.process.exitcode or 0
+        if not worker.ready and code >= 0:  # ended by itself, not by a signal
+            end = "asked for processes itself" if code == UNGUARDED else f"ended with exit code {code}"
+            raise _no_start(f"one imported the program's main module and it {end}") from None
         if worker.waiting:
             first = worker.waiting[0]
             first.attempts += 1
@@ -236,13 +244,17 @@ class _Pool:
             worker.process.join()
 
 
-def _serve(connection: Connection, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
-    """The child's side: does what it is sent, answers (number, whether it succeeded, result or error)."""
+def _serve(connection: Connection) -> None:
+    """The child's side: is sent (prepare, shared), then items, each answered by (number, whether it
+    succeeded, result or error).
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    connection.send((READY, True, None))
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()
     try:
+        prepare, shared = connection.recv()
         work = prepare(shared)
     except Exception as error:  # raised here it would end the process, its reason lost
         work = functools.partial(_refuse, error)
@@ -259,6 +271,30 @@ def _serve(connection: Connection, prepare: Callable[[Any], Callable[[Any], Any]
             connection.send(answer)
         except OSError:  # the parent has stopped
             return
+
+
+def check_main_module() -> None:
+    """Refuse a program that worker processes cannot import; to be called before anything is written.
+
+    A spawned process imports the program's main module. Where that asks for processes again, outside of
+    `if __name__ == "__main__"`, the process ends silently with `UNGUARDED`, which its parent reports.
+
+    Raises:
+        UserError: The main module is no file, as that of a program read from standard input.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        os._exit(UNGUARDED)
+    main = sys.modules["__main__"]
+    file = getattr(main, "__file__", None)
+    if getattr(main, "__spec__", None) is None and file is not None and not Path(file).exists():
+        raise _no_start(f"they cannot import the program's main module, as '{file}' is no file")
+
+
+def _no_start(got: str) -> UserError:
+    return UserError(
+        f"expected worker processes to start, but {got}. Save the program as a file and put what asks for"
+        " workers under `if __name__ == '__main__':`, or use one worker."
+    )
 
 
 def _receive(connection: Connection, given: queue.Queue[Any], ended: threading.Event) -> None:

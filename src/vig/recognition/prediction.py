@@ -141,7 +141,9 @@ class Recognizer:
     """Of the class; without mirror symmetry photos are not flipped."""
 
     def __init__(self, path: Path):
-        remedy = "Train them with `vig train` or take a class that has them."
+        pack = path.parent
+        verb = f"vig class train {pack}" if (pack / "class.json").exists() else "vig train"
+        remedy = f"Train them with `{verb}` or take a class that has them."
         with reading(path, "recognition weights", remedy):
             tensors, metadata = read_tensors(path, "pt")
             settings = decode(dict[str, Any], parse_json(metadata["settings"]))
@@ -178,7 +180,12 @@ class Recognizer:
         if found != modes:
             raise UserError(
                 f"expected weights for the {modes} shape components of class '{object_class.name}';"
-                f" '{path}' has {found}. Train them on a dataset of that class."
+                f" '{path}' has {found}. "
+                + (
+                    "Train them on a dataset of that class."
+                    if weights
+                    else f"Run `vig class train {path.parent}`."
+                )
             )
         recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
         recognizer.device, calibration = device, recognizer.calibration

@@ -17,7 +17,7 @@ from typing import Any
 
 from vig.errors import UserError
 from vig.explainer import Explainer
-from vig.parallel import Lost, map_as_done
+from vig.parallel import Lost, check_main_module, map_as_done
 from vig.runs.ledger import LEDGER, described, is_done, key_of, ledger_of, rows_done
 from vig.runs.remote import rows_of_cluster, taken
 from vig.runs.work import Rows, RunSettings, Task, Work, lost_row, prepare
@@ -47,6 +47,8 @@ def run(
         UserError: The class cannot be loaded, `out` cannot be written, another run writes there, or there is
             no such cluster.
     """
+    if workers > 1:
+        check_main_module()
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
     said = described(settings, explainer)
     if not resume:

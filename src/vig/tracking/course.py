@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import torch
 
 from vig.errors import UserError
 from vig.explainer import Box, Explainer, Photo
@@ -150,8 +152,24 @@ class Course:
         return sighting.lost or turned > FAR or away > OFF
 
 
+def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
+    """Frames as a sequence; UserError where there are fewer than two, or something else."""
+    one = isinstance(frames, Photo) and not (
+        isinstance(frames, np.ndarray | torch.Tensor) and frames.ndim == 4
+    )
+    if not one and not isinstance(frames, Iterable | torch.Tensor):
+        raise UserError(f"expected the frames of a video; got {str(frames)[:60]}. Pass a list of them.")
+    listed: Sequence[Any] = [frames] if one else frames if isinstance(frames, Sequence) else list(frames)
+    if len(listed) < 2:
+        raise UserError(
+            f"expected two or more frames of a video; got {'one' if listed else 'none'}. Explain one as a"
+            " photo, and pass a list of the frames of a folder or video."
+        )
+    return listed
+
+
 def track(
-    frames: Sequence[Photo],
+    frames: Iterable[Photo],
     explainer: Explainer,
     box: Box | None = None,
     focal: float | None = None,
@@ -165,7 +183,8 @@ def track(
     chosen otherwise are fitted again, and angles and place are smoothed.
 
     Args:
-        frames: Two or more of one size, in order. They are read one at a time, some of them twice.
+        frames: Two or more of one size, in order. Those of a list are read one at a time, some of them twice;
+            an iterator is exhausted first, and an array (T, H, W, 3) is T frames.
         explainer: Of the object's class.
         box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
@@ -176,9 +195,7 @@ def track(
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
             seen in none, or as `Explainer.explain`.
     """
-    if isinstance(frames, Photo) or len(frames) < 2:
-        came = "one" if isinstance(frames, Photo) or len(frames) else "none"
-        raise UserError(f"expected two or more frames of a video; got {came}. Explain one as a photo.")
+    frames = _listed(frames)
     follower = Follower(explainer, focal, hints)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):

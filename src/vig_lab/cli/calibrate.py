@@ -20,6 +20,7 @@ from vig_lab.cli.common import check_workers, check_writable, progress_bar
 from vig_lab.cli.settings import Calibrate
 from vig_lab.paper_network.recognizer import recognizer_of
 from vig_lab.plots import calibrate_and_plot as calibrate_network
+from vig_lab.training.calibration import check_count
 from vig_world.dataset import Dataset, read_dataset
 
 
@@ -30,6 +31,7 @@ def calibrate(settings: Calibrate) -> int:
     check_workers(settings.workers)
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split) for path in settings.datasets]
+    check_count(sum(map(len, datasets)) + settings.studio)
     recognizer_of(object_class, settings.weights)  # refuses invalid weights
     folder = settings.weights.parent
     check_writable(folder)

@@ -21,6 +21,7 @@ from vig.errors import UserError
 from vig.files import atomic_write
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
+from vig.recognition.network import RecognitionNetwork
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 from vig_lab.cli.calibrate import calibrate
@@ -31,13 +32,14 @@ from vig_lab.evaluation import evaluate as run_methods
 from vig_lab.evaluation.protocol import MASK_HEAD, fitted
 from vig_lab.evaluation.results import MethodResult
 from vig_lab.paper_network.recognizer import recognizer_of
-from vig_lab.reproduction.record import Record
-from vig_lab.training.training import TrainingSettings
+from vig_lab.reproduction.record import Record, read_record
+from vig_lab.training.calibration import LEAST_IMAGES
+from vig_lab.training.training import TrainingSettings, begin_with
 from vig_world.dataset import read_dataset
 from vig_world.dataset.spec import Split
 from vig_world.generation.progress import Meter
 from vig_world.generation.show import contact_sheet
-from vig_world.generation.write import make_dataset
+from vig_world.generation.write import make_dataset, remove_split
 
 WEIGHTS, RELIABILITY = "recognition.safetensors", "reliability.png"
 METHODS = {"rm": "network", "spatial": "fit"}
@@ -46,11 +48,23 @@ SEEN_BY = {"rm": MASK_HEAD}
 """Where what is seen of the object is a result of its own."""
 HEADING = "## Recognition"
 """Of the card's part on the network: what follows it is written anew."""
-TOLD = ("images", "epochs", "studio", "level", "photos", "seed")
-"""Settings that a training begun keeps."""
+_PHOTOS, _TRAINING = (
+    {"photos", "seed", "shapes"},
+    {"images", "epochs", "studio", "level", "seed", "start", "shapes"},
+)
+DEPENDS: dict[str, set[str]] = {
+    "training photos": {"images", "seed", "shapes"},
+    "validation photos": _PHOTOS,
+    "test photos": _PHOTOS,
+    "training": _TRAINING,
+    "calibration": _TRAINING | _PHOTOS,
+    "test": _TRAINING | _PHOTOS,
+}
+"""The steps, and the settings that each depends on: with others it is done anew."""
 SHEET = 48
-STUDIO_EACH = 1.25
-"""Photos of the studio for the calibration, over those of the dataset."""
+STUDIO_SHARE, STUDIO_LACKING = 1.25, 2.5
+"""Photos of the studio for the calibration, over those of the dataset, and over those that these lack of
+`LEAST_IMAGES`: about half of them show the object."""
 
 
 def train_class(settings: TrainClass) -> int:
@@ -84,6 +98,8 @@ def _check(settings: TrainClass) -> None:
     if not 0 <= settings.level <= 1:
         raise UserError(f"expected --level as a share from 0 to 1; got {settings.level:g}.")
     check_workers(settings.workers)
+    if settings.start is not None:
+        begin_with(RecognitionNetwork(TrainingSettings.network), settings.start, trunk_only=True)
 
 
 @dataclass(frozen=True)
@@ -108,23 +124,42 @@ class ClassTraining:
         self.settings, self.object_class = settings, object_class
         self.folder = settings.pack / "training"
         self.weights = self.folder / "run" / WEIGHTS
-        told = {name: getattr(settings, name) for name in TOLD} | {"shapes": object_class.fingerprint}
-        told["start"] = None if settings.start is None else str(settings.start)
-        self.record = Record.open(
-            self.folder / "run.json", _Settings(told), machine(), f"vig {__version__} class train"
-        )
+        names = ("images", "epochs", "studio", "level", "photos", "seed")
+        wanted = {name: getattr(settings, name) for name in names} | {"shapes": object_class.fingerprint}
+        wanted["start"] = None if settings.start is None else str(settings.start)
+        path = self.folder / "run.json"
+        if path.exists():
+            self._renew(Record(path, read_record(path)), wanted)
+        self.record = Record.open(path, _Settings(wanted), machine(), f"vig {__version__} class train")
+
+    def _renew(self, record: Record, wanted: dict[str, Any]) -> None:
+        """Remove what a training with other settings made, but for the steps that do not depend on these."""
+        before = record.data["settings"]
+        changed = {name for name, value in wanted.items() if name not in before or before[name] != value}
+        stale = [step for step, names in DEPENDS.items() if names & changed]
+        if not changed:
+            return
+        print(f"other {', '.join(sorted(changed))} than before; done anew: {', '.join(stale)}", flush=True)
+        record.forget(stale)
+        for step in stale:
+            split, photos, _ = step.partition(" photos")
+            if photos:
+                remove_split(self.folder / "photos", {"training": "train"}.get(split, split))
+        if "training" in stale:
+            shutil.rmtree(self.weights.parent, ignore_errors=True)
+        record.renew(_Settings(wanted), stale)
 
     def run(self) -> dict[str, Any]:
         """Do what is not yet done; returns the errors on the test photos."""
-        steps: list[tuple[str, Callable[[], object]]] = [
-            ("training photos", partial(self._photos, "train", self.settings.images)),
-            ("validation photos", partial(self._photos, "validation", self.settings.photos)),
-            ("test photos", partial(self._photos, "test", self.settings.photos)),
-            ("training", self._train),
-            ("calibration", self._calibrate),
-            ("test", self._test),
+        steps: list[Callable[[], object]] = [
+            partial(self._photos, "train", self.settings.images),
+            partial(self._photos, "validation", self.settings.photos),
+            partial(self._photos, "test", self.settings.photos),
+            self._train,
+            self._calibrate,
+            self._test,
         ]
-        for number, (name, work) in enumerate(steps, 1):
+        for number, (name, work) in enumerate(zip(DEPENDS, steps, strict=True), 1):
             if self.record.complete(name):
                 print(f"{number}/{len(steps)} {name}: done in {self.record.seconds(name) / 60:.1f} min")
                 continue
@@ -161,11 +196,13 @@ class ClassTraining:
         )
 
     def _calibrate(self) -> None:
+        photos = self.settings.photos
+        lacking = max(0, LEAST_IMAGES - photos)
         calibrate(
             Calibrate(
                 (self.folder / "photos",),
                 self.weights,
-                studio=round(STUDIO_EACH * self.settings.photos),
+                studio=round(STUDIO_SHARE * photos + STUDIO_LACKING * lacking),
                 object_class=str(self.settings.pack),
                 workers=self.settings.workers,
             )

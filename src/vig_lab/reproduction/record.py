@@ -75,6 +75,13 @@ class Record:
                 self.data["steps"][step]["complete"] = False
         self._save()
 
+    def renew(self, settings: Settings, steps: list[str]) -> None:
+        """Go on with other settings, `steps` being as if never begun."""
+        self.data["settings"] = settings.to_json()
+        for step in steps:
+            self.data["steps"].pop(step, None)
+        self._save()
+
     @contextmanager
     def timed(self, step: str) -> Iterator[None]:
         """Count a block's time as the step's; the step is complete when the block raises nothing."""

@@ -46,6 +46,15 @@ class CalibrationResult:
     standard_errors: torch.Tensor
 
 
+def check_count(images: int) -> None:
+    """Refuse fewer than `LEAST_IMAGES`."""
+    if images < LEAST_IMAGES:
+        raise UserError(
+            f"expected at least {LEAST_IMAGES} images of the object to calibrate on; got {images}. Take a"
+            " larger dataset, or more photos of the studio (--studio)."
+        )
+
+
 def calibrate_network(
     path: Path,
     datasets: Sequence[Dataset],
@@ -59,9 +68,7 @@ def calibrate_network(
     Raises:
         UserError: Fewer than `LEAST_IMAGES`, or weights that cannot be read or are of the paper's networks.
     """
-    count = sum(map(len, datasets)) + sum(map(len, further))
-    if count < LEAST_IMAGES:
-        raise UserError(f"calibration needs at least {LEAST_IMAGES} images; got {count}")
+    check_count(sum(map(len, datasets)) + sum(map(len, further)))
     recognizer = Recognizer(path) if object_class is None else Recognizer.of_class(object_class, path)
     examples = Examples.joined([*map(Examples.of, datasets), *further])
     azimuth, mean, deviation, mask = _outputs(recognizer, examples)

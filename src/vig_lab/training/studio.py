@@ -8,6 +8,7 @@ seed and an index.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +40,8 @@ SAMPLES = 2
 """Points across a pixel at which the object is drawn."""
 MOST_THINGS = 5
 """Before the object."""
+MOST_DRAWS = 8
+"""Of an image."""
 NOTHING, OTHER_VESSEL, PART, WHOLE = range(4)
 """What images show in the object's place."""
 
@@ -119,8 +122,19 @@ class Studio:
         )
 
     def draw(self, seed: int, index: int) -> StudioImage:
-        """Draw an image."""
-        rng = np.random.default_rng(np.random.SeedSequence([seed, index, 71]))
+        """Draw an image; one that fails is drawn anew from its next stream, `MOST_DRAWS` times at most."""
+        for number in range(MOST_DRAWS):
+            key = (number,) if number else ()
+            try:
+                return self._drawn(
+                    np.random.default_rng(np.random.SeedSequence([seed, index, 71], spawn_key=key))
+                )
+            except Exception as error:  # no image ends a training
+                failure = error
+            print(f"studio image {index} is drawn anew: {failure!r}", file=sys.stderr, flush=True)
+        raise failure
+
+    def _drawn(self, rng: np.random.Generator) -> StudioImage:
         settings = self.settings
         latents, vertices = self._shape(rng)
         camera = self._camera(rng, vertices, latents)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, shape_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
-from vig_world.composition.sampling import sample, solids
+from vig_world.composition.sampling import CompositionError, sample, solids
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, Stage
 from vig_world.dataset.spec import Placed, SceneSpec, Split
 from vig_world.library import Library
@@ -38,8 +39,8 @@ LEAST_SEEN = 0.3
 """Share of each object that is seen, at least."""
 WITHIN = 0.97
 """Share of each object within the frame, at least."""
-DRAWS, GROUPS = 80, 12
-"""Draws of an object to join, and of groups, before these are given up."""
+DRAWS, GROUPS, REDRAWN = 80, 12, 8
+"""Draws of an object to join, of groups, and of these anew from other streams, before they are given up."""
 
 
 @dataclass(frozen=True)
@@ -95,17 +96,17 @@ def sample_group(
         aspect: Width over height of the image.
 
     Raises:
-        UserError: No group was found in `GROUPS` rooms.
+        UserError: No group was found in `REDRAWN` times `GROUPS` rooms.
     """
-    for attempt in range(GROUPS):
-        rng = stream(seed, index, library.split, GROUP_STREAM + attempt)
+    for draw, attempt in itertools.product(range(REDRAWN), range(GROUPS)):
+        rng = stream(seed, index, library.split, GROUP_STREAM + attempt, draw)
         wanted = 2 + int(rng.choice(3, p=[0.4, 0.35, 0.25]))
         first = classes[int(rng.integers(len(classes)))]
         hidden = float(rng.uniform(0, MOST_HIDDEN)) if rng.random() < 0.4 else 0.0
         number = GROUPS * index + attempt
         try:
-            scene = sample(library, first, seed, number, smaller=SMALLER, target=hidden)
-        except UserError:  # no room hides it as it should, so far from the eye
+            scene = sample(library, first, seed, number, smaller=SMALLER, target=hidden, draw=draw)
+        except CompositionError:  # no room hides it as it should, so far from the eye
             continue
         group = _Group(library, classes, scene, first, aspect)
         for _ in range(DRAWS):

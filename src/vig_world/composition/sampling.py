@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from vig.errors import UserError
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.clutter import scatter
@@ -17,7 +16,7 @@ from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
 from vig_world.composition.place import find_place
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
-from vig_world.dataset.spec import Lens, Placed, Room, SceneSpec, Split
+from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
 from vig_world.names import World
 from vig_world.renderers.raster import Item, depth
@@ -38,6 +37,10 @@ SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
 is hidden, if one of four rooms allows it."""
 
 
+class CompositionError(SampleError):
+    """A scene that cannot be composed: no room hides as much of the object as it should."""
+
+
 def sample(
     library: Library,
     object_class: ObjectClass,
@@ -46,6 +49,7 @@ def sample(
     world: World = "photo",
     smaller: float = 1.0,
     target: float | None = None,
+    draw: int = 0,
 ) -> SceneSpec:
     """Draw scene number `index` of a seed.
 
@@ -64,23 +68,26 @@ def sample(
         world: What scenes are like.
         smaller: Factor of a photograph's object's size in the frame.
         target: Share to be hidden, in place of one that is drawn.
+        draw: Number of the scene among those that the sample may have: the next one takes the place of one
+            that cannot be made. Of further draws the target is uniform; `rejected["scene"]` holds the number.
 
     Raises:
-        UserError: When no placement reached the target in `ATTEMPTS` rooms.
+        CompositionError: When no placement reached the target in `ATTEMPTS` rooms.
     """
     split = library.split
-    rng = stream(seed, index, split, 0)
+    rng = stream(seed, index, split, 0, draw)
     shape, design = draw_shape(rng, object_class, split)
     azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(LOWEST_ELEVATION, np.pi / 2)
     albedo = rng.uniform(0.2, 0.8, 3)
     panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
-    target = target_occlusion(seed, index, split) if target is None else target
+    if target is None:
+        target = rng.uniform(0, MAX_OCCLUSION) if draw else target_occlusion(seed, index, split)
     finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
     vertices = shape_vertices(shape, design, object_class)
     coat, lens, layouts = None, Lens(), range(library.layouts)
     if world == "photo":
-        manner = draw_manner(stream(seed, index, split, MANNER_STREAM), object_class, vertices, azimuth)
+        manner = draw_manner(stream(seed, index, split, MANNER_STREAM, draw), object_class, vertices, azimuth)
         elevation, albedo, coat, lens = manner.elevation, manner.albedo, manner.coat, manner.lens
         shift = (smaller * lens.shift[0], smaller * lens.shift[1])
         lens = replace(lens, scale=smaller * lens.scale, shift=shift) if smaller != 1 else lens
@@ -92,12 +99,12 @@ def sample(
         elevation,
         azimuth,
     )
-    rejected: Counter[str] = Counter()
+    rejected: Counter[str] = Counter({"scene": draw} if draw else {})
     by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
     for attempt in range(ATTEMPTS if world == "paper" else 2 * ATTEMPTS):
         if attempt == ATTEMPTS:
             target, layouts = target / 2, library.sweeps
-        rng = stream(seed, index, split, 1 + attempt)
+        rng = stream(seed, index, split, 1 + attempt, draw)
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
         stage = find_place(library, layouts, actor, finishes, (least, target), rng, rejected)
         if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
@@ -129,7 +136,7 @@ def sample(
             coat=coat,
             lens=lens,
         )
-    raise UserError(
+    raise CompositionError(
         f"sample {index} of seed {seed}: expected a scene that hides {target:.0%} of the object;"
         f" {ATTEMPTS} rooms gave none. Provide larger props or other furniture, or use another seed."
         f" ({dict(rejected)})"

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.light import rotate_z
 from vig_world.assets.target import target_vertices
-from vig_world.composition.sampling import measure, sample
+from vig_world.composition.sampling import CompositionError, measure, sample
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Placed, SceneSpec
 from vig_world.library import Library
@@ -66,13 +67,14 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
     while room and clutter hide no more than `OPEN`.
 
     Raises:
-        UserError: A scene cannot be drawn; see `sample`.
+        UserError: None of a hundred scenes is like that.
     """
     rng = stream(seed, index, library.split, TURNING_STREAM)
-    number = 100 * index
-    while True:
-        scene = sample(library, object_class, seed, number)
-        number += 1
+    for number in range(100 * index, 100 * (index + 1)):
+        try:
+            scene = sample(library, object_class, seed, number)
+        except CompositionError:
+            continue
         if not HIDDEN[0] <= scene.occlusion <= HIDDEN[1]:
             continue
         vertices, view = target_vertices(scene, object_class), View.of_scene(scene, object_class, LAYOUT_SIZE)
@@ -80,6 +82,11 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
         staying = [prop for prop in scene.props if prop.role == "clutter"]
         if measure(library, actor, scene.room, staying) <= OPEN:
             break
+    else:
+        raise UserError(
+            f"video {index} of seed {seed}: expected props that hide {HIDDEN[0]:.0%} to {HIDDEN[1]:.0%} of"
+            " the object; none of 100 scenes has them. Use another seed."
+        )
     reach = float(np.linalg.norm(vertices[:, :2], axis=1).max())
     turn = 2 * math.pi * rng.uniform(*TURNS) * rng.choice([-1.0, 1.0])
     x, y, z = (2 * WAY * reach * rng.choice([-1.0, 1.0]) * actor.aside).tolist()

@@ -10,12 +10,18 @@ from typing import Literal
 import numpy as np
 
 from vig.checks import decode, parse_json
+from vig.errors import UserError
 from vig_world.names import SPLITS as SPLITS
 from vig_world.names import Split as Split
 from vig_world.rotations import about_z, matrix_of
 
 WORLD_VERSION = 3
 """Goes up whenever the same seed and index would give another scene or picture."""
+
+
+class SampleError(UserError):
+    """What is wrong with one sample; another draw of it may do."""
+
 
 Role = Literal["occluder", "holder", "clutter"]
 

@@ -103,7 +103,7 @@ def check_dataset(
     problems = [*_file_problems(folder, hashes), *model_problems(root, object_class)]
     try:
         merged = _merged(root, split, settings["count"])
-    except (OSError, ValueError, KeyError, UserError) as error:
+    except (OSError, ValueError, KeyError) as error:
         problems.append(f"the tables cannot be read or do not have {settings['count']} samples: {error}")
         return Findings(split, tuple(problems), 0, len(hashes), 0)
     problems += _setting_problems(root, split, settings, merged)
@@ -228,6 +228,8 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
                 continue  # reported already
             try:
                 files = maker.files(spec)
+            except UserError:  # the renderer cannot run here
+                raise
             except (ValueError, KeyError, TypeError, IndexError) as error:
                 yield f"sample {spec.index}: cannot be made again from its spec ({error})"
                 continue
@@ -243,7 +245,7 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
             if row != item["row"]:
                 names = ", ".join(sorted(name for name in row if row[name] != item["row"].get(name)))
                 yield f"sample {spec.index}: rendered again from its spec, these columns differ: {names}"
-            if maker.sample(spec.index) != spec:
+            if maker.sample(spec.index, spec.rejected.get("scene", 0)) != spec:
                 yield f"sample {spec.index}: its scene differs when drawn again from its seed"
     finally:
         maker.close()

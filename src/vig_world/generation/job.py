@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+import traceback
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
+from vig.errors import UserError
 from vig.scene import ObjectClass, linear_from_srgb
-from vig_world.composition.sampling import sample
+from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.format import image_paths
-from vig_world.dataset.spec import SceneSpec, Split
+from vig_world.dataset.spec import SampleError, SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe
 from vig_world.generation.files import png, sidecar_path, write_bytes
 from vig_world.library import Library, OwnAssets
@@ -82,6 +84,21 @@ class Job:
         return self.object_class.fingerprint
 
 
+@dataclass(frozen=True)
+class Failure:
+    """Why a draw of a sample gave no files.
+
+    Attributes:
+        reason: Names the sample.
+        traceback: Of an exception.
+        expected: Whether it is no fault: the scene could not be composed.
+    """
+
+    reason: str
+    traceback: str = ""
+    expected: bool = False
+
+
 class Maker:
     """Makes samples of a job in this process, with one renderer that is started when first needed."""
 
@@ -90,14 +107,26 @@ class Maker:
         self.library = Library(job.split, job.own)
         self._renderer: Renderer | None = None
 
-    def make(self, index: int) -> dict[str, bytes]:
-        """The files of sample `index` by their names in the split's folder; see `encode`."""
-        return self.files(self.sample(index))
+    def make(self, index: int, draw: int = 0) -> dict[str, bytes] | Failure:
+        """The files of a draw of sample `index` by their names in the split's folder; see `encode`.
 
-    def sample(self, index: int) -> SceneSpec:
-        """The scene of sample `index`."""
+        Raises UserError for what no other draw would mend.
+        """
+        try:
+            return self.files(self.sample(index, draw))
+        except SampleError as error:
+            return Failure(str(error), expected=isinstance(error, CompositionError))
+        except UserError:
+            raise
+        except Exception as error:
+            self.close()
+            return Failure(f"sample {index}: {type(error).__name__}: {error}", traceback.format_exc())
+
+    def sample(self, index: int, draw: int = 0) -> SceneSpec:
+        """A draw of the scene of sample `index`."""
+        job = self.job
         with one_thread():
-            return sample(self.library, self.job.object_class, self.job.seed, index, self.job.world)
+            return sample(self.library, job.object_class, job.seed, index, job.world, draw=draw)
 
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
         """The files of a scene. Raises UserError when the renderer cannot run here."""
@@ -153,11 +182,10 @@ def encode(
     return files
 
 
-def store(folder: Path, files: dict[str, bytes]) -> None:
-    """Write the files of a sample into the split's folder, in their order."""
+def store(folder: Path, files: dict[str, bytes] | Failure) -> Failure | None:
+    """Write the files of a sample into the split's folder, in their order; a failure is returned."""
+    if isinstance(files, Failure):
+        return files
     for name, data in files.items():
         write_bytes(folder / name, data)
-
-
-Advance = Callable[[int], None]
-"""Called with the number of samples newly written."""
+    return None

@@ -21,6 +21,7 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 from vig.checks import read_json, reading
 from vig.errors import UserError
 from vig.files import atomic_write
+from vig.parallel import check_main_module
 from vig.parallel.cluster import require_ray
 from vig.scene import ObjectClass
 from vig_world.composition.place import zone_weights
@@ -82,7 +83,7 @@ def make_dataset(
 
     Raises:
         UserError: For a wrong argument; when `out` holds something else or a split made with other settings,
-            the disk is full, a sample's worker was killed repeatedly, or there is no cluster.
+            the disk is full, not one scene can be made, or there is no cluster.
         KeyboardInterrupt: After the samples in progress are done; call again to resume.
     """
     root = Path(out)
@@ -101,6 +102,8 @@ def make_dataset(
     if object_class is None:
         object_class = ObjectClass.load("teapot")
     zone_weights(object_class)  # refuses zones that no room has
+    if ray is None and count > 1 and workers != 1:
+        check_main_module()
 
     job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo, world)
     settings = {
@@ -133,6 +136,22 @@ def make_dataset(
                 make_in_processes(job, folder, missing, processes, meter.advance)
         _merge(root, split, settings, object_class)
     return root
+
+
+def remove_split(out: str | Path, split: str) -> None:
+    """Remove a split, complete or not, of a dataset in folder `out`, if there is one.
+
+    Raises:
+        UserError: `out` holds something else, or another run is making the split.
+    """
+    root = Path(out)
+    if not (root / INFO).exists():
+        return
+    with alone(root, split):
+        info = read_info(root)
+        if info["splits"].pop(split, None) is not None:
+            write_json(root / INFO, info)
+        shutil.rmtree(root / split, ignore_errors=True)
 
 
 def _require(tier: str, ray: str | None) -> None:
@@ -244,6 +263,7 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
         **settings,
         "complete": True,
         "rejections": dict(sorted(rejections.items())),
+        "redrawn": sum("scene" in record["rejected"] for record in records),
         "rejections_per_sample": round(sum(rejections.values()) / settings["count"], 4),
         "manifest_sha256": hashlib.sha256(manifest).hexdigest(),
     }

@@ -87,7 +87,10 @@ def test_a_log_has_a_line_for_each_photo_whatever_is_printed(capsys, photo, tmp_
     begun, error, verdict = (line.partition(" ")[2] for line in log.read_text().splitlines())
     assert begun.startswith("vig ") and "2 photos" in begun
     assert error.startswith("error: ") and "bad" in error
-    assert verdict.split(":")[0] in ("trusted", "reverted", "ambiguous", "failed") and "photo.png" in verdict
+    assert (
+        verdict.split(":")[0] in ("trusted", "reverted", "ambiguous", "failed", "absent")
+        and "photo.png" in verdict
+    )
     error = refused(capsys, "fit", photo, "--log", tmp_path, "--out", tmp_path / "other")
     assert "--log FILE" in error and not (tmp_path / "other").exists()
 
@@ -101,7 +104,7 @@ def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
     assert Image.open(folder / "overlay.png").size == (160, 120)
     assert Image.open(folder / "mask.png").size == (160, 120)
     stored = json.loads((folder / "explanation.json").read_text())
-    assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
+    assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed", "absent")
     assert len(stored["shape"]) == 16
     assert 0 <= stored["azimuth_deg"] < 360
 

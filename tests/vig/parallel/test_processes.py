@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -137,3 +138,47 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     while any(map(alive, workers)) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not any(map(alive, workers))
+
+
+UNGUARDED = """
+import operator, sys
+from vig.parallel import map_in_processes
+{before}
+print(list(map_in_processes(operator.itemgetter, {shared}, ["ab"], 2)))
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "shared", "from_file", "reason"),
+    [
+        ("", "0", True, "it asked for processes itself"),
+        # More than a pipe holds, which a process that ends as it starts never reads.
+        ("", "b'x' * 2**20", True, "it asked for processes itself"),
+        ("if __name__ != '__main__': sys.exit(3)", "0", True, "it ended with exit code 3"),
+        ("", "0", False, "'<stdin>' is no file"),
+    ],
+)
+def test_programs_without_a_main_guard_are_told_so(
+    before: str, shared: str, from_file: bool, reason: str, tmp_path: Path
+) -> None:
+    program, script = UNGUARDED.format(before=before, shared=shared), tmp_path / "program.py"
+    script.write_text(program)
+    command = [sys.executable, str(script) if from_file else "-"]
+    done = subprocess.run(command, input=program, capture_output=True, text=True, timeout=60)
+    last = done.stderr.splitlines()[-1]
+    assert done.returncode == 1 and reason in last and "if __name__ == '__main__':" in last
+    assert done.stderr.count("Traceback") == 1 and done.stdout == ""  # the parent's alone
+
+
+def test_what_processes_cannot_read_is_raised_here() -> None:
+    """A class that only this process has cannot be unpickled in another."""
+    with pytest.raises(AttributeError, match="Gone"):
+        list(map_in_processes(functools.partial, Gone, [1], 1))
+
+
+class Gone:
+    """Absent where this module is imported anew."""
+
+
+if multiprocessing.parent_process() is not None:
+    del Gone

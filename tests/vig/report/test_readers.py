@@ -90,7 +90,7 @@ def test_usd_opens_the_object_with_its_extent_and_normals(
     explanation: vig.Explanation, tmp_path: Path
 ) -> None:
     pytest.importorskip("pxr")
-    from pxr import Usd, UsdGeom, UsdUtils
+    from pxr import Usd, UsdGeom
 
     explanation.export(tmp_path, ["usd"])
     stage = Usd.Stage.Open(str(tmp_path / "object.usdc"))
@@ -106,9 +106,6 @@ def test_usd_opens_the_object_with_its_extent_and_normals(
             assert normals.shape == points.shape and mesh.GetNormalsInterpolation() == "vertex"
             np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
             np.testing.assert_allclose(mesh.GetExtentAttr().Get(), [points.min(0), points.max(0)])
-    checker = UsdUtils.ComplianceChecker(arkit=False, skipARKitRootLayerCheck=True)
-    checker.CheckCompliance(str(tmp_path / "object.usdc"))
-    assert checker.GetErrors() == [] and checker.GetFailedChecks() == []
 
 
 def test_nerfstudio_gets_the_photo_and_does_not_train_on_what_hides_the_object(

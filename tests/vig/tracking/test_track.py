@@ -150,11 +150,27 @@ def test_an_object_that_is_hidden_at_first_is_awaited_in_its_box(
         ([np.zeros((50, 50, 3), np.uint8)], "got one"),
         (np.zeros((50, 50, 3), np.uint8), "got one"),
         ("video.mp4", "got one"),
+        (np.zeros((1, 50, 50, 3), np.uint8), "got one"),
+        (iter([]), "got none"),
+        (None, "expected the frames of a video; got None"),
+        (12, "expected the frames of a video; got 12"),
     ],
 )
 def test_too_few_frames_are_refused(frames: Any, words: str, explainer: vig.Explainer) -> None:
     with pytest.raises(UserError, match=words):
         vig.track(frames, explainer)
+
+
+def test_frames_are_taken_from_an_iterator_or_an_array_as_from_a_list(
+    video: Video, explainer: vig.Explainer
+) -> None:
+    several = video.frames[:3]
+    tracks = [
+        vig.track(frames, explainer, video.box)
+        for frames in (several, iter(several), (frame for frame in several), np.stack(several))
+    ]
+    azimuths = [[frame.azimuth_deg for frame in track.frames] for track in tracks]
+    assert len(azimuths[0]) == 3 and azimuths.count(azimuths[0]) == len(tracks)
 
 
 def test_frames_of_two_sizes_are_refused(video: Video, explainer: vig.Explainer) -> None:

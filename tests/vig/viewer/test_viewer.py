@@ -23,7 +23,7 @@ from PIL import Image
 import vig
 from tests.support import LOW_CONTRAST
 from vig.cli.main import main
-from vig.corrections import Mark, State
+from vig.corrections import Mark, State, result_in
 from vig.errors import UserError
 from vig.inference import Said
 from vig.viewer import Session
@@ -430,6 +430,17 @@ def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Pat
         assert address.startswith("http://127.0.0.1:")
         process.send_signal(signal.SIGINT)
         assert process.wait(20) == 0
+
+
+def test_the_folder_of_a_run_of_one_photo_is_that_of_its_result(session: Session, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        result = tmp_path / "run" / name
+        session.save(result)
+        assert result_in(result) == result
+        if name == "a":
+            assert result_in(tmp_path / "run") == result
+    with pytest.raises(UserError, match=r"holds no corrections.json. Name one in it, such as '.*/run/a'"):
+        State.read(result_in(tmp_path / "run"))
 
 
 @pytest.mark.parametrize(

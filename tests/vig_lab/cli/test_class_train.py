@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,10 +12,12 @@ import pytest
 from tests.toys import toy
 from vig import Explainer
 from vig.errors import UserError
+from vig.scene import ObjectClass
 from vig_lab.cli import class_train
-from vig_lab.cli.class_train import ClassTraining, train_class
+from vig_lab.cli.class_train import DEPENDS, ClassTraining, train_class
 from vig_lab.cli.settings import TrainClass
 from vig_world.dataset import read_dataset
+from vig_world.dataset.format import read_info
 
 
 def settings(pack: Path, **chosen: int) -> TrainClass:
@@ -68,9 +72,56 @@ def test_what_is_done_is_not_done_again(
     assert (pack / "card.md").read_bytes() == before
 
 
-def test_a_training_of_other_settings_is_not_gone_on_with(pack: Path) -> None:
-    with pytest.raises(UserError, match="holds a run with images 80; 90 was asked for"):
-        train_class(settings(pack, images=90))
+@pytest.mark.slow
+def test_other_settings_do_only_what_depends_on_them_anew(
+    pack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With fewer photos, too few of them to calibrate on, neither training photos nor training."""
+    other = shutil.copytree(pack, tmp_path / "fin")
+    monkeypatch.setattr(ClassTraining, "_train", None)
+    train_class(settings(other, photos=3))
+    said = capsys.readouterr().out
+    anew = "validation photos, test photos, calibration, test"
+    assert said.splitlines()[0] == f"other photos than before; done anew: {anew}"
+    assert "1/6 training photos: done in" in said and "4/6 training: done in" in said
+    assert said.count("done in") == 2
+    photos = Path("training/photos/train/files.sha256")
+    assert (other / photos).read_bytes() == (pack / photos).read_bytes()
+    assert [len(read_dataset(other / "training/photos", split)) for split in ("validation", "test")] == [3, 3]
+    assert json.loads((other / "training/test.json").read_text())["photos"] == 3
+    assert (other / "calibration.json").read_bytes() != (pack / "calibration.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("changed", "kept"),
+    [
+        ({"epochs": 2}, {"training photos", "validation photos", "test photos"}),
+        ({"images": 90}, {"validation photos", "test photos"}),
+        ({"photos": 31, "level": 0.5}, {"training photos"}),
+        ({"seed": 1}, set()),
+    ],
+)
+def test_a_change_keeps_the_steps_that_do_not_depend_on_it(
+    changed: dict[str, int], kept: set[str], pack: Path, tmp_path: Path
+) -> None:
+    other = shutil.copytree(pack, tmp_path / "fin")
+    record = ClassTraining(settings(other, **changed), ObjectClass.load(other)).record
+    assert {step for step in DEPENDS if record.complete(step)} == kept
+    splits = {"training photos": "train", "validation photos": "validation", "test photos": "test"}
+    assert read_info(other / "training/photos")["splits"].keys() == {splits[step] for step in kept}
+    assert not (other / "training/run").exists()
+
+
+def test_weights_to_begin_with_are_checked_before_the_work(pack: Path, tmp_path: Path) -> None:
+    (tmp_path / "no_weights").write_text("none")
+    with pytest.raises(UserError, match="expected recognition weights at '.*no_weights'"):
+        train_class(replace(settings(pack), start=tmp_path / "no_weights"))
+
+
+def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
+    toy("fin").save(tmp_path)
+    with pytest.raises(UserError, match=f"Train them with `vig class train {tmp_path}`"):
+        Explainer(tmp_path)
 
 
 @pytest.mark.parametrize(

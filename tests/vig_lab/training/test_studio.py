@@ -13,7 +13,7 @@ from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass
 from vig_lab.training.drawing import studio_examples
 from vig_lab.training.snapshots import continued
-from vig_lab.training.studio import Studio, StudioSettings
+from vig_lab.training.studio import Studio, StudioImage, StudioSettings
 
 PLAIN = StudioSettings(
     decorated=0, metal=0, glass=0, occluded=0, absent=0, boxed=0, small=0, roll=0, continued=0, warp=0
@@ -31,6 +31,27 @@ def test_an_image_is_a_pure_function_of_seed_and_index(teapot: ObjectClass, stud
         np.testing.assert_array_equal(value, getattr(again, name))
     assert not np.array_equal(once.image, studio.draw(3, 6).image)
     assert not np.array_equal(once.image, studio.draw(4, 5).image)
+
+
+def test_an_image_that_fails_is_drawn_anew_from_its_next_stream(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    draw, calls = Studio._drawn, []
+
+    def failing(self: Studio, rng: np.random.Generator) -> StudioImage:
+        calls.append(rng.bit_generator.seed_seq.spawn_key)
+        if len(calls) < 3:
+            raise ValueError("no place for it")
+        return draw(self, rng)
+
+    first = studio.draw(3, 5)
+    monkeypatch.setattr(Studio, "_drawn", failing)
+    assert not np.array_equal(studio.draw(3, 5).image, first.image)
+    assert calls == [(), (1,), (2,)]
+    assert capsys.readouterr().err == 2 * "studio image 5 is drawn anew: ValueError('no place for it')\n"
+    monkeypatch.setattr(Studio, "_drawn", lambda self, rng: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        studio.draw(3, 5)
 
 
 def test_shapes_types_and_ranges(teapot: ObjectClass, studio: Studio) -> None:

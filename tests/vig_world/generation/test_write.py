@@ -9,7 +9,7 @@ from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset.format import read_info
 from vig_world.generation.files import sidecar_path
-from vig_world.generation.job import Maker
+from vig_world.generation.job import Failure, Maker
 from vig_world.generation.write import alone, make_dataset
 
 COUNT, SEED = 10, 5  # of the fixture `made`
@@ -31,11 +31,11 @@ def test_a_killed_run_is_completed_with_the_same_bytes(
 ) -> None:
     whole, calls = Maker.make, []
 
-    def killed_at_the_fourth(maker: Maker, index: int) -> dict[str, bytes]:
+    def killed_at_the_fourth(maker: Maker, index: int, draw: int) -> dict[str, bytes] | Failure:
         calls.append(index)
         if len(calls) == 4:
             raise KeyboardInterrupt
-        return whole(maker, index)
+        return whole(maker, index, draw)
 
     out = tmp_path / "killed"
     monkeypatch.setattr(Maker, "make", killed_at_the_fourth)

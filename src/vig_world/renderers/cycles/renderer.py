@@ -17,7 +17,7 @@ import torch
 from vig.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z, srgb8_from_linear
 from vig_world.assets.panoramas.light import grey, project_panorama
-from vig_world.dataset.spec import SceneSpec
+from vig_world.dataset.spec import SampleError, SceneSpec
 from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
 from vig_world.renderers.cycles.appearance import FINISHES, Finish
@@ -98,7 +98,7 @@ class CyclesRenderer:
         """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
-            UserError: When Blender failed to answer twice.
+            SampleError: When Blender failed to answer twice, or no light reaches the object.
         """
         header, arrays = compose(self._library, spec, self._object_class, self._finish)
         header["samples"] = self._samples
@@ -108,7 +108,7 @@ class CyclesRenderer:
         self.timing = answer
         probe = arriving(traced["probe"], arrays["panorama"], spec.panorama_angle)
         if not (probe[0] > 0).all():
-            raise UserError(
+            raise SampleError(
                 f"{name}: expected light at the object's place; got none. Choose another panorama."
             )
         gain = EXPOSURE_L00 / probe[0]
@@ -155,7 +155,7 @@ class CyclesRenderer:
             if self._served >= self._recycle:
                 self.close()
             return answer, traced
-        raise UserError(f"{name}: expected a picture from Blender; got none in two tries: it {why}")
+        raise SampleError(f"{name}: expected a picture from Blender; got none in two tries: it {why}")
 
     def _start(self) -> Worker:
         try:
