@@ -33,8 +33,8 @@ Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
 LEAST_FOUND = 0.4
-"""Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below, the
-packaged examples, up to 75 % hidden, have .47 and more; a third of photos of quite other things is below."""
+"""Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below,
+the packaged examples, up to 75 % hidden, have .47 and more; a third of photos of other things is below."""
 PRESENCE_MIDDLE, PRESENCE_SLOPE = 0.83, 35.0
 """Of `presence_of`: of many windows the best looks like the object by chance; real pots and mugs that are
 found have 0.93 and 0.98 in the median."""

@@ -308,7 +308,7 @@ def test_a_file_where_the_folder_should_be_is_told(fit: Fit, teapot: ObjectClass
 
 
 def test_a_verdict_prints_as_the_json_has_it() -> None:
-    assert [str(verdict) for verdict in Verdict] == ["trusted", "reverted", "ambiguous", "failed"]
+    assert [str(verdict) for verdict in Verdict] == ["trusted", "reverted", "ambiguous", "failed", "absent"]
 
 
 def test_an_ambiguous_fit_has_its_other_explanation(fit: Fit, teapot: ObjectClass) -> None:
