@@ -29,6 +29,7 @@ check: $(INSTALLED)
 docs: $(INSTALLED)
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
 	PATH="$(CURDIR)/$(BIN):$$PATH" NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python tools/check_site.py build/site
 
 # Torch comes first and pinned, so that no later package can pull another build of it.
 $(INSTALLED): pyproject.toml constraints.txt

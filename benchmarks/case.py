@@ -151,11 +151,11 @@ class Ours:
         return self._evaluate(index, derivatives=False)
 
     def gradient(self, index: int) -> Evaluation:
-        """Objective and gradient of the 24 latents and 4 numbers of framing."""
+        """Objective and gradient of all latents and 4 numbers of framing."""
         return self._evaluate(index, derivatives=True, curvature=False)
 
     def full(self, index: int) -> Evaluation:
-        """Objective, gradient and normal matrix of the 24 latents and 4 numbers of framing."""
+        """Objective, gradient and normal matrix of all latents and 4 numbers of framing."""
         return self._evaluate(index, derivatives=True)
 
     def covered(self) -> int:

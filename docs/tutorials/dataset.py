@@ -148,6 +148,6 @@ print(f"IoU of unseen pictures by the network: {overlap(guessed, truth):.2f}")
 # %% [markdown]
 # With 240 images and half a minute it is a beginning; it grows with both. More
 # images, path-traced ones (`--tier cycles`) and your own panoramas and things:
-# [datasets](../dataset.md), [the world](../world.md), [path
-# tracing](../cycles.md), [light](../light.md). vig's own network is trained by
+# [datasets](../../dataset/), [the world](../../world/), [path
+# tracing](../../cycles/), [light](../../light/). vig's own network is trained by
 # `vig train`.

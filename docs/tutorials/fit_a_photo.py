@@ -40,7 +40,7 @@ Image.fromarray(found.panels())
 # ## What else it may be
 #
 # A photo can have more than one explanation. The others come with their
-# probabilities, and one can be chosen ([putting a fit right](../hints.md)).
+# probabilities, and one can be chosen ([putting a fit right](../../hints/)).
 
 # %%
 for other in found.alternatives:
@@ -135,5 +135,5 @@ Image.fromarray(srgb8_from_linear(seen.rgb[0].numpy() + (1 - cover) * picture))
 # ## Kept
 #
 # `found.save("result")` writes `report.html` for people, `explanation.json`,
-# pictures and `object.glb` ([file by file](../explanation.md));
+# pictures and `object.glb` ([file by file](../../explanation/));
 # `found.export("result", ["bop", "ros"])` what other tools read.

@@ -92,4 +92,4 @@ Image.fromarray(np.concatenate(rows))
 #     vig fit photo.jpg --class jar --out result
 #
 # Five jars make a narrow class; ten or twenty meshes of one kind a good one
-# ([your own class](../own_class.md)).
+# ([your own class](../../own_class/)).

@@ -84,5 +84,5 @@ Image.fromarray(strip).resize((9 * SIZE, 3 * SIZE))
 # Left to right: the photo, the square error's fit, the robust one's. The fit of
 # `vig.Explainer` goes farther: a mixture with a colour histogram of what else is
 # in the photo, masks whose neighbouring pixels agree, Levenberg-Marquardt with
-# exact Jacobians from several starts ([the objective](../objective.md),
-# [rendering](../rendering.md)).
+# exact Jacobians from several starts ([the objective](../../objective/),
+# [rendering](../../rendering/)).

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from vig.tracking import TrackedFrame as TrackedFrame
     from vig.tracking import track as track
 
-__version__ = "0.2.0"
+__version__ = "0.3.0.dev0"
 
 _HOMES = {
     "Camera": "vig.scene",

@@ -310,3 +310,34 @@ def test_normals_given_with_an_object_turn_with_it(world: Callable[..., World]) 
     torch.testing.assert_close(render(with_normals).rgb, render(made.scene).rgb)
     turned = replace(item, normals=own.roll(1, dims=1))
     assert not torch.equal(render(replace(made.scene, objects=[turned])).rgb, render(made.scene).rgb)
+
+
+@pytest.mark.parametrize("shading", ["vertex", "pixel"])
+def test_second_derivatives_are_exact_where_no_edge_appears(shading: str) -> None:
+    """Of a loss of two balls, one before the other, against central differences of its first derivative."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
+    vertices, topology = torch.from_numpy(np.array(mesh.vertices)), Topology.of(mesh.faces, mesh.vertices)
+    light = torch.tensor([2.4, 0.3, 1.0, -0.6, 0.1, -0.2, 0.2, 0.1, -0.1]).double()
+    kinds = {field.name: getattr(AHEAD, field.name) for field in fields(AHEAD)}
+    camera = Pinhole(
+        *(value.double() if isinstance(value, torch.Tensor) else value for value in kinds.values())
+    )
+
+    def slope(moved: torch.Tensor) -> torch.Tensor:
+        moved = moved if moved.requires_grad else moved.clone().requires_grad_()
+        colour, behind = torch.ones(3).double(), torch.tensor([0.03, 0.02, 0.8]).double()
+        front = MeshObject(vertices, topology, moved[3:] * colour, translation=moved[:3], light=light)
+        back = MeshObject(vertices, topology, 0.5 * colour, translation=behind, light=light)
+        seen = render(Scene([front, back], camera), shading=shading)
+        loss = seen.rgb.square().sum() + seen.coverage.square().sum()
+        return torch.autograd.grad(loss, moved, create_graph=True)[0]
+
+    at = torch.tensor([0.013, 0.0177, 0.5, 0.7]).double()
+    start, step = at.clone().requires_grad_(), 1e-7
+    rows = [torch.autograd.grad(part, start, retain_graph=True)[0] for part in slope(start)]
+    ahead = [
+        (slope(at + step * axis) - slope(at - step * axis)) / (2 * step) for axis in torch.eye(4).double()
+    ]
+    found, expected = torch.stack(rows), torch.stack(ahead, 1).detach()
+    assert expected[:3, :3].abs().min() > 1
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-2)
