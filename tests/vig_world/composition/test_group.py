@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ import pytest
 from vig.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
+from vig_world.composition import group as grouping
 from vig_world.composition.group import LEAST_SEEN, OVERLAP
+from vig_world.composition.sampling import CompositionError, sample
+from vig_world.dataset.spec import SceneSpec
 from vig_world.generation.groups import Group, make_group, write_groups
 from vig_world.library import Library
 
@@ -70,6 +74,25 @@ def test_same_seed_and_index_give_the_same_photo(groups: list[Group], classes: l
     again = make_group(Library("validation"), classes, 7, 1)
     assert np.array_equal(again.photo, groups[1].photo)
     assert again.spec == groups[1].spec
+
+
+def test_a_group_that_no_room_takes_is_drawn_anew(
+    classes: list[ObjectClass], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*given: Any, draw: int, **named: Any) -> SceneSpec:
+        draws.append(draw)
+        if draw < 2:
+            raise CompositionError("no room")
+        return sample(*given, draw=draw, **named)
+
+    draws: list[int] = []
+    monkeypatch.setattr(grouping, "sample", failing)
+    spec = grouping.sample_group(Library("validation"), classes, 7, 0)
+    assert draws[: 2 * grouping.GROUPS] == [0] * grouping.GROUPS + [1] * grouping.GROUPS
+    assert spec.members[0].scene.rejected["scene"] == 2
+    monkeypatch.setattr(grouping, "REDRAWN", 1)
+    with pytest.raises(UserError, match="group 0 of seed 7: expected a place for it; got none"):
+        grouping.sample_group(Library("validation"), classes, 7, 0)
 
 
 def test_a_folder_is_gone_on_with_and_keeps_to_its_recipe(tmp_path: Path, classes: list[ObjectClass]):

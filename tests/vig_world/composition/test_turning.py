@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vig.errors import UserError
 from vig.scene import ObjectClass
+from vig_world.composition import turning
+from vig_world.composition.sampling import CompositionError, sample
 from vig_world.composition.turning import HIDDEN, OPEN, Turning, draw_turning, turned
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render
 
@@ -49,3 +53,19 @@ def test_only_the_object_turns(library: Library, packaged: ObjectClass, video: T
 def test_a_video_follows_from_its_seed(library: Library, packaged: ObjectClass, video: Turning) -> None:
     assert draw_turning(library, packaged, 3, 2) == video
     assert draw_turning(library, packaged, 3, 1) != video
+
+
+def test_a_scene_that_cannot_be_composed_is_passed_over(
+    library: Library, packaged: ObjectClass, video: Turning, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next that is fit for a video takes its place; without any there is one line."""
+
+    def failing(library: Library, object_class: ObjectClass, seed: int, number: int) -> SceneSpec:
+        if number <= video.scene.index or number >= 210:
+            raise CompositionError("no room")
+        return sample(library, object_class, seed, number)
+
+    monkeypatch.setattr(turning, "sample", failing)
+    assert video.scene.index < draw_turning(library, packaged, 3, 2).scene.index < 210
+    with pytest.raises(UserError, match="video 3 of seed 3: .* none of 100 scenes"):
+        draw_turning(library, packaged, 3, 3)
