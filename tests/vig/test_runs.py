@@ -394,3 +394,15 @@ def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> N
 def test_a_damaged_line_of_the_ledger_is_passed_over(line: str) -> None:
     whole = '{"key": "b", "rows": [{"error": null, "folder": "photo/1-mug"}]}'
     assert list(rows_done(StringIO(f"{line}\n{whole}\n"))) == ["photo"]
+
+
+def test_exports_of_earlier_results_go_when_a_photo_is_fitted_again(photos: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert fitted(photos / "0.png", photos / "1.png", "--out", out) == 0
+    for name in ("bop.csv", "coco.json", "mine.csv"):
+        (out / name).write_text("")
+    assert fitted(photos / "0.png", photos / "1.png", "--out", out) == 0
+    assert (out / "bop.csv").exists(), "nothing changed"
+    assert fitted(photos / "0.png", photos / "1.png", "--elevation", 30, "--out", out) == 0
+    assert not (out / "bop.csv").exists() and not (out / "coco.json").exists()
+    assert (out / "mine.csv").exists()

@@ -47,6 +47,7 @@ TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES}
 HEIC = (".heic", ".heif", ".hif")
 PASSED_OVER = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
+EXPORTS = ("bop.csv", "coco.json")
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
@@ -100,6 +101,9 @@ def fit(settings: Fit) -> int:
         line_shown.close()
         rows += [row for folder in folders for row in found.get(folder.name, {}).values()]
         if len(photos) > 1 and rows:
+            if not all(row.get("done_before") for row in rows):
+                for name in EXPORTS:  # `vig export` of the results before
+                    (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
             write_sheets(settings.out, rows)
