@@ -106,24 +106,30 @@ class _Item(Generic[Given]):
 
 
 class _Worker:
-    """A process, and the items that it has yet to do."""
+    """A process, and the items that it has yet to do. It is sent nothing before it says that it has begun:
+    a process that ends as it starts would leave this one waiting to send.
+    """
 
-    def __init__(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
+    def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process: BaseProcess = context.Process(target=_serve, args=(theirs,))
         with one_thread_in_children(), without_interrupts():
             self.process.start()
         theirs.close()
-        # Not as arguments: starting a process that ends before it has read all of them would wait for ever.
-        with suppress(OSError):
-            self.connection.send((prepare, shared))
         self.waiting: deque[_Item[Any]] = deque()
         self.ready, self.done = False, 0
 
     def give(self, item: _Item[Any]) -> None:
         self.waiting.append(item)
-        self.connection.send((item.number, item.given))
+        if self.ready:
+            self.connection.send((item.number, item.given))
+
+    def begin(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
+        self.ready = True
+        self.connection.send((prepare, shared))
+        for item in self.waiting:
+            self.connection.send((item.number, item.given))
 
 
 class _Pool:
@@ -151,11 +157,11 @@ class _Pool:
                 worker = by_connection[ready]
                 try:
                     number, succeeded, answer = ready.recv()
+                    if number == READY:
+                        worker.begin(self.prepare, self.shared)
+                        continue
                 except (EOFError, OSError):
                     yield from self.bury(worker)
-                    continue
-                if number == READY:
-                    worker.ready = True
                     continue
                 assert worker.waiting.popleft().number == number
                 self.handed.remove(number)
@@ -193,7 +199,7 @@ class _Pool:
                 self.workers.remove(worker)
                 self.end(worker)
         while len(self.workers) < self.count and self.upcoming():
-            worker = _Worker(self.prepare, self.shared)
+            worker = _Worker()
             self.workers.append(worker)
             if not self.give(worker):
                 yield from self.bury(worker)
@@ -249,7 +255,8 @@ def _serve(connection: Connection) -> None:
     succeeded, result or error).
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    connection.send((READY, True, None))
+    with suppress(OSError):  # the parent may have stopped meanwhile
+        connection.send((READY, True, None))
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()
