@@ -14,7 +14,7 @@ from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.renderer.explained import render_latents
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel, latent_layout
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 SIZES = (75, 150, 300)
 STANDARD_SIZE = 150

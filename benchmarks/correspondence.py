@@ -15,11 +15,11 @@ import time
 import numpy as np
 from scipy.spatial import cKDTree
 
+from vig_train.building.registration import Registration
+from vig_train.building.surface import points_on, visible_surface
+from vig_train.building.template import closed_template, with_short_edges
 from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vertices
 from vig_world.assets.mugs import MUG_FACES, TRAINING_MUGS, mug_vertices
-from vig_world.building.registration import Registration
-from vig_world.building.surface import points_on, visible_surface
-from vig_world.building.template import closed_template, with_short_edges
 from vig_world.mesh import face_normals, vertex_normals
 
 SAMPLES = 400_000

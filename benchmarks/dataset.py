@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measuring import metric, report, write
-from vig.errors import UserError
+from vig.io.errors import UserError
+from vig_world import WORLDS, World
 from vig_world.dataset.format import image_paths
 from vig_world.generation.write import make_dataset
-from vig_world.names import WORLDS, World
 from vig_world.renderers.cycles.renderer import find_python
 
 RASTER_COUNT, CYCLES_COUNT = 6000, 40

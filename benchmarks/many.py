@@ -35,9 +35,9 @@ from PIL import Image
 
 from benchmarks.inputs import made
 from benchmarks.measuring import metric, report, write
-from vig.report.export import box_of
 from vig.scene import Latents, ObjectClass
-from vig_lab.evaluation.protocol import silhouettes
+from vig_app.exports import box_of
+from vig_train.evaluation.protocol import silhouettes
 
 BROKEN = 50
 COMMAND = [sys.executable, "-m", "vig", "fit"]

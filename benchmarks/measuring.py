@@ -14,8 +14,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from vig.cli.doctor import processor
-from vig.files import atomic_write
+from vig.io.files import atomic_write
+from vig_app.cli.doctor import processor
 
 Result = TypeVar("Result")
 Better = Literal["higher", "lower"]

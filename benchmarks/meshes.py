@@ -24,9 +24,9 @@ from benchmarks.measuring import metric, report, write
 from vig.inference import ExplainSettings, Verdict, explain
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, ShapeModel, layout_of_width, linear_from_srgb
-from vig_lab.evaluation.framing import fit_settings, framed
-from vig_lab.evaluation.metrics import angle_error_deg
-from vig_lab.evaluation.statistics import NEAR_DEG
+from vig_train.evaluation.framing import fit_settings, framed
+from vig_train.evaluation.metrics import angle_error_deg
+from vig_train.evaluation.statistics import NEAR_DEG
 from vig_world.dataset import read_dataset
 from vig_world.generation.write import make_dataset
 from vig_world.library import OwnAssets, OwnFolders

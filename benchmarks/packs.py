@@ -25,12 +25,12 @@ from vig.inference import ExplainSettings
 from vig.inference.families import family_of
 from vig.recognition import Prediction, Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb, regressed_layout
-from vig_lab.evaluation.fits import fit_all
-from vig_lab.evaluation.framing import fit_settings, framed
-from vig_lab.evaluation.metrics import angle_error_deg, segmentation_iou
+from vig_train.building.template import with_short_edges
+from vig_train.evaluation.fits import fit_all
+from vig_train.evaluation.framing import fit_settings, framed
+from vig_train.evaluation.metrics import angle_error_deg, segmentation_iou
 from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vertices
 from vig_world.assets.target import shape_vertices
-from vig_world.building.template import with_short_edges
 from vig_world.dataset import read_dataset
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from PIL import Image
 
 from benchmarks.measuring import metric, report, write
-from vig_lab.examples import example_photos
+from vig_app.examples import example_photos
 
 MEGAPIXELS = (1, 12, 48, 96)
 FORMATS = ("jpg", "png")
@@ -26,7 +26,7 @@ RUNS = 3
 
 def cost(photo: Path, out: Path) -> tuple[float, float]:
     """Processor seconds and peak megabytes of `vig fit` of a photo; RuntimeError when it fails."""
-    command = [sys.executable, "-c", "from vig.cli.main import main; main()"]
+    command = [sys.executable, "-c", "from vig_app.cli.main import main; main()"]
     command += ["fit", str(photo), "--out", str(out), "--json"]
     with open(os.devnull, "w") as nowhere:
         actions = [(os.POSIX_SPAWN_DUP2, nowhere.fileno(), 1)]

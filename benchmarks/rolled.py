@@ -20,9 +20,9 @@ from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.recognition.find import upright
 from vig.scene import ObjectClass, layout_of_width, linear_from_srgb
-from vig_lab.calibration import low, rolled
-from vig_lab.evaluation.metrics import angle_error_deg
-from vig_lab.evaluation.statistics import NEAR_DEG
+from vig_train.calibration import low, rolled
+from vig_train.evaluation.metrics import angle_error_deg
+from vig_train.evaluation.statistics import NEAR_DEG
 from vig_world.dataset import read_dataset
 
 ANGLES = (0, 5, 10, 20, 30, 45, 90, 135, 180)

@@ -17,14 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.measuring import metric, report, write
-from vig_lab.examples import example_photos
+from vig_app.examples import example_photos
 
 WARM_RUNS, COLD_RUNS = 5, 2
 
 
 def processor_seconds(arguments: Iterable[str], environment: Mapping[str, str]) -> float:
     """Processor time of `vig` with these arguments in a new process; RuntimeError when it fails."""
-    command = [sys.executable, "-c", "from vig.cli.main import main; main()", *arguments]
+    command = [sys.executable, "-c", "from vig_app.cli.main import main; main()", *arguments]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(command, env=dict(environment), capture_output=True, text=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -13,9 +13,9 @@ from benchmarks.measuring import metric, timed
 from vig.inference import ExplainSettings, Fit, Objective, explain, geometry_of
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
-from vig.optimizers.optimizer import Budget
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
+from vig.search.optimizer import Budget
 
 THREADS = (1, 2)
 BATCHES = (1, 4, 16, 64, 256)

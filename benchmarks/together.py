@@ -26,7 +26,7 @@ from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.recognition.find import overlap
 from vig.scene import ObjectClass
-from vig.together import find_together, together
+from vig.several import find_together, together
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 

@@ -23,7 +23,7 @@ from vig import Explainer, Explanation, track
 from vig.photo.images import write_png
 from vig_world.composition.turning import Turning, draw_turning
 from vig_world.library import Library
-from vig_world.renderers.picture import Picture
+from vig_world.raster.picture import Picture
 from vig_world.renderers.rasterized import render
 
 WAYS = ("alone", "followed", "tracked")

@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.measuring import metric, report, write
-from vig_lab.examples import example_photos
+from vig_app.examples import example_photos
 
 FLAGS = (
     "--no-sandbox",
@@ -101,7 +101,7 @@ def soak(minutes: float, seed: int, folder: Path) -> list[dict[str, Any]]:
     command = [
         sys.executable,
         "-c",
-        "from vig.cli.main import main; main()",
+        "from vig_app.cli.main import main; main()",
         "view",
         "photo.png",
         "--no-open",

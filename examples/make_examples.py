@@ -1,9 +1,10 @@
-"""Makes the packaged example photos (`src/vig_lab/examples`): path-traced, photographed test scenes.
+"""Makes the packaged example photos (`src/vig_app/examples`): path-traced, photographed test scenes.
 
     VIG_BLENDER_PYTHON=blender/bin/python python examples/make_examples.py      # to install: docs/cycles.md
 
-writes photos, masks and truth.json and prints a table, in some five minutes. The photos are chosen by a rule,
-before anything is fitted to them: for each level of LEVELS in turn, the first sample of SEED
+writes photos, masks, truth.json and shapes.safetensors and prints a table, in some five minutes. The photos
+are chosen by a rule, before anything is fitted to them: for each level of LEVELS in turn, the first sample of
+SEED
 
 - that hides as much of the object as the level says, give or take TOLERANCE, in the masks;
 - whose elevation is that of a usual photograph (ELEVATIONS), and whose object lies whole within the frame;
@@ -20,18 +21,21 @@ from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
+import numpy as np
 import torch
+from safetensors.numpy import save_file
 
-from vig.files import atomic_write
+from vig.io.files import atomic_write
 from vig.photo.images import write_png
 from vig.scene import ObjectClass
-from vig_lab.examples import FOLDER
+from vig_app.examples import FOLDER
+from vig_world.assets.target import target_vertices
 from vig_world.composition.sampling import sample, target_occlusion
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation.job import photographed
 from vig_world.library import Library
+from vig_world.raster.picture import Picture
 from vig_world.renderers.cycles import CyclesRenderer
-from vig_world.renderers.picture import Picture
 from vig_world.renderers.rasterized import render
 
 CLASS_NAME, SPLIT, SEED = "teapot", "test", 20261122
@@ -55,6 +59,7 @@ def main() -> None:
     object_class, library = ObjectClass.load(CLASS_NAME), Library(SPLIT)
     photos: list[dict] = []
     used: set[str] = set()
+    shapes: dict[str, np.ndarray] = {}
     print("photo           sample  hidden  azimuth  elevation  design")
     with CyclesRenderer(library, object_class, samples=arguments.samples, threads=2) as cycles:
         for number, level in enumerate(LEVELS, 1):
@@ -69,6 +74,7 @@ def main() -> None:
             about = describe(f"{number:02d}_{occluder(spec)}", spec, picture)
             write(arguments.out, about["name"], picture)
             photos.append(about)
+            shapes[about["name"]] = np.ascontiguousarray(target_vertices(spec, object_class))
             print(
                 f"{about['name']:16}{spec.index:6}{about['occlusion']:8.3f}{about['azimuth_deg']:9.1f}"
                 f"{about['elevation_deg']:11.1f}{spec.design:8}",
@@ -77,6 +83,8 @@ def main() -> None:
     described = {"format": 1, "class": CLASS_NAME, "photos": photos}
     with atomic_write(arguments.out / "truth.json") as temporary:
         temporary.write_text(json.dumps(described, indent=1) + "\n")
+    with atomic_write(arguments.out / "shapes.safetensors") as temporary:
+        save_file(shapes, temporary)
     print(arguments.out)
 
 

@@ -18,12 +18,12 @@ from packaging.version import Version
 from PIL import Image
 
 import vig
-from vig.cli.common import verbs_of_packages
-from vig.cli.main import VERBS
-from vig.cli.main import _parsed as parsed
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import latent_layout
 from vig.scene.object_class import PACKAGED
+from vig_app.cli.common import verbs_of_packages
+from vig_app.cli.main import VERBS
+from vig_app.cli.main import _parsed as parsed
 from vig_world.generation.write import make_dataset
 from vig_world.renderers.cycles.renderer import find_python
 
@@ -98,7 +98,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where code blocks run: with the photos, the result and the dataset that they name."""
     folder = tmp_path_factory.mktemp("docs")
     (folder / "src").symlink_to(ROOT / "src")
-    with Image.open(ROOT / "src/vig_lab/examples/02_egg_cup.png") as example:
+    with Image.open(ROOT / "src/vig_app/examples/02_egg_cup.png") as example:
         # Its pot, of box 35, 39, 80, 60, comes to the box of the pages, 120, 80, 300, 240.
         photo = example.convert("RGB").resize((562, 562)).crop((11, 66, 562, 562))
     photo.save(folder / "photo.jpg")

@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
-from vig_lab.examples import FOLDER, Example, example_photos
+from vig_app.examples import FOLDER, Example, example_photos
 from vig_world.assets.designs import HELD_OUT_DESIGNS
 from vig_world.assets.target import shape_vertices
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 EXAMPLES = example_photos()
 each = pytest.mark.parametrize("example", EXAMPLES, ids=[example.name for example in EXAMPLES])

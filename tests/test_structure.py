@@ -9,126 +9,54 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src"
 
-# Who may import whom, from the ground up. Modules at the top of vig are importable by all above them.
-MAY_IMPORT = {
-    "vig.errors": set(),
-    "vig.names": set(),
-    "vig.checks": {"vig.errors"},
-    "vig.files": {"vig.errors", "vig.checks"},
-    "vig.parallel": {"vig.errors"},
-    "vig.scene": {"vig.errors", "vig.checks", "vig.files"},
-    "vig.photo": {"vig.errors", "vig.checks", "vig.files", "vig.scene"},
+# Who may import whom: of each package those that it may import; within a package its subpackages and top
+# modules stand from the ground up, and each may import those before it.
+PACKAGES = {
+    "vig": (),
+    "vig_app": ("vig",),
+    "vig_world": ("vig",),
+    "vig_train": ("vig", "vig_world"),
+    "vig_paper": ("vig", "vig_world", "vig_train"),
 }
-HELPERS = {"vig.errors", "vig.names", "vig.checks", "vig.files", "vig.parallel"}
-BELOW = {
-    "vig.renderer": {"vig.scene"},
-    "vig.likelihood": {"vig.scene", "vig.renderer"},
-    "vig.optimizers": {"vig.renderer"},
-    "vig.recognition": {"vig.scene", "vig.photo"},
-    "vig.inference": {
-        "vig.scene",
-        "vig.renderer",
-        "vig.likelihood",
-        "vig.optimizers",
-        "vig.recognition",
-    },
-    "vig.report": {"vig.scene", "vig.photo", "vig.renderer", "vig.inference"},
+ORDER = {
+    "vig": (
+        "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",
+        "output", "hints", "explanation", "explainer", "several", "video", "__main__",
+    ),
+    "vig_app": ("examples", "exports", "report", "corrections", "runs", "viewer", "cli"),
+    "vig_world": (
+        "extras", "kept", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms", "raster",
+        "library", "renderers", "composition", "generation", "cli",
+    ),
+    "vig_train": ("record", "packs", "building", "training", "plots", "evaluation", "calibration", "cli"),
+    "vig_paper": ("network", "optimizers", "ablation", "figures", "reproduction", "cli"),
+}  # fmt: skip
+LATE = {
+    ("vig.explanation", "vig_app.report"),
+    ("vig.explanation", "vig_app.exports"),
+    ("vig.several", "vig_app.report"),
+    ("vig.__main__", "vig_app.cli"),
 }
-MAY_IMPORT |= {subpackage: below | HELPERS for subpackage, below in BELOW.items()}
-MAY_IMPORT["vig.hints"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.corrections"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.explanation"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.explainer"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.results"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.together"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.tracking"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.runs"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.viewer"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.cli"] = set(MAY_IMPORT)
-MAY_IMPORT["vig.__main__"] = {"vig.cli"}
-CORE = set(MAY_IMPORT)
-WORLD = {
-    "vig_world.names": set(),
-    "vig_world.extras": set(),
-    "vig_world.kept": set(),
-    "vig_world.mesh": set(),
-    "vig_world.rotations": set(),
-    "vig_world.threads": set(),
-    "vig_world.dataset": {"vig_world.names", "vig_world.rotations", "vig_world.extras"},
-    "vig_world.streams": {"vig_world.names", "vig_world.dataset"},
-    "vig_world.assets": {
-        "vig_world.extras",
-        "vig_world.streams",
-        "vig_world.mesh",
-        "vig_world.rotations",
-        "vig_world.dataset",
-    },
-    "vig_world.rooms": {"vig_world.assets", "vig_world.mesh"},
-    "vig_world.renderers.rasterize": set(),
-    "vig_world.renderers.view": {"vig_world.dataset", "vig_world.renderers.rasterize"},
-    "vig_world.renderers.picture": set(),
-    "vig_world.renderers.raster": {
-        "vig_world.assets",
-        "vig_world.dataset",
-        "vig_world.kept",
-        "vig_world.mesh",
-        "vig_world.rotations",
-        "vig_world.renderers.view",
-        "vig_world.renderers.picture",
-    },
-    "vig_world.library": {
-        "vig_world.dataset",
-        "vig_world.kept",
-        "vig_world.mesh",
-        "vig_world.rotations",
-        "vig_world.streams",
-        "vig_world.assets",
-        "vig_world.rooms",
-        "vig_world.renderers.raster",
-    },
-}
-for name in ("composition", "packs", "renderers", "generation", "building", "cli"):
-    WORLD[f"vig_world.{name}"] = set(WORLD)
-LAB = {
-    "vig_lab.examples": set(),
-    "vig_lab.names": set(),
-    "vig_lab.training": set(),
-    "vig_lab.plots": {"vig_lab.training"},
-    "vig_lab.paper_network": {"vig_lab.training"},
-    "vig_lab.evaluation": {"vig_lab.names", "vig_lab.paper_network"},
-    "vig_lab.calibration": {"vig_lab.evaluation", "vig_lab.paper_network", "vig_lab.training"},
-    "vig_lab.ablation": {"vig_lab.evaluation", "vig_lab.paper_network"},
-    "vig_lab.figures": {"vig_lab.evaluation", "vig_lab.calibration", "vig_lab.paper_network"},
-}
-LAB["vig_lab.reproduction"] = set(LAB)
-LAB["vig_lab.cli"] = set(LAB)
-MAY_IMPORT |= {subpackage: below | CORE for subpackage, below in WORLD.items()}
-MAY_IMPORT |= {subpackage: below | CORE | set(WORLD) for subpackage, below in LAB.items()}
-PACKAGES = ("vig", "vig_world", "vig_lab")
-"""No package imports one that stands after it here."""
+"""What the core calls of the application, within a function: to save, report, export; `python -m vig`."""
+PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in names]
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
 SEEDED = {"Generator", "SeedSequence", "default_rng", "BitGenerator", "PCG64", "PCG64DXSM", "Philox", "SFC64"}
 
 
-def subpackage_of(module: str) -> str:
+def place_of(module: str) -> str:
     """`vig.renderer` of `vig.renderer.primitives.texture`; a package's own `__init__` is its package."""
-    parts = module.split(".")
-    inner = ".".join(parts[:3])
-    return inner if inner in MAY_IMPORT else ".".join(parts[:2])
+    return ".".join(module.split(".")[:2])
 
 
-def allowed(subpackage: str) -> set[str]:
-    """Rooms that modules of a subpackage may import: itself, and those below it."""
-    if (
-        subpackage in PACKAGES or subpackage == "vig.__main__"
-    ):  # hands out names of all subpackages of its package and below
-        return {
-            each
-            for each in MAY_IMPORT
-            if PACKAGES.index(each.split(".")[0]) <= PACKAGES.index(subpackage.split(".")[0])
-        }
-    return MAY_IMPORT[subpackage] | {subpackage}
+def may_import(place: str, other: str) -> bool:
+    """Whether a module of one subpackage may import from another; a package's `__init__` may from all."""
+    package, _, name = place.partition(".")
+    other_package, _, other_name = other.partition(".")
+    if package != other_package:
+        return other_package in PACKAGES[package]
+    names = ORDER[package]
+    return not name or not other_name or names.index(other_name) <= names.index(name)
 
 
 def imports(tree: ast.AST, package: list[str]) -> Iterator[str]:
@@ -142,18 +70,18 @@ def imports(tree: ast.AST, package: list[str]) -> Iterator[str]:
             yield from (".".join([*origin, alias.name]) for alias in node.names)
 
 
-def upward_imports(source: str, subpackage: str, package: list[str]) -> list[str]:
-    """Names that a module of `subpackage` imports from subpackages that do not lie below it."""
-    found = []
+def upward_imports(source: str, place: str, package: list[str]) -> list[str]:
+    """Names that a module of a subpackage imports from subpackages that do not lie below it."""
+    upward = []
     for name in imports(ast.parse(source), package):
-        parts = name.split(".")
-        if parts[0] not in PACKAGES or (len(parts) > 1 and parts[1].startswith("__")):
-            continue  # `from vig import __version__` names no subpackage
-        if len(parts) == 1 and parts[0] == subpackage.split(".")[0]:
+        other = place_of(name)
+        if other.split(".")[0] not in PACKAGES:
             continue
-        if subpackage_of(name) not in allowed(subpackage):
-            found.append(name)
-    return found
+        if other not in PLACES:  # `from vig import __version__`: a name of the package itself
+            other = other.split(".")[0]
+        if not may_import(place, other) and (place, other) not in LATE:
+            upward.append(name)
+    return upward
 
 
 def dotted(node: ast.AST) -> str:
@@ -198,10 +126,10 @@ MODULES = sorted(SOURCE.rglob("*.py"))
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_nothing_imports_upwards(path: Path) -> None:
     parts = path.relative_to(SOURCE).with_suffix("").parts
-    subpackage = subpackage_of(".".join(part for part in parts if part != "__init__"))
-    if subpackage not in {*MAY_IMPORT, *PACKAGES}:
-        pytest.fail(f"{subpackage} has no place in the structure: add it to BELOW, WORLD or LAB")
-    assert upward_imports(path.read_text(), subpackage, list(parts[:-1])) == []
+    place = place_of(".".join(part for part in parts if part != "__init__"))
+    if place not in {*PLACES, *PACKAGES}:
+        pytest.fail(f"{place} has no place in the structure: add it to ORDER")
+    assert upward_imports(path.read_text(), place, list(parts[:-1])) == []
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
@@ -211,10 +139,14 @@ def test_no_pickle_and_no_global_randomness(path: Path) -> None:
         assert path.name == "pretrained.py"
 
 
-def test_the_subpackages_form_no_circle() -> None:
-    order = list(MAY_IMPORT)
-    for subpackage, below in MAY_IMPORT.items():
-        assert all(order.index(other) < order.index(subpackage) for other in below)
+def test_what_is_called_late_is_not_imported_with_the_module() -> None:
+    for path in (SOURCE / "vig").rglob("*.py"):
+        assert not [name for name in imports_at_top(ast.parse(path.read_text())) if name.startswith("vig_")]
+
+
+def test_the_packages_form_no_circle() -> None:
+    for package, below in PACKAGES.items():
+        assert all(package not in PACKAGES[other] for other in below)
 
 
 def test_modules_import_each_other_in_no_circle() -> None:
@@ -251,10 +183,10 @@ def imports_at_top(tree: ast.Module) -> Iterator[str]:
         "from vig import inference",
         "from ..inference import explain",
         "from .. import inference",
-        "def f():\n    from vig.cli.main import main",
-        "import numpy, vig.report.files",
+        "def f():\n    from vig_app.cli.main import main",
+        "import numpy, vig.output.json",
         "import vig_world",
-        "from vig_lab.evaluation import evaluate",
+        "from vig_train.evaluation import evaluate",
     ],
 )
 def test_the_check_sees_every_way_to_import_upwards(source: str) -> None:
@@ -266,7 +198,7 @@ def test_the_check_sees_every_way_to_import_upwards(source: str) -> None:
     [
         "import torch",
         "from vig.scene import Camera",
-        "from vig import errors, __version__",
+        "from vig import io, __version__",
         "from .device import launch",
         "from vig.parallel import map_on_threads",
     ],

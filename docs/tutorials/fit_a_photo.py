@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import vig
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.scene import linear_from_srgb, srgb8_from_linear
-from vig_lab.examples import example_photos
+from vig_app.examples import example_photos
 
 photo = example_photos()[3].photo  # any path, PIL image or array will do
 explainer = vig.Explainer("teapot")

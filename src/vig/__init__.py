@@ -10,21 +10,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vig.errors import UserError as UserError
     from vig.explainer import Explainer as Explainer
     from vig.explanation import Explanation as Explanation
     from vig.hints import Hints as Hints
     from vig.inference.settings import Verdict as Verdict
+    from vig.io.errors import UserError as UserError
     from vig.renderer.rendering import render as render
     from vig.scene.camera import Camera as Camera
     from vig.scene.latents import Latents as Latents
     from vig.scene.object_class import ObjectClass as ObjectClass
-    from vig.together import SceneExplanation as SceneExplanation
-    from vig.together import explain_found as explain_found
-    from vig.together import explain_together as explain_together
-    from vig.tracking import Track as Track
-    from vig.tracking import TrackedFrame as TrackedFrame
-    from vig.tracking import track as track
+    from vig.several import SceneExplanation as SceneExplanation
+    from vig.several import explain_found as explain_found
+    from vig.several import explain_together as explain_together
+    from vig.video import Track as Track
+    from vig.video import TrackedFrame as TrackedFrame
+    from vig.video import track as track
 
 __version__ = "0.3.0.dev0"
 
@@ -35,15 +35,15 @@ _HOMES = {
     "Hints": "vig.hints",
     "Latents": "vig.scene",
     "ObjectClass": "vig.scene",
-    "Track": "vig.tracking",
-    "TrackedFrame": "vig.tracking",
-    "UserError": "vig.errors",
+    "Track": "vig.video",
+    "TrackedFrame": "vig.video",
+    "UserError": "vig.io.errors",
     "Verdict": "vig.inference",
-    "SceneExplanation": "vig.together",
-    "explain_found": "vig.together",
-    "explain_together": "vig.together",
+    "SceneExplanation": "vig.several",
+    "explain_found": "vig.several",
+    "explain_together": "vig.several",
     "render": "vig.renderer",
-    "track": "vig.tracking",
+    "track": "vig.video",
 }
 """Where each public name lives: imported when it is first asked for, so that `import vig` is quick."""
 

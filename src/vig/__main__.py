@@ -1,6 +1,6 @@
 """`python -m vig` is `vig`."""
 
-from vig.cli.main import main
-
 if __name__ == "__main__":
+    from vig_app.cli.main import main
+
     main()

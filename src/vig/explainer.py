@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from PIL import Image
 
-from vig.checks import number_of
-from vig.errors import UserError
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExplainSettings, Fit, Verdict, View, explain
+from vig.io.checks import number_of
+from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import Halved, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo

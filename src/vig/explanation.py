@@ -14,29 +14,17 @@ import numpy as np
 import torch
 from PIL import Image
 
-from vig.errors import UserError
-from vig.files import atomic_write
 from vig.hints import Hints
 from vig.inference import Fit, Verdict
+from vig.io.errors import UserError
+from vig.output import CloseUp, describe, overlay, panels, part_colours
+from vig.output.pictures import PANEL
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
-from vig.photo.images import coded, linear_photo, write_png
+from vig.photo.images import coded, linear_photo
 from vig.photo.masks import box_of
 from vig.photo.pinhole import outline_weights, reprojected, sight_axes, turned_pose
 from vig.renderer import render_latents
-from vig.report import (
-    CloseUp,
-    describe,
-    mask_picture,
-    overlay,
-    panels,
-    part_colours,
-    remove_stale_exports,
-    write_glb,
-    write_json,
-)
-from vig.report.page import write_thumbnail
-from vig.report.pictures import PANEL
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
@@ -337,7 +325,7 @@ class Explanation:
 
     @property
     def part_albedo(self) -> np.ndarray:
-        """Linear RGB (parts, 3) of each of the class's parts, see `vig.report.part_colours`."""
+        """Linear RGB (parts, 3) of each of the class's parts, see `vig.output.part_colours`."""
         names = self.object_class.shape_model.part_names
         return part_colours(self._close_up, self.latents.albedo[0].numpy(), len(names))
 
@@ -389,22 +377,9 @@ class Explanation:
         Raises:
             UserError: The folder cannot be written.
         """
-        if not isinstance(folder, str | Path):
-            raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
-        folder, angles = Path(folder), (float(self.latents.azimuth), float(self.latents.elevation))
-        remove_stale_exports(folder, self.to_dict())
-        drawn = self.overlay()
-        write_png(folder / "overlay.png", drawn)
-        write_thumbnail(folder, drawn)
-        write_png(folder / "mask.png", mask_picture(self.amodal, self.mask))
-        write_png(folder / "render.png", self.panels())
-        write_glb(
-            folder / "object.glb", self.vertices, self.part_albedo, self.object_class, self.camera, *angles
-        )
-        with atomic_write(folder / "report.html") as temporary:
-            temporary.write_text(self.report(photo), encoding="utf-8", errors="replace")
-        write_json(folder, self.to_dict())
-        return folder
+        from vig_app.report.folder import save_explanation
+
+        return save_explanation(self, folder, photo)
 
     def report(self, photo: str = "photo") -> str:
         """A page of HTML that shows the explanation in any browser, in one file, without the network.
@@ -412,9 +387,9 @@ class Explanation:
         Args:
             photo: What the photo is called there.
         """
-        from vig.report.contents import page_of
+        from vig_app.report.contents import page_of
 
-        return page_of(self, photo)
+        return page_of(self, photo, self.to_dict())
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
@@ -427,23 +402,9 @@ class Explanation:
         Raises:
             UserError: There is no such format, its library is not installed, or the folder cannot be written.
         """
-        from vig.report.export import WRITERS, Exported
+        from vig_app.exports import export_explanation
 
-        if isinstance(formats, str) or (unknown := [name for name in formats if name not in WRITERS]):
-            came = f"'{formats}'" if isinstance(formats, str) else f"'{unknown[0]}'"
-            raise UserError(
-                f"expected a list of formats out of {', '.join(WRITERS)}; got {came}. Name these."
-            )
-        if not formats:
-            return Path(folder)
-        pinhole, pose, covariance = self.pinhole_pose()
-        exported = Exported(
-            photo, self.object_class, self.vertices, self.part_albedo, self.camera, self.camera_from_object,
-            pinhole, pose, covariance, self.amodal, self.mask, self.confidence, coded(self.picture),
-        )  # fmt: skip
-        for name in formats:
-            WRITERS[name](Path(folder), exported)
-        return Path(folder)
+        return export_explanation(self, folder, formats, photo)
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The pose before the camera that took the photo, which a robot wants.

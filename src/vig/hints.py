@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from vig.checks import number_of
-from vig.errors import UserError
 from vig.inference import Said, WindowHints
+from vig.io.checks import number_of
+from vig.io.errors import UserError
 from vig.photo import Window
 from vig.recognition.find import Clues
 from vig.scene import IMAGE_SIZE, ObjectClass

@@ -1,1 +1,11 @@
-"""The generator: stochastic furnished scenes, two renderers of them, datasets, from (seed, index)."""
+"""The generator: scenes, renderers and datasets on disk. Only names stand here, so that help is quick."""
+
+from typing import Literal, get_args
+
+Split = Literal["train", "test", "validation"]
+SPLITS: tuple[Split, ...] = get_args(Split)
+"""In this order for good: a split's position is part of the seed of all that is made for it."""
+
+World = Literal["photo", "paper"]
+WORLDS: tuple[World, ...] = get_args(World)
+"""What scenes are like: as wide as photographs are; or as the paper's, of matt objects in pastel colours."""

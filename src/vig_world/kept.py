@@ -17,8 +17,8 @@ from safetensors.numpy import load_file, save_file
 
 import vig.scene
 import vig_world
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 
 Arrays = dict[str, np.ndarray]
 OTHERS = 2

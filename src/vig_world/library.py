@@ -27,7 +27,7 @@ from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
 from vig_world.kept import Arrays, kept, packed_text, unpacked_text
-from vig_world.renderers.raster import Packed, Pyramid
+from vig_world.raster import Packed, Pyramid
 from vig_world.rooms import Layout, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
 

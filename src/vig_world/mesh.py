@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.checks import check_indices
+from vig.io.checks import check_indices
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 
 SECONDS = 10
 """A mutant may take; the machine that runs this may be busy."""

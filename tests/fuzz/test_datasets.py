@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from tests.fuzz.mutations import damaged, damaged_json, outcomes
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import COLUMNS

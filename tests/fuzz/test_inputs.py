@@ -9,11 +9,11 @@ import numpy as np
 from PIL import Image
 
 from tests.fuzz.mutations import damaged, damaged_json, outcomes
-from vig.cli.boxes import boxes_of
-from vig.cli.cameras import cameras_of
-from vig.cli.common import Fit
 from vig.photo import Intrinsics
 from vig.photo.masks import read_mask
+from vig_app.cli.boxes import boxes_of
+from vig_app.cli.cameras import cameras_of
+from vig_app.cli.common import Fit
 
 
 def test_damaged_masks(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from tests.fuzz.mutations import STRANGE, damaged, outcomes
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.own.load import load
 from vig_world.assets.own.settings import settings_of
 

@@ -17,17 +17,17 @@ from safetensors.numpy import load_file, save_file
 
 from tests.fuzz.mutations import damaged_json, damaged_tensors, outcomes
 from tests.support import SMALL
-from vig.errors import UserError
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
+from vig.io.errors import UserError
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
 from vig.recognition.network import FORMAT, RecognitionNetwork
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
-from vig_lab.paper_network.network import PaperNetworks, PaperSettings
-from vig_lab.paper_network.recognizer import PaperRecognizer
-from vig_lab.training.checkpoint import save_weights
-from vig_world.renderers.rasterize import rasterize
+from vig_paper.network.network import PaperNetworks, PaperSettings
+from vig_paper.network.recognizer import PaperRecognizer
+from vig_train.training.checkpoint import save_weights
+from vig_world.raster.rasterize import rasterize
 
 CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)], np.float32)
 CUBE_FACES = np.array(
@@ -202,8 +202,8 @@ def test_fit_refuses_faces_out_of_range(tmp_path: Path) -> None:
     arrays = load_file(tmp_path / "pack" / "shape.safetensors")
     arrays["faces"][100:110] = 5_000_000
     save_file(arrays, tmp_path / "pack" / "shape.safetensors")
-    photo = next((PACKAGED.parents[1] / "vig_lab" / "examples").glob("*.png"))
-    command = [sys.executable, "-c", "from vig.cli.main import main; main()", "fit", str(photo)]
+    photo = next((PACKAGED.parents[1] / "vig_app" / "examples").glob("*.png"))
+    command = [sys.executable, "-c", "from vig_app.cli.main import main; main()", "fit", str(photo)]
     command += ["--out", str(tmp_path / "out"), "--class", str(tmp_path / "pack")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert ended.returncode == 2, ended.stderr

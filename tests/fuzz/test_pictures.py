@@ -16,10 +16,10 @@ from PIL import Image
 
 from tests.fuzz.mutations import damaged, outcomes
 from tests.vig.photo.pictures import chrm, cicp, gama, png, profile, tiff
-from vig.cli.boxes import parse_box
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.images import read_photo
 from vig.photo.window import Window
+from vig_app.cli.boxes import parse_box
 from vig_world.assets.hdr import read_panorama
 
 FORMATS = {

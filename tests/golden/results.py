@@ -26,7 +26,7 @@ from vig import Explainer, Hints, explain_together
 from vig.inference import ExplainSettings
 from vig.photo import Window
 from vig.scene import IMAGE_SIZE
-from vig_lab.examples import example_photos
+from vig_app.examples import example_photos
 from vig_world.dataset import read_dataset
 from vig_world.generation.write import make_dataset
 

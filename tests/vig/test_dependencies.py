@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.extras import optional_import
 
 EXTRAS = ("av", "pillow_heif", "pyarrow", "OpenImageIO", "matplotlib", "bpy", "ray")
@@ -34,14 +34,14 @@ def run_blocked(code: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 def run_vig(arguments: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the command line there."""
-    return run_blocked(f"from vig.cli.main import main\nmain({arguments!r})", cwd)
+    return run_blocked(f"from vig_app.cli.main import main\nmain({arguments!r})", cwd)
 
 
 def test_the_public_names_and_the_work_of_core_verbs_import_without_extras(tmp_path: Path) -> None:
     found = run_blocked(
         "import vig\n"
         "for name in vig.__all__: getattr(vig, name)\n"
-        "import vig.cli.fit, vig.cli.doctor, vig_lab.cli.demo\n"
+        "import vig_app.cli.fit, vig_app.cli.doctor, vig_app.cli.demo\n"
         "explainer = vig.Explainer('teapot')\n"
         "print(type(explainer).__name__)",
         tmp_path,
@@ -68,7 +68,7 @@ def test_a_fit_loads_nothing_that_it_does_not_need(tmp_path: Path) -> None:
         "torchvision",
     )
     found = run_blocked(
-        "import vig.cli.fit\nfrom vig.cli.main import verbs_of_packages\nverbs_of_packages()\n"
+        "import vig_app.cli.fit\nfrom vig_app.cli.main import verbs_of_packages\nverbs_of_packages()\n"
         f"print([name for name in {unneeded!r} if name in sys.modules])",
         tmp_path,
     )
@@ -77,7 +77,7 @@ def test_a_fit_loads_nothing_that_it_does_not_need(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_photo_is_explained_without_extras(tmp_path: Path) -> None:
-    photo = Path(__file__).parents[2] / "src" / "vig_lab" / "examples" / "01_open.png"
+    photo = Path(__file__).parents[2] / "src" / "vig_app" / "examples" / "01_open.png"
     found = run_vig(["fit", str(photo), "--out", "result"], tmp_path)
     assert found.returncode == 0, found.stderr
     assert list((tmp_path / "result").rglob("explanation.json"))

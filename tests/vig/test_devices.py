@@ -20,12 +20,12 @@ from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.assembly import likelihood_kernels
 from vig.likelihood.kernels.geometry import Geometry
-from vig.optimizers import OPTIMIZERS
-from vig.optimizers.damped_step import step_kernel
 from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.renderer.primitives import crossings, texture, visibility
-from vig_lab.examples import FOLDER
+from vig.search import OPTIMIZERS
+from vig.search.damped_step import step_kernel
+from vig_app.examples import FOLDER
 
 SOURCE = Path(vig.__file__).parent
 PHOTO = FOLDER / "01_open.png"

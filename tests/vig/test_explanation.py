@@ -16,13 +16,13 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
 from vig import Camera, Explainer, Explanation
-from vig.errors import UserError
 from vig.inference import Fit, Verdict, View
 from vig.inference.calibration import CONFIDENCE_FEATURES
+from vig.io.errors import UserError
+from vig.output import glb_from_object, write_glb
 from vig.photo.window import Window
-from vig.report import glb_from_object, write_glb
 from vig.scene import Latents, ObjectClass
-from vig_lab.examples import example_photos
+from vig_app.examples import example_photos
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,17 @@ import torch
 from PIL import Image
 
 import vig
-from vig.cli.common import Fit
-from vig.cli.hints import mask_of, parse_point, read_marks, read_pose
-from vig.cli.main import main
-from vig.errors import UserError
 from vig.hints import Hints, checked_pose, view_of
 from vig.inference import Objective, PointTerm, Said, objective_of
+from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig.scene import ObjectClass
-from vig_lab.examples import Example, example_photos
+from vig_app.cli.common import Fit
+from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
+from vig_app.cli.main import main
+from vig_app.examples import Example, example_photos
 
 HIDDEN = 3
 

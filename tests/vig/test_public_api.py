@@ -19,11 +19,11 @@ from scipy import ndimage
 from scipy.ndimage import binary_dilation
 
 import vig
-from vig.cli.main import main
 from vig.explainer import presence_of
 from vig.photo import Window
 from vig.recognition.find import Candidate
 from vig.scene import srgb8_from_linear
+from vig_app.cli.main import main
 
 PUBLIC = {
     "Hints",
@@ -50,7 +50,7 @@ BOX = (27.0, 37.0, 124.0, 79.0)
 @pytest.fixture(scope="module")
 def photo() -> np.ndarray:
     """A packaged example in a frame of an odd size: (140, 200, 3) uint8."""
-    example = np.asarray(Image.open(str(files("vig_lab") / "examples" / "01_open.png")).convert("RGB"))
+    example = np.asarray(Image.open(str(files("vig_app") / "examples" / "01_open.png")).convert("RGB"))
     return np.pad(example[5:145], ((0, 0), (20, 30), (0, 0)), mode="edge")
 
 
@@ -266,7 +266,7 @@ def test_an_explanation_is_drawn_where_it_was_fitted_and_turned_and_relit(
 
 
 def test_the_verdict_and_the_pose_are_those_of_the_photo(explanation: vig.Explanation) -> None:
-    truth = json.loads((files("vig_lab") / "examples" / "truth.json").read_text())["photos"][0]
+    truth = json.loads((files("vig_app") / "examples" / "truth.json").read_text())["photos"][0]
     assert explanation.verdict is vig.Verdict.TRUSTED
     assert explanation.elevation_deg == pytest.approx(truth["elevation_deg"], abs=10)
     assert abs((explanation.azimuth_deg - truth["azimuth_deg"] + 180) % 360 - 180) < 10

@@ -23,7 +23,7 @@ from vig.photo import Window, as_photo, read_photo, write_png
 from vig.photo.images import MAX_PIXELS
 from vig.renderer import MeshObject, Pinhole, Scene, Topology
 from vig.scene import Block, LatentLayout, latent_layout
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 GREY = np.full((40, 30, 3), 0.5)
 VERTICES = torch.tensor([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]])

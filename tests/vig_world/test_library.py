@@ -8,6 +8,7 @@ import torch
 
 from tests.support import TEAPOT
 from vig.scene import ObjectClass
+from vig_train.packs.teapot import held_out_designs, teapot_families
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
@@ -21,7 +22,6 @@ from vig_world.assets.props import FAMILIES
 from vig_world.assets.target import NO_DESIGN, draw_shape, nearest_shape, shape_vertices
 from vig_world.dataset.spec import SPLITS, Split
 from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
-from vig_world.packs.teapot import held_out_designs, teapot_families
 from vig_world.rooms import material_under
 from vig_world.streams import asset_rng
 

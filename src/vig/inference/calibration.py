@@ -17,9 +17,9 @@ from typing import Any
 
 import torch
 
-from vig.checks import check_number, decode, read_json, reading
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.checks import check_number, decode, read_json, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.scene import ObjectClass, latent_layout
 
 FILE = "calibration.json"

@@ -16,10 +16,10 @@ from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import refine, select
 from vig.inference.settings import ExplainSettings, Fit
 from vig.likelihood import load_kernels
-from vig.optimizers.damped_step import step_kernel
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
+from vig.search.damped_step import step_kernel
 
 
 @functools.cache

@@ -11,9 +11,9 @@ import torch
 
 from vig.inference.calibration import UNCALIBRATED_POSITION, FitCalibration
 from vig.likelihood import SPATIAL, PixelModel
-from vig.optimizers.levenberg_marquardt import LevenbergMarquardt
-from vig.optimizers.optimizer import Budget, Optimizer
 from vig.scene import Latents
+from vig.search.levenberg_marquardt import LevenbergMarquardt
+from vig.search.optimizer import Budget, Optimizer
 
 MASK_RIGHT = 0.8
 """A mask of the visible pixels is right from this intersection over union with the truth on."""
@@ -223,7 +223,7 @@ class ExplainSettings:
         if not isinstance(self.likelihood, PixelModel):
             raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
         if not callable(self.optimizer):
-            raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.optimizers.")
+            raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.search.")
         shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99}
         weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
         for name in (*shares, *weights):

@@ -4,9 +4,8 @@ from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
 from vig.likelihood.kernels.assembly import load_kernels
 from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, log_colour_density, mixture
 from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
-from vig.names import LikelihoodName
 
-LIKELIHOODS: dict[LikelihoodName, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
+LIKELIHOODS: dict[str, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 """The pixel models of a fit by name."""
 
 __all__ = [

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, TypeVar
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.parallel.processes import Lost
 
 Given = TypeVar("Given")

@@ -22,7 +22,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NoReturn
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 
 MIN_SIDE = 16
 MAX_PIXELS = 100_000_000

@@ -13,8 +13,8 @@ import numpy as np
 import torch
 from PIL import Image, UnidentifiedImageError
 
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.photo.checks import MAX_PIXELS as MAX_PIXELS
 from vig.photo.checks import MIN_SIDE as MIN_SIDE
 from vig.photo.checks import check_size as check_size
@@ -140,7 +140,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
     """Write a picture as an 8-bit PNG, whole or not at all.
 
     Args:
-        path: See `vig.files.atomic_write`.
+        path: See `vig.io.files.atomic_write`.
         array: (H, W), (H, W, 3) or (H, W, 4). uint8 is written as it is; bool becomes 0 and 255; floats are
             linear light, encoded as sRGB with values outside [0, 1] clipped (at most 3 channels).
 

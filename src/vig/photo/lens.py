@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 from PIL import ExifTags, Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.checks import existing_file
 from vig.photo.decoding import opened
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.checks import check_size, existing_file, refuse
 from vig.photo.decoding import opened
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.photo.colour import Encoding, coded_encoding
 from vig.photo.images import coded, existing_file, write_png
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.images import linear_photo
 from vig.photo.lens import LEAST_COSINE, Intrinsics
 from vig.scene import IMAGE_SIZE, Camera

@@ -10,8 +10,8 @@ from typing import Any, Self
 
 import torch
 
-from vig.checks import decode, parse_json, read_tensors, reading
-from vig.errors import UserError
+from vig.io.checks import decode, parse_json, read_tensors, reading
+from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.network import (
     FORMAT,

@@ -14,8 +14,8 @@ from typing import Any, cast
 import torch
 import warp as wp
 
-from vig.checks import check_indices
-from vig.errors import UserError
+from vig.io.checks import check_indices
+from vig.io.errors import UserError
 from vig.parallel.internals import packed_launch
 
 

@@ -14,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 from safetensors.numpy import save_file
 
-from vig.checks import check_arrays, check_indices, check_number, decode, read_json, read_tensors, reading
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.checks import check_arrays, check_indices, check_number, decode, read_json, read_tensors, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
 from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
@@ -91,7 +91,7 @@ class ObjectClass:
         light_prior_covariance: (9, 9) of it.
         folder: Where it was read from, None when built in memory.
         transfer: (K + 1, V, 9), or None: how self-shadow and light thrown from part to part change the nine
-            lobes of each vertex, for the mean shape and per component (`vig_world.packs.transfer`).
+            lobes of each vertex, for the mean shape and per component (`vig_train.packs.transfer`).
         families: Kinds of shapes with nothing between them; none where all shapes are of one kind.
         symmetry: Turn about Z under which all shapes look the same.
         mirror: Whether shapes are mirror images of themselves in y = 0.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from vig.checks import check_arrays, check_indices
+from vig.io.checks import check_arrays, check_indices
 
 MOST_MODES, MOST_VERTICES, MOST_FACES = 64, 200_000, 400_000
 LARGEST = 100.0

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.checks import check_size, existing_file, head_of, refuse
 from vig.photo.colour import REC709, rec709_from
 from vig.photo.formats import EXR_MAGIC, HDR_MAGIC

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from safetensors.numpy import save_file
 
-from vig.checks import check_arrays, decode, read_json, read_tensors, reading
-from vig.files import atomic_write
+from vig.io.checks import check_arrays, decode, read_json, read_tensors, reading
+from vig.io.files import atomic_write
 from vig.scene import ObjectClass
 
 DESIGNS_FILE = "designs.safetensors"

@@ -7,7 +7,7 @@ import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.cli.settings import Check, Export, Groups, Make, Show
 
 if TYPE_CHECKING:

@@ -8,44 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from vig_world.names import Split, World
-
-
-@dataclass(frozen=True)
-class Build:
-    """Make a class pack from a folder of meshes of one kind of thing; can be interrupted and run again.
-
-    What is found can be told instead: look at build/2-upright.png, whose numbers --turn and --drop take.
-    """
-
-    folder: tyro.conf.Positional[Path]
-    """Meshes (.glb, .gltf, .obj, .ply, .off, .stl) in any pose, unit and topology."""
-    out: Path
-    """Folder of the pack."""
-    name: str | None = None
-    """Of the class; by default the pack's folder's."""
-    up: str | None = None
-    """The axis that points up in most of the files, such as y or z; by default it is found."""
-    front: str | None = None
-    """The axis that the front faces in most of the files, such as +x or -z; by default the side that reaches
-    out farther."""
-    shows: str = ""
-    """What the front shows, such as "the handle": for messages."""
-    symmetry: Literal["none", "half-turn", "any-turn"] | None = None
-    """The turn about the vertical under which such things look the same; by default it is found."""
-    length: float = 0.2
-    """Longest side of the mean shape, metres: the files' units are not trusted."""
-    turn: tuple[str, ...] = ()
-    """NUMBER:DEGREES, such as 7:90: turn a mesh by so much about the vertical, counter-clockwise."""
-    drop: tuple[int, ...] = ()
-    """Numbers of meshes to leave out."""
-    vertices: int = 2600
-    """Of the shapes, about: fits take time in proportion."""
-    places: tuple[str, ...] = ()
-    """Zones of the generator's rooms where such things stand, such as floor for chairs; by default where
-    tableware does."""
-    json: bool = False
-    """Print one JSON object at the end."""
+from vig_world import Split, World
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass, rotate_z
 from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
@@ -20,8 +20,8 @@ from vig_world.composition.sampling import CompositionError, sample, solids
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, Stage
 from vig_world.dataset.spec import Placed, SceneSpec, Split
 from vig_world.library import Library
-from vig_world.renderers.raster import depth
-from vig_world.renderers.view import View
+from vig_world.raster import depth
+from vig_world.raster.view import View
 from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 

@@ -11,7 +11,7 @@ from vig.photo import Window
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.dataset.spec import Coat, Lens
-from vig_world.renderers.view import View
+from vig_world.raster.view import View
 
 SEAMLESS = 0.35
 """Share of objects on a seamless ground."""

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.props import ZONE_NAMES
 from vig_world.composition.stage import Actor, Stage

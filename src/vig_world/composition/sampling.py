@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from vig.scene import IMAGE_SIZE, ObjectClass
+from vig_world import World
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
@@ -18,9 +19,8 @@ from vig_world.composition.place import find_place
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
-from vig_world.names import World
-from vig_world.renderers.raster import Item, depth
-from vig_world.renderers.view import View
+from vig_world.raster import Item, depth
+from vig_world.raster.view import View
 from vig_world.streams import stream
 
 MAX_OCCLUSION = 0.9

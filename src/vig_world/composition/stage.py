@@ -13,8 +13,8 @@ from vig_world.assets.furniture import Support
 from vig_world.assets.props import is_of_class
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
-from vig_world.renderers.raster import Item, Target, depth
-from vig_world.renderers.view import View
+from vig_world.raster import Item, Target, depth
+from vig_world.raster.view import View
 from vig_world.rotations import about_z
 
 LAYOUT_SIZE = 75

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.light import rotate_z
 from vig_world.assets.target import target_vertices
@@ -17,7 +17,7 @@ from vig_world.composition.sampling import CompositionError, measure, sample
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Placed, SceneSpec
 from vig_world.library import Library
-from vig_world.renderers.view import View
+from vig_world.raster.view import View
 from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 

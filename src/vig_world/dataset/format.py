@@ -12,10 +12,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from vig.checks import decode, read_json, reading
-from vig.errors import UserError
+from vig.io.checks import decode, read_json, reading
+from vig.io.errors import UserError
+from vig_world import World
 from vig_world.dataset.spec import SPLITS
-from vig_world.names import World
 
 FORMAT_VERSION = 3
 DEPTH_SCALE = 0.1

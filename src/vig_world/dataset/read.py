@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from vig.checks import read_bytes, reading
+from vig.io.checks import read_bytes, reading
 from vig.scene import IMAGE_SIZE
+from vig_world import World
 from vig_world.dataset.format import (
     COLUMNS,
     DEPTH_SCALE,
@@ -27,7 +28,6 @@ from vig_world.dataset.format import (
     read_info,
 )
 from vig_world.dataset.spec import SceneSpec
-from vig_world.names import World
 
 MOST_SPEC = 65_536
 """Bytes of each sample's spec."""
@@ -42,7 +42,7 @@ class Dataset:
     truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
     the model the object has, see `vig_world.assets.target`; -1 for none. finish: `matt`, `glossy`, `painted`
     or `metal`. roll: (N,) clockwise turn of the image, radians. world: of all scenes, see
-    `vig_world.names.WORLDS`.
+    `vig_world.WORLDS`.
     """
 
     folder: Path

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from vig.checks import decode, parse_json
-from vig.errors import UserError
-from vig_world.names import SPLITS as SPLITS
-from vig_world.names import Split as Split
+from vig.io.checks import decode, parse_json
+from vig.io.errors import UserError
+from vig_world import SPLITS as SPLITS
+from vig_world import Split as Split
 from vig_world.rotations import about_z, matrix_of
 
 WORLD_VERSION = 3

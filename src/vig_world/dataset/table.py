@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vig.checks import read_bytes, reading
+from vig.io.checks import read_bytes, reading
 from vig.scene import layout_of_width
 from vig_world.dataset.format import COLUMNS, REMEDY, TABLE, inside, read_info
 from vig_world.extras import optional_import

@@ -15,8 +15,8 @@ from scipy.spatial.distance import pdist
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass, Symmetry
 from vig_world.dataset.format import DEPTH_SCALE, OBJECT_ID
 from vig_world.mesh import Mesh, vertex_normals
-from vig_world.renderers.picture import CANVAS
-from vig_world.renderers.view import View
+from vig_world.raster.picture import CANVAS
+from vig_world.raster.view import View
 
 LEAST_VISIBLE = 0.1
 """BOP's test targets are instances of which at least this share is visible."""

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from vig.checks import parse_json, read_bytes, read_json, reading
-from vig.errors import UserError
+from vig.io.checks import parse_json, read_bytes, read_json, reading
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset.format import (
     INFO,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.checks import read_bytes, reading
+from vig.io.checks import read_bytes, reading
 from vig.photo.masks import box_of
 from vig.scene import IMAGE_SIZE
 from vig_world.dataset.format import MOST_PICTURE, OBJECT_ID, REMEDY, image_paths, inside, read_info

@@ -14,9 +14,9 @@ from vig_world.assets.target import NO_DESIGN
 from vig_world.dataset.format import DEPTH_SCALE, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
+from vig_world.raster.picture import Picture
+from vig_world.raster.view import View
 from vig_world.renderers.photo import PhotoSettings
-from vig_world.renderers.picture import Picture
-from vig_world.renderers.view import View
 
 
 def depth_units(depth: np.ndarray) -> np.ndarray:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from vig.checks import decode, read_json
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.checks import decode, read_json
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig_world.dataset.format import PARTIAL, SCENE, inside
 
 UP = 2

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from vig.checks import reading
-from vig.errors import UserError
+from vig.io.checks import reading
+from vig.io.errors import UserError
 from vig.photo.images import write_png
 from vig.photo.masks import box_of
 from vig.scene import ObjectClass, linear_from_srgb
@@ -29,9 +29,9 @@ from vig_world.composition.group import GroupSpec, group_stream, sample_group
 from vig_world.dataset.spec import Split
 from vig_world.generation.files import write_json
 from vig_world.library import Library
+from vig_world.raster.view import View
 from vig_world.renderers.photo import photograph
 from vig_world.renderers.rasterized import render
-from vig_world.renderers.view import View
 from vig_world.threads import one_thread
 
 WIDTH, HEIGHT = 480, 360

@@ -11,17 +11,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass, linear_from_srgb
+from vig_world import World
 from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.format import image_paths
 from vig_world.dataset.spec import SampleError, SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe
 from vig_world.generation.files import png, sidecar_path, write_bytes
 from vig_world.library import Library, OwnAssets
-from vig_world.names import World
+from vig_world.raster.picture import Picture
 from vig_world.renderers.photo import PhotoSettings, photograph
-from vig_world.renderers.picture import Picture
 from vig_world.renderers.rasterized import render
 from vig_world.streams import stream
 from vig_world.threads import one_thread

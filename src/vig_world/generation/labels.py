@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from vig.checks import parse_json, read_bytes
+from vig.io.checks import parse_json, read_bytes
 from vig.scene import IMAGE_SIZE, SHAPE_LIMIT, ObjectClass, latent_layout
 from vig.scene.light import L_COUNT
 from vig_world.assets.target import target_vertices
@@ -17,9 +17,9 @@ from vig_world.dataset.format import inside
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.generation.describe import assets_used
-from vig_world.renderers.picture import CANVAS
-from vig_world.renderers.raster.draw import SAMPLES
-from vig_world.renderers.view import View
+from vig_world.raster.draw import SAMPLES
+from vig_world.raster.picture import CANVAS
+from vig_world.raster.view import View
 
 CLOSE = 1e-9
 FLIPPED = 0.01

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.parallel import Lost, map_as_done
 from vig_world.generation.job import Failure, Job, Maker, store
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig_world.dataset.format import REMEDY, read_info
 from vig_world.dataset.read import Dataset
 from vig_world.dataset.table import read_table

@@ -8,9 +8,9 @@ import tarfile
 from pathlib import Path
 from typing import Any
 
-from vig.checks import read_bytes, reading
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.checks import read_bytes, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig_world.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, inside, read_info
 from vig_world.dataset.read import read_dataset
 from vig_world.generation.files import read_scene, refuse_used

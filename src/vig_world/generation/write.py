@@ -18,12 +18,13 @@ except ImportError:  # Windows: simultaneous runs are not detected there
     fcntl = None  # type: ignore[assignment]
 
 
-from vig.checks import read_json, reading
-from vig.errors import UserError
-from vig.files import atomic_write
+from vig.io.checks import read_json, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.parallel import check_main_module
 from vig.parallel.cluster import require_ray
 from vig.scene import ObjectClass
+from vig_world import WORLDS, World
 from vig_world.composition.place import zone_weights
 from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, inside, read_info
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
@@ -35,7 +36,6 @@ from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_here, make_in_processes
 from vig_world.generation.progress import Meter
 from vig_world.library import OwnAssets
-from vig_world.names import WORLDS, World
 
 with optional_import("world"):
     import pyarrow as pa
@@ -76,7 +76,7 @@ def make_dataset(
         own: The user's custom assets.
         photo: Whether to pass pictures through a camera model.
         ray: Address of a Ray cluster, or `auto`, in place of worker processes.
-        world: What scenes are like, see `vig_world.names.WORLDS`.
+        world: What scenes are like, see `vig_world.WORLDS`.
 
     Returns:
         `out`.

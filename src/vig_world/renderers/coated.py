@@ -10,8 +10,8 @@ import numpy as np
 from vig.scene import ShapeModel
 from vig_world.assets.coats import DIELECTRIC, albedo_of
 from vig_world.dataset.spec import Coat
-from vig_world.renderers.rasterize import rasterize
-from vig_world.renderers.view import View
+from vig_world.raster.rasterize import rasterize
+from vig_world.raster.view import View
 
 Mirrored = Callable[[np.ndarray, float], np.ndarray]
 """Radiance (N, 3) from unit directions (N, 3) towards which a mirror of some roughness looks."""

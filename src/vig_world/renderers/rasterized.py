@@ -9,11 +9,11 @@ from vig_world.assets.panoramas.mirror import mirror
 from vig_world.assets.target import target_vertices
 from vig_world.dataset.spec import Coat, SceneSpec
 from vig_world.library import Library
+from vig_world.raster import Item, Target, draw
+from vig_world.raster.draw import Colouring, Surface
+from vig_world.raster.picture import Picture
+from vig_world.raster.view import View
 from vig_world.renderers.coated import coloured
-from vig_world.renderers.picture import Picture
-from vig_world.renderers.raster import Item, Target, draw
-from vig_world.renderers.raster.draw import Colouring, Surface
-from vig_world.renderers.view import View
 
 
 def render(library: Library, spec: SceneSpec, object_class: ObjectClass, view: View | None = None) -> Picture:

@@ -26,10 +26,10 @@ from vig.inference.refinement import AMBIGUOUS_NATS, Ends, select, survivors
 from vig.inference.settings import Stage
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
-from vig.optimizers.optimizer import Budget, Descent
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
-from vig_lab.training.targets import azimuth_labels, numbers_of
+from vig.search.optimizer import Budget, Descent
+from vig_train.training.targets import azimuth_labels, numbers_of
 
 SETTINGS = ExplainSettings(
     self_shadow=False, calibrated=False, decoration=0.0, prior_weight=100.0, azimuth_weight=0.0

@@ -10,9 +10,9 @@ import torch
 
 from vig.inference import Objective
 from vig.likelihood import Evaluation
-from vig.optimizers import Budget, LevenbergMarquardt
 from vig.scene import LatentLayout, Latents, ObjectClass
 from vig.scene.latents import Block, point_layout
+from vig.search import Budget, LevenbergMarquardt
 
 ROLL = Block("roll", 1, -1.0, 1.0, deviation=0.5)
 LANDMARKS = torch.tensor([[1.0, 0.2], [-0.8, 0.3], [0.0, 1.0], [0.1, -0.6]], dtype=torch.float64)

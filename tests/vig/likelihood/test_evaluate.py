@@ -13,8 +13,8 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.passes import Pass
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
-from vig_lab.training.targets import numbers_of
-from vig_world.renderers.rasterize import rasterize
+from vig_train.training.targets import numbers_of
+from vig_world.raster.rasterize import rasterize
 
 
 def still(count: int = 1) -> torch.Tensor:

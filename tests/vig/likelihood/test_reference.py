@@ -16,7 +16,7 @@ from vig.likelihood.kernels.groups import REST
 from vig.likelihood.passes import Pass
 from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 SIGMA = 0.03
 

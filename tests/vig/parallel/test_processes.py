@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.parallel import Lost, map_as_done, map_in_processes, processes
 
 pytestmark = pytest.mark.slow

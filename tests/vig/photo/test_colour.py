@@ -11,7 +11,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from tests.vig.photo.pictures import SIZE, chrm, cicp, flat, gama, png, profile, tiff
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.colour import HLG, PQ, REC709, SRGB, coded_encoding, rec709_from, tone_mapped
 from vig.photo.formats import stated_colour
 from vig.photo.images import MID_GREY, as_photo, coded_photo, read_photo

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.vig.photo.pictures import SIZE, flat, png, tiff
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo import focal_of, formats
 from vig.photo.formats import why_no_photo
 from vig.photo.images import read_photo

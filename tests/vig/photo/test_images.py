@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.images import MAX_PIXELS, MID_GREY, read_photo, write_png
 from vig.photo.lens import focal_of
 from vig_world.assets.hdr import read_panorama

@@ -11,7 +11,7 @@ from PIL import Image
 from PIL.ExifTags import IFD, Base
 from scipy.spatial.transform import Rotation
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo import Intrinsics, Window, focal_of
 from vig.photo.pinhole import outline_weights, reprojected, turned_pose
 from vig.scene import Camera

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.masks import box_of, mask_file, read_mask
 
 TRUE = np.zeros((40, 60), bool)

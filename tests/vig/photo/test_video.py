@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.images import read_photo
 from vig.photo.video import WHOLE, _encoding, frames_of, is_video
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.photo.images import linear_photo
 from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, Halved, Window
 from vig.scene import Camera

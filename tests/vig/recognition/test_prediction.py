@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from vig.recognition import Prediction
-from vig_lab.training.targets import azimuth_labels
+from vig_train.training.targets import azimuth_labels
 
 BINS = 72
 WIDTH = 360 / BINS

@@ -24,7 +24,7 @@ from vig.renderer.primitives import (
 )
 from vig.scene import Camera, ObjectClass
 from vig_world.mesh import Mesh
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 TRIANGLE = np.array([[-0.1, -0.1, 0.4], [0.1, -0.1, 0.4], [0.0, 0.1, 0.4]], np.float32)
 FACE = np.array([[0, 1, 2]], np.int32)

@@ -24,7 +24,7 @@ from vig.renderer import (
 from vig.renderer.primitives import pyramid
 from vig.renderer.shading import smooth_normals
 from vig.scene import Camera, ObjectClass
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 if TYPE_CHECKING:
     from conftest import World

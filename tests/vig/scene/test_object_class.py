@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.toys import toy
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_world.mesh import face_normals

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.hdr import read_panorama
 
 HEIGHT, WIDTH = 16, 32

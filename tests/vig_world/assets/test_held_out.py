@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support import TEAPOT
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import TRANSFER_FILE
 from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from vig.cli.main import main
+from vig_app.cli.main import main
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:

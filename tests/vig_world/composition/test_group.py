@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
 from vig_world.composition import group as grouping

@@ -15,9 +15,9 @@ from vig_world.composition.sampling import sample
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation.labels import silhouette
 from vig_world.library import Library
+from vig_world.raster.view import View
 from vig_world.renderers.cycles.appearance import baked
 from vig_world.renderers.rasterized import render
-from vig_world.renderers.view import View
 
 COUNT = 24
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.support import TEAPOT
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, linear_from_srgb
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.target import target_vertices
@@ -15,10 +15,10 @@ from vig_world.composition import sampling
 from vig_world.composition.sampling import TOLERANCE, sample, target_occlusion
 from vig_world.dataset.spec import Placed, SceneSpec
 from vig_world.library import Library
+from vig_world.raster import Item, depth
+from vig_world.raster.view import View
 from vig_world.renderers.build import build
-from vig_world.renderers.raster import Item, depth
 from vig_world.renderers.rasterized import render
-from vig_world.renderers.view import View
 
 COUNT = 16
 

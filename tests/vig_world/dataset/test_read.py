@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, latent_layout
 from vig_world.dataset import Dataset, read_dataset
 

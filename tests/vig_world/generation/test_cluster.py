@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.nodes import needs_ray, two_nodes
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.write import make_dataset
 

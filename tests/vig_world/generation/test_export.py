@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.dataset import Dataset
 from vig_world.generation.coco import bounding_box, export_coco, run_lengths
 from vig_world.generation.webdataset import export_webdataset

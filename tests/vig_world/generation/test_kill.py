@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.parallel import processes
 from vig.scene import ObjectClass
 from vig_world.generation import pool
@@ -39,7 +39,7 @@ PATIENCE = 120.0
 HELD_RUN = f"""
 import os, signal, sys, time
 from pathlib import Path
-from vig.cli.main import main
+from vig_app.cli.main import main
 from vig.parallel import processes
 from vig_world.generation import job
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.support import TEAPOT
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.composition.sampling import MAX_OCCLUSION, CompositionError, sample
 from vig_world.dataset.format import image_paths, read_info

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.dataset import Dataset
 from vig_world.generation.show import CAPTION, MARGIN, SCALE, chosen, contact_sheet, histograms
 

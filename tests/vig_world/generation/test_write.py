@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset.format import read_info
 from vig_world.generation.files import sidecar_path

@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from tests.support import TEAPOT
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z
 from vig_world.assets.panoramas.light import project_panorama
 from vig_world.composition.sampling import sample

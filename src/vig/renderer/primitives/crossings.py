@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from vig.checks import check_indices
+from vig.io.checks import check_indices
 from vig.renderer.device import (
     check_floats,
     check_size,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from vig.checks import check_indices
+from vig.io.checks import check_indices
 from vig.renderer.device import check_table
 
 

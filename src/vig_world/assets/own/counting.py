@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from vig.checks import parse_json
-from vig.errors import UserError
+from vig.io.checks import parse_json
+from vig.io.errors import UserError
 from vig_world.assets.own.meshes import count_stl
 
 MOST_FACES = 1_000_000

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.hdr import read_panorama
 from vig_world.assets.own.folder import files_of, fingerprint
 

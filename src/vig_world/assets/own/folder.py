@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 
 
 def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, Path]]:

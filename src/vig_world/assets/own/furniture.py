@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.furniture import Furniture, Support
 from vig_world.assets.own.props import Parts, read_each
 from vig_world.assets.own.settings import FileSettings

@@ -20,8 +20,8 @@ from urllib.parse import unquote
 import numpy as np
 from PIL import Image
 
-from vig.checks import read_bytes
-from vig.errors import UserError
+from vig.io.checks import read_bytes
+from vig.io.errors import UserError
 from vig_world.assets.own.counting import MOST_BYTES, refuse_huge
 from vig_world.assets.own.meshes import plain_gltf, plain_obj, read_off, read_ply, read_stl
 from vig_world.assets.own.surfaces import MOST_PIXELS, painted

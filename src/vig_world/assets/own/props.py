@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, Piece, load
 from vig_world.assets.own.settings import FileSettings, settings_of

@@ -17,8 +17,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from vig.checks import read_bytes
-from vig.errors import UserError
+from vig.io.checks import read_bytes
+from vig.io.errors import UserError
 from vig_world.assets.props.families import ZONE_NAMES
 
 FILE = "vig.toml"

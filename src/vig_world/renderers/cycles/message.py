@@ -10,6 +10,8 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
+from vig_world.raster.draw import NEAR
+from vig_world.raster.view import View
 from vig_world.renderers.build import Instance, build
 from vig_world.renderers.cycles.appearance import (
     COAT_ROUGHNESS,
@@ -23,8 +25,6 @@ from vig_world.renderers.cycles.appearance import (
     painted,
     painted_faces,
 )
-from vig_world.renderers.raster.draw import NEAR
-from vig_world.renderers.view import View
 from vig_world.streams import stream
 
 NOISE_STREAM, FINISH_STREAM = 2**20 + 2, 2**20 + 3

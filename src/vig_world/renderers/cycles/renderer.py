@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z, srgb8_from_linear
 from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset.spec import SampleError, SceneSpec
 from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
+from vig_world.raster.picture import Picture
 from vig_world.renderers.cycles.appearance import FINISHES, Finish
 from vig_world.renderers.cycles.message import compose
 from vig_world.renderers.cycles.process import Worker, WorkerDiedError
-from vig_world.renderers.picture import Picture
 from vig_world.renderers.rasterized import render
 
 WORKER = Path(__file__).parent / "blender" / "worker.py"

@@ -10,7 +10,7 @@ from tests.vig.renderer.primitives import reference
 from vig.renderer.primitives import Visible, visible_faces
 from vig.renderer.raster import NEAR
 from vig.scene import Camera
-from vig_world.renderers.rasterize import rasterize
+from vig_world.raster.rasterize import rasterize
 
 SIZE = (2, 24, 32)
 

@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.own import bpy_panoramas, read_envmaps
 from vig_world.assets.own.envmaps import resized
 from vig_world.assets.panoramas.light import project_panorama

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig_world.assets.own import read_furniture
 from vig_world.assets.own.supports import largest_rectangle
 

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from vig.errors import UserError
+from vig.io.errors import UserError
+from vig_train.building.reading import read_scans
 from vig_world.assets.own.load import load
 from vig_world.assets.own.meshes.polygons import triangulated
-from vig_world.building.reading import read_scans
 from vig_world.mesh import face_normals
 
 BOX = trimesh.creation.box((1, 2, 3))

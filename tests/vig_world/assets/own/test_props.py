@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from vig.errors import UserError
+from vig.io.errors import UserError
 from vig.scene import linear_from_srgb
 from vig_world.assets.own import read_props
 from vig_world.assets.own.counting import MOST_FACES as MOST_READ

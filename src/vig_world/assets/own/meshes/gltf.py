@@ -15,7 +15,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from vig.checks import parse_json
+from vig.io.checks import parse_json
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}

@@ -1,0 +1,1 @@
+"""Files, checks of what others wrote, and the errors that users see."""

@@ -1,0 +1,64 @@
+"""Files that exist whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vig.io.errors import UserError
+
+# What the operating system may answer for reasons that lie with the user's disk or path, not with vig.
+_REMEDIES = {
+    errno.ENOSPC: "the disk is full; free some space or choose another folder",
+    errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",
+    errno.EFBIG: "the file is larger than this disk or account allows; choose another folder",
+    errno.EACCES: "no permission to write there; choose another folder",
+    errno.EPERM: "no permission to write there; choose another folder",
+    errno.EROFS: "that disk is read-only; choose another folder",
+    errno.ENOTDIR: "a part of the path is a file, not a folder; choose another path",
+    errno.EEXIST: "a part of the path is a file, not a folder; choose another path",
+    errno.EISDIR: "a folder of that name is in the way; choose another name",
+    errno.ENAMETOOLONG: "the name is too long for this disk; choose a shorter one",
+    errno.EIO: "the disk reports a failure; choose another one",
+}
+
+# The process's umask can only be read by setting it; done once, before there are threads.
+_UMASK = os.umask(0o022)
+os.umask(_UMASK)
+
+
+@contextmanager
+def atomic_write(path: str | Path) -> Iterator[Path]:
+    """Give a temporary path beside `path`; when the block ends well, rename it to `path`.
+
+    The block writes one file at the temporary path, which has the same suffix. If the block raises, or
+    Ctrl-C arrives, the temporary file is removed and what `path` held before stays. Missing parent folders
+    are made. Readers never see half a file, even when the process is killed (a loss of power may lose the
+    newest files: nothing waits for the disk).
+
+    Raises UserError when the disk is full, read-only or forbidden, or when the path cannot be a file.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{secrets.token_hex(6)}{path.suffix}")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except FileNotFoundError as error:  # a file system that makes no folders, such as /proc
+            raise UserError(f"cannot write {path}: no folder can be made there; choose another.") from error
+        yield temporary
+        os.chmod(temporary, 0o666 & ~_UMASK)  # some writers make files for their owner only
+        os.replace(temporary, path)
+    except OSError as error:
+        remedy = _REMEDIES.get(error.errno or 0)
+        if remedy is None:
+            raise
+        raise UserError(f"cannot write {path}: {remedy}.") from error
+    finally:
+        if os.path.lexists(temporary):
+            temporary.unlink()

@@ -1,0 +1,49 @@
+"""What vig runs on, as reports and records of runs state it."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import vig
+
+PACKAGES = (
+    *("torch", "warp-lang", "numpy", "scipy", "trimesh", "pillow", "safetensors"),
+    *("pyarrow", "OpenImageIO", "matplotlib"),
+)
+"""Packages whose versions are stated."""
+
+
+def machine() -> dict[str, Any]:
+    """What vig runs on, as plain data.
+
+    `{"vig", "python", "platform", "processor", "cpus", "packages": {name: version or None}}`.
+    """
+    return {
+        "vig": vig.__version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": processor(),
+        "cpus": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "packages": {name: _version(name) for name in PACKAGES},
+    }
+
+
+def processor() -> str:
+    """The processor's model, its architecture where the system does not report it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None

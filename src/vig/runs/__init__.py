@@ -1,8 +1,0 @@
-"""Runs over many photos, or the frames of a video."""
-
-from vig.runs.ledger import LEDGER, ledger_of
-from vig.runs.photos import run
-from vig.runs.tracked import run_tracked
-from vig.runs.work import PARTIAL, Rows, RunSettings, Task, row_of
-
-__all__ = ["LEDGER", "PARTIAL", "Rows", "RunSettings", "Task", "ledger_of", "row_of", "run", "run_tracked"]

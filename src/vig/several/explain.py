@@ -1,0 +1,135 @@
+"""From a photo of several objects to what explains them: by their boxes, or found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from vig.explainer import SURELY_FOUND, Box, Explainer, Lens, Photo, lens_of
+from vig.explanation import Explanation
+from vig.io.errors import UserError
+from vig.parallel import on_one_core
+from vig.photo import Halved, Window
+from vig.photo.images import coded_photo
+from vig.recognition.find import apart, find_several
+from vig.several.joint import together
+from vig.several.scene import SceneExplanation
+
+MOST_OBJECTS = 16
+
+
+def explain_together(
+    photo: Photo,
+    explainers: Sequence[Explainer],
+    boxes: Sequence[Box],
+    focal: float | None = None,
+    camera: Any = None,
+) -> SceneExplanation:
+    """Explain several objects of one photo together.
+
+    Args:
+        photo: As `Explainer.explain` takes it.
+        explainers: One for each object, that of its class; the same one may stand for several.
+        boxes: Round each whole object, hidden parts included.
+        focal: In pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of that, likewise.
+
+    Raises:
+        UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
+    """
+    explainers, boxes = _explainers(explainers), list(boxes) if isinstance(boxes, Iterable) else []
+    if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
+        raise UserError(
+            f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
+            f" {len(explainers)} and {len(boxes)}. Give as many of both."
+        )
+    picture, known = coded_photo(photo), _Known(lens_of(photo, focal, camera))
+    alone = [
+        known.noted(explainer.explain(picture, box, camera=known.camera))
+        for explainer, box in zip(explainers, boxes, strict=True)
+    ]
+    return on_one_core(partial(together, alone, explainers))
+
+
+def explain_found(
+    photo: Photo,
+    explainers: Sequence[Explainer],
+    most: int,
+    focal: float | None = None,
+    camera: Any = None,
+) -> SceneExplanation:
+    """Find objects of one or more classes in a photo, and explain them together.
+
+    Less reliable than boxes: the network that is asked knows one class each, and was not trained to tell
+    several things in one photo apart (docs/many.md has numbers).
+
+    Args:
+        photo: As `Explainer.explain` takes it.
+        explainers: One for each class.
+        most: So many objects at most.
+        focal: In pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of that, likewise.
+
+    Raises:
+        UserError: As `Explainer.explain`, or nothing is found.
+    """
+    explainers = _explainers(explainers)
+    if not explainers:
+        raise UserError("expected an explainer for each class that is sought; got none. Give one.")
+    if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
+        raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
+    picture, known = coded_photo(photo), _Known(lens_of(photo, focal, camera))
+    places = on_one_core(partial(find_together, picture, explainers, most))
+    if not places:
+        names = " or ".join(each.object_class.name for each in explainers)
+        raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
+    chosen = [explainer for explainer, _ in places]
+    alone = [
+        known.noted(explainer.explain_followed(picture, window, camera=known.camera))
+        for explainer, window in places
+    ]
+    return on_one_core(partial(together, alone, chosen))
+
+
+def _explainers(given: Any) -> list[Explainer]:
+    found = list(given) if isinstance(given, Iterable) else [given]
+    for each in found:
+        if not isinstance(each, Explainer):
+            raise UserError(
+                f"expected a list of vig.Explainer; got a {type(each).__name__} in it. Make each as"
+                ' vig.Explainer("teapot").'
+            )
+    return found
+
+
+def find_together(
+    picture: np.ndarray, explainers: Sequence[Explainer], most: int
+) -> list[tuple[Explainer, Window]]:
+    """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
+    seen = Halved(picture)
+    found = [
+        (candidate, explainer)
+        for explainer in explainers
+        for candidate in find_several(seen, explainer.recognizer, most)
+        if candidate.score >= SURELY_FOUND
+    ]
+    kept = apart([candidate for candidate, _ in found], most)
+    return [(explainer, one.window) for one in kept for candidate, explainer in found if candidate is one]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A photo's lens, if it is known."""
+
+    lens: Lens | None
+
+    @property
+    def camera(self) -> Any:
+        return None if self.lens is None else self.lens[0]
+
+    def noted(self, found: Explanation) -> Explanation:
+        return found if self.lens is None else replace(found, focal_from=self.lens[1])

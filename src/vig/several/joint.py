@@ -1,0 +1,259 @@
+"""Several objects in one photo, explained together: what hides what, one light, exclusive masks.
+
+Each object is explained alone first. What hides what is told by the network's probabilities of the pixels
+that two silhouettes share, and by which object ends lower in the photo. Then each is fitted again, knowing of
+the others:
+
+- pixels that an object before it covers show that object, not this one: they say nothing of its silhouette;
+- pixels in which objects behind or beside it are seen are not its own;
+- its view is that of the fit alone; but of an object with others before it the network is asked twice, with
+  the photo as it is and with the others painted out: a view that both find clearly likelier is taken;
+- light, in the camera's frame, and the camera's height above the horizon are those that the others tell, as
+  Gaussians beside what the network says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy  # which loads `ndimage` where that is first used
+import torch
+
+from vig.explainer import Explainer
+from vig.explanation import Explanation
+from vig.inference import Said, WindowHints, explain_one
+from vig.inference.hints import LEAST_VIEW
+from vig.inference.refinement import DISTINCT_AZIMUTH
+from vig.photo import Halved
+from vig.recognition import Prediction
+from vig.scene.camera import FOCAL_OVER_WIDTH
+from vig.several.scene import SceneExplanation, heading_light
+
+LEAST_ODDS = 0.02
+"""Floor of the probabilities whose odds tell the order."""
+GROUND = 50.0
+TOUCHING = 0.3
+"""Coverage from which two objects may hide one another."""
+BLUR = 4
+"""Pixels of a window within which an object's outline may be wrong: nothing beyond is said there."""
+PAINTED_OUT = 0.18
+"""Linear grey of what stands before an object when the network is asked without it."""
+SURER = 1.0
+"""Nats by which another view must be likelier than that of the fit alone."""
+LIGHT_PRECISION = 2.0
+"""Of each other object's light, per coefficient: what is near a lamp is lit by it more."""
+LEVEL_SPREAD = math.radians(5.0)
+"""Standard deviation of an elevation as another object tells it."""
+TELEPHOTO = 2.0
+"""Focal length of a photo of several things that does not tell its own, of the standard cameras' of their
+windows: what a photo frames is smaller than in one of its own."""
+
+
+def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
+    """The same from explanations of each object alone, of one photo."""
+    if len(alone) < 2:
+        return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))
+    seen = Halved(alone[0].picture)
+    cuts = [each.window.cut(seen) for each in alone]
+    predictions = [
+        explainer.recognizer(torch.from_numpy(cut)[None])
+        for explainer, (cut, _) in zip(explainers, cuts, strict=True)
+    ]
+    before = order(alone, predictions)
+    found = [
+        _Refit(alone, before, index).fitted(explainer, cut, valid, prediction)
+        for index, (explainer, (cut, valid), prediction) in enumerate(
+            zip(explainers, cuts, predictions, strict=True)
+        )
+    ]
+    return SceneExplanation(tuple(_exclusive(found, before)), before)
+
+
+def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
+    """Whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
+
+    By the sum, over the M pixels that both cover, of the difference of their log odds of being visible as the
+    network predicts them, over the root of M; and, as things stand on one ground, by which of them ends lower
+    in the photo, `GROUND` times the difference over the less tall one's height.
+    """
+    gains: dict[tuple[int, int], float] = {}
+    count, odds = len(alone), []
+    for prediction in predictions:
+        visible, hidden, _ = prediction.mask[0].clamp_min(LEAST_ODDS).log().unbind(-1)
+        odds.append((visible - hidden).numpy())
+    for i in range(count):
+        for j in range(i + 1, count):
+            here, there = alone[i].window, alone[j].window
+            mine, other = alone[i].fit.coverage.numpy(), there.carried(alone[j].fit.coverage.numpy(), here)
+            if not ((mine > TOUCHING) & (other > TOUCHING)).any():
+                continue
+            both = (mine > 0.5) & (other > 0.5)
+            gain = float((odds[i] - there.carried(odds[j], here))[both].sum()) / math.sqrt(max(1, both.sum()))
+            gains[i, j] = gain + GROUND * _lower(alone[i], alone[j])
+    return _without_cycles(gains, count)
+
+
+def _lower(one: Explanation, other: Explanation) -> float:
+    """By how much one object ends lower in the photo than another, of the less tall one's height."""
+    if one.box is None or other.box is None:
+        return 0.0
+    return (one.box[1] + one.box[3] - other.box[1] - other.box[3]) / min(one.box[3], other.box[3])
+
+
+def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.ndarray:
+    """Whether i is before j (N, N) bool, from gains above 0 where i is; the surest pairs decide first."""
+    before, behind = np.zeros((2, count, count), bool)  # directly, and by way of others
+    for (i, j), gain in sorted(gains.items(), key=lambda item: -abs(item[1])):
+        first, second = (i, j) if gain > 0 else (j, i)
+        if behind[second, first]:
+            first, second = second, first
+        before[first, second] = True
+        front, rear = (
+            behind[:, first] | (np.arange(count) == first),
+            behind[second] | (np.arange(count) == second),
+        )
+        behind |= front[:, None] & rear
+    return before
+
+
+def _focal_of(alone: Sequence[Explanation]) -> float:
+    """Focal length in pixels of the photo, the vertical one of a lens."""
+    if (lens := alone[0].window.lens) is not None:
+        return lens.fy
+    standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
+    if alone[0].focal_from == "assumed":
+        return TELEPHOTO * float(np.mean(standard))
+    return float(np.mean([each.farther * own for each, own in zip(alone, standard, strict=True)]))
+
+
+@dataclass(frozen=True)
+class _Refit:
+    """One object's fit that knows of the others."""
+
+    alone: Sequence[Explanation]
+    before: np.ndarray
+    index: int
+
+    def fitted(
+        self, explainer: Explainer, cut: np.ndarray, valid: np.ndarray, prediction: Prediction
+    ) -> Explanation:
+        found = self.alone[self.index]
+        infront, elsewhere = self._others()
+        view = found.latents.azimuth[0]
+        if infront.any():
+            rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
+            prediction = _agreed(prediction, rival)
+            asked = torch.stack([prediction.best().azimuth[0], view])
+            likeliest, own = prediction.log_mass(asked).tolist()
+            view = asked[0] if likeliest - own > SURER else view
+        farther = found.window.farther(found.window.focal or _focal_of(self.alone))
+        settings = replace(explainer.settings.filled(photo=True), farther=farther)
+        assert settings.appearance_weight is not None
+        prediction = self._level(self._lit(prediction, settings.appearance_weight))
+        said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
+        said[torch.from_numpy(elsewhere)] = Said.NOTHING
+        said[torch.from_numpy(infront)] = Said.IN_FRONT
+        hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
+        photo, known, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
+        seen = _of_view(prediction, view)
+        fit = explain_one(photo, seen, found.object_class, settings, known, device, hints, prediction)
+        return replace(found, fit=fit, farther=farther)
+
+    def _others(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
+        here = self.alone[self.index].window
+        covered = self.alone[self.index].fit.coverage.numpy() > 0.5
+        own = scipy.ndimage.binary_dilation(covered, iterations=BLUR)
+        infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
+        for index, other in enumerate(self.alone):
+            if index == self.index:
+                continue
+            if self.before[index, self.index]:
+                infront |= other.window.carried(other.fit.coverage.numpy(), here) > 0.5
+            else:
+                elsewhere |= other.window.carried(other.fit.visible.numpy(), here) > 0.5
+        return infront, elsewhere & ~own & ~infront
+
+    def _level(self, prediction: Prediction) -> Prediction:
+        """The prediction with the elevation that the others tell as a second Gaussian: all stand upright."""
+        focal = _focal_of(self.alone)
+        lens = self.alone[0].window.lens
+        middle = self.alone[0].picture.shape[0] / 2 if lens is None else lens.cy
+        below = [math.atan((each.window.centre[1] - middle) / focal) for each in self.alone]
+        told = [
+            float(each.latents.elevation) + below[self.index] - below[index]
+            for index, each in enumerate(self.alone)
+            if index != self.index
+        ]
+        place, precision = prediction.layout["elevation"], len(told) / LEVEL_SPREAD**2
+        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
+        own = deviation[:, place] ** -2
+        numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(told))) / (own + precision)
+        deviation[:, place] = (own + precision).rsqrt()
+        return replace(prediction, numbers=numbers, deviation=deviation)
+
+    def _lit(self, prediction: Prediction, power: float) -> Prediction:
+        """The prediction with the other objects' light as a second Gaussian; `power` is the first one's."""
+        others = [heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
+        place, precision = prediction.layout["light"], LIGHT_PRECISION * len(others)
+        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
+        own = power / deviation[:, place] ** 2
+        mean = torch.stack(others).mean(0).to(numbers)
+        numbers[:, place] = (own * numbers[:, place] + precision * mean) / (own + precision)
+        deviation[:, place] = (power / (own + precision)).sqrt()
+        return replace(prediction, numbers=numbers, deviation=deviation)
+
+
+def _agreed(one: Prediction, other: Prediction) -> Prediction:
+    """What two predictions of one photo say together: geometric mean of azimuth, mean of all else."""
+    azimuth = (0.5 * (one.azimuth.clamp_min(1e-6).log() + other.azimuth.clamp_min(1e-6).log())).exp()
+    return replace(
+        one,
+        azimuth=azimuth / azimuth.sum(1, keepdim=True),
+        numbers=(one.numbers + other.numbers) / 2,
+        deviation=(one.deviation + other.deviation) / 2,
+        mask=(one.mask + other.mask) / 2,
+    )
+
+
+def _of_view(prediction: Prediction, azimuth: torch.Tensor) -> Prediction:
+    """The prediction without all views but one: what evidence tells of others, the fit alone told."""
+    fold, bins = prediction.symmetry.fold, prediction.azimuth.shape[1]
+    if not fold:
+        return prediction
+    centres = (torch.arange(bins) + 0.5) * (2 * math.pi / (bins * fold))
+    off = prediction.symmetry.difference(centres, azimuth)
+    near = torch.where(off.abs() <= DISTINCT_AZIMUTH, prediction.azimuth + LEAST_VIEW, 0.0)
+    return replace(prediction, azimuth=near / near.sum(1, keepdim=True))
+
+
+def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
+    """A window (S, S, 3) without other objects: grey where one is before this, else what is round them."""
+    painted, holes = cut.copy(), scipy.ndimage.binary_dilation(elsewhere, iterations=2)
+    filled = ~holes
+    for width in (2, 4, 8, 16, 32, 64):
+        if filled.all():
+            break
+        weight = scipy.ndimage.gaussian_filter((~holes).astype(np.float32), width)
+        colours = scipy.ndimage.gaussian_filter(np.where(holes[..., None], 0, cut), (width, width, 0))
+        known = ~filled & (weight > 0.05)
+        painted[known] = colours[known] / weight[known, None]
+        filled |= known
+    painted[infront] = PAINTED_OUT
+    return painted
+
+
+def _exclusive(found: Sequence[Explanation], before: np.ndarray) -> list[Explanation]:
+    """The same with masks that exclude each other: a pixel that two show is that of the one before."""
+    masks = [each.mask for each in found]
+    result = []
+    for index, each in enumerate(found):
+        others = np.zeros(masks[0].shape, bool)
+        for other, mask in enumerate(masks):
+            if other != index and (before[other, index] or (other < index and not before[index, other])):
+                others |= mask
+        result.append(replace(each, others=others))
+    return result

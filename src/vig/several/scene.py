@@ -1,0 +1,117 @@
+"""The answer for several objects of one photo, and its files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy  # which loads `ndimage` where that is first used
+import torch
+
+from vig.explanation import Explanation
+from vig.photo.images import coded
+from vig.scene import rotate_z
+
+TINT = 0.2
+"""Share of an object's colour in its tint."""
+COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
+"""Of the objects' tints, in turn."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneExplanation:
+    """What explains several objects in one photo of H x W pixels.
+
+    Attributes:
+        objects: N of them, in the order in which they were given; their masks exclude each other.
+        before: (N, N) bool, whether object i hides, or may hide, some of object j.
+    """
+
+    objects: tuple[Explanation, ...]
+    before: np.ndarray
+
+    @cached_property
+    def masks(self) -> np.ndarray:
+        """(N, H, W) bool, the pixels in which each is seen, of which each pixel has one at most."""
+        return np.stack([each.mask for each in self.objects])
+
+    @cached_property
+    def light(self) -> np.ndarray:
+        """(9,) SH of incident radiance in the heading frame of the camera, the mean of the objects'."""
+        return torch.stack([heading_light(each) for each in self.objects]).mean(0).numpy()
+
+    @cached_property
+    def poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Of each object K (3, 3) and camera_from_object (4, 4), metres, before the one camera that took the
+        photo, its principal point in the middle; see `Explanation.pinhole_pose`.
+        """
+        return [each.pinhole_pose()[:2] for each in self.objects]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of each object, `1-teapot`, `2-mug` and so on: its folder within that of the photo."""
+        plain = (re.sub(r"[^\w.-]+", "_", each.object_class.name) for each in self.objects)
+        return tuple(f"{number}-{name}" for number, name in enumerate(plain, 1))
+
+    def overlay(self) -> np.ndarray:
+        """The photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and what it
+        covers outlined in it.
+        """
+        picture = coded(self.objects[0].picture).astype(np.float32)
+        for number, each in enumerate(self.objects):
+            colour = COLOURS[number % len(COLOURS)]
+            picture[each.mask] += TINT * (colour - picture[each.mask])
+            width = max(1, round(max(picture.shape) / 500))
+            inner = scipy.ndimage.binary_erosion(each.amodal, iterations=width)
+            picture[each.amodal & ~inner] = colour
+        return np.rint(picture).astype(np.uint8)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `scene.json` holds."""
+        height, width = self.objects[0].picture.shape[:2]
+        return {
+            "format": 1,
+            "objects": list(self.names),
+            "before": [[self.names[i], self.names[j]] for i, j in np.argwhere(self.before)],
+            "light": self.light.tolist(),
+            "camera": {"K": self.poses[0][0].tolist(), "width": width, "height": height,
+                       "focal_from": self.objects[0].focal_from},
+            "camera_from_object": {
+                name: pose.tolist() for name, (_, pose) in zip(self.names, self.poses, strict=True)
+            },
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        height, width = self.objects[0].picture.shape[:2]
+        return f"SceneExplanation({', '.join(self.names)} in {width} x {height}: {self.order_note})"
+
+    def save(self, folder: str | Path, photo: str = "photo", export: Sequence[str] = ()) -> Path:
+        """Write each object's results into a folder of its `names`, and what they have in common.
+
+        Args:
+            folder: Is made when it is missing; docs/many.md describes its files.
+            photo: What the photo is called in the reports.
+            export: Formats that are written of each object, too; see `Explanation.export`.
+
+        Raises:
+            UserError: The folder cannot be written.
+        """
+        from vig_app.report.folder import save_scene
+
+        return save_scene(self, folder, photo, export)
+
+    @property
+    def order_note(self) -> str:
+        """Which object is before which, in words."""
+        pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.before)]
+        return ", ".join(pairs) or "none hides another"
+
+
+def heading_light(each: Explanation) -> torch.Tensor:
+    """Light (9,) in the frame that turns along with the camera."""
+    return rotate_z(each.latents.light[0], -each.latents.azimuth[0])

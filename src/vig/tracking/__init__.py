@@ -1,5 +1,0 @@
-"""One object through the frames of a video: followed, its views chosen together, smoothed."""
-
-from vig.tracking.course import Track, TrackedFrame, track
-
-__all__ = ["Track", "TrackedFrame", "track"]

@@ -1,0 +1,293 @@
+"""The frames of a video explained together: one object that moves and turns smoothly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.explainer import Box, Explainer, Photo
+from vig.explanation import Explanation
+from vig.hints import Hints
+from vig.io.errors import UserError
+from vig.scene import Camera
+from vig.video.following import Follower, Sighting, window_at
+from vig.video.smoothing import BINS, likeliest_path, smoothed
+
+UNKNOWN = 0.05
+"""Probability that a view is none of a frame's, beside what its confidence leaves."""
+NARROWER = 2.0
+"""A deviation of azimuth counts views from the other side, too: about one view it is so much smaller."""
+LEAST_SPREAD, MOST_SPREAD = math.radians(3.0), math.radians(12.0)
+FAR = math.radians(25.0)
+"""A frame whose own view is farther from the chosen one is fitted again near that."""
+OFF = 0.15
+"""So is one whose place, in sides, or log size is farther from the smoothed one."""
+ALIKE = 2.0, 3.0
+"""Factors of the smoothed deviations of azimuth and elevation, as neighbouring frames err alike: so that 90 %
+intervals held on videos of the validation split."""
+TURN, TILT = math.radians(0.7), math.radians(0.05)
+"""Standard deviations of the change of the speed of azimuth, of elevation and roll, from frame to frame."""
+SHIFT = 0.003
+"""Likewise of place, in sides of the box, and log size."""
+TILT_SPEED = math.radians(0.1)
+"""Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
+PLACE_NOISE, ANGLE_NOISE = (0.02, 0.3), (math.radians(3.0), math.radians(30.0))
+"""Deviations of one frame's place, log size, elevation and roll when all is seen, and what is added when
+all is hidden."""
+
+
+@dataclass(frozen=True)
+class TrackedFrame:
+    """What the whole video says of one frame; angles in degrees.
+
+    Attributes:
+        number: Of the frame, from 0.
+        azimuth_deg: In [0, 360), smoothed, as are elevation and camera.
+        azimuth_deviation_deg: Its standard deviation.
+        elevation_deg: Smoothed.
+        elevation_deviation_deg: Its standard deviation.
+        alone_azimuth_deg: Of the frame's own fit, as `alone_elevation_deg`.
+        alone_elevation_deg: Likewise.
+        camera: Of the whole frame; its focal length is the same in all frames.
+        hidden_fraction: Of the frame's fit; None where it shows nothing of the object.
+        lost: Whether the frame does not tell where the object is: place and view are those of its neighbours.
+        refitted: Whether its neighbours told another view or place, so that it was fitted again.
+    """
+
+    number: int
+    azimuth_deg: float
+    azimuth_deviation_deg: float
+    elevation_deg: float
+    elevation_deviation_deg: float
+    alone_azimuth_deg: float
+    alone_elevation_deg: float
+    camera: Camera
+    hidden_fraction: float | None
+    lost: bool
+    refitted: bool
+
+    @property
+    def camera_from_object(self) -> np.ndarray:
+        """Pose (4, 4) float64, metres, as that of `Explanation`."""
+        return self.camera.camera_from_world(math.radians(self.azimuth_deg), math.radians(self.elevation_deg))
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a video says of its object.
+
+    Attributes:
+        frames: Of each frame.
+        shape: (K,) coefficients, the mean of the frames' by what each shows and how sure it is.
+        albedo: (3,) linear RGB, likewise.
+    """
+
+    frames: tuple[TrackedFrame, ...]
+    shape: np.ndarray
+    albedo: np.ndarray
+
+
+@dataclass(frozen=True)
+class Course:
+    """Smoothed numbers of T frames, radians and pixels.
+
+    Attributes:
+        azimuth: (2, T) means and deviations, unwrapped.
+        elevation: (2, T) likewise.
+        roll: (T,).
+        place: (T, 3) as `Sighting.place`.
+        middle: (T, 2) principal point of the cameras.
+        scale: (T,) log of focal length over distance.
+    """
+
+    azimuth: np.ndarray
+    elevation: np.ndarray
+    roll: np.ndarray
+    place: np.ndarray
+    middle: np.ndarray
+    scale: np.ndarray
+
+    @staticmethod
+    def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> Course:
+        """Smooth sightings, whose azimuths count where they are near the chosen ones `path` (T,)."""
+        lost = np.array([each.lost for each in sightings])
+        hidden = np.array([1 - each.seen for each in sightings]) ** 2
+        cameras = [each.camera for each in sightings]
+        places = np.stack([each.place for each in sightings])
+        side = math.exp(float(np.median(places[~lost, 2])))
+
+        def smooth(
+            values: Sequence[float] | np.ndarray, noise: np.ndarray, change: float, speed: float = math.inf
+        ) -> np.ndarray:
+            return smoothed(np.array(values), np.where(lost, math.inf, noise), change, speed)
+
+        off = np.array([_off(each.azimuths[0], at, fold) for each, at in zip(sightings, path, strict=True)])
+        spread = np.where(np.abs(off) > FAR, math.inf, [_spread(each) for each in sightings])
+        angle = ANGLE_NOISE[0] + ANGLE_NOISE[1] * hidden
+        noise = PLACE_NOISE[0] + PLACE_NOISE[1] * hidden
+        place = [smooth(places[:, axis], side * noise, side * SHIFT)[0] for axis in (0, 1)]
+        middle = [
+            smooth(values, side * noise, side * SHIFT)[0]
+            for values in ([c.cx for c in cameras], [c.cy for c in cameras])
+        ]
+        return Course(
+            azimuth=smooth(path + off, spread, TURN),
+            elevation=smooth([each.elevation for each in sightings], angle, TILT, TILT_SPEED),
+            roll=smooth([c.roll for c in cameras], angle, TILT, TILT_SPEED)[0],
+            place=np.stack([*place, smooth(places[:, 2], noise, SHIFT)[0]], axis=1),
+            middle=np.stack(middle, axis=1),
+            scale=smooth([math.log(c.focal / c.distance) for c in cameras], noise, SHIFT)[0],
+        )
+
+    def contradicts(self, number: int, sighting: Sighting, fold: int) -> bool:
+        """Whether a frame sees the object from another side or elsewhere than its neighbours."""
+        off = sighting.place - self.place[number]
+        away = max(math.hypot(*off[:2]) / math.exp(self.place[number, 2]), abs(off[2]))
+        turned = abs(_off(sighting.azimuths[0], self.azimuth[0, number], fold))
+        return sighting.lost or turned > FAR or away > OFF
+
+
+def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
+    """Frames as a sequence; UserError where there are fewer than two, or something else."""
+    one = isinstance(frames, Photo) and not (
+        isinstance(frames, np.ndarray | torch.Tensor) and frames.ndim == 4
+    )
+    if not one and not isinstance(frames, Iterable | torch.Tensor):
+        raise UserError(f"expected the frames of a video; got {str(frames)[:60]}. Pass a list of them.")
+    listed: Sequence[Any] = [frames] if one else frames if isinstance(frames, Sequence) else list(frames)
+    if len(listed) < 2:
+        raise UserError(
+            f"expected two or more frames of a video; got {'one' if listed else 'none'}. Explain one as a"
+            " photo, and pass a list of the frames of a folder or video."
+        )
+    return listed
+
+
+def track(
+    frames: Iterable[Photo],
+    explainer: Explainer,
+    box: Box | None = None,
+    focal: float | None = None,
+    hints: Hints | None = None,
+    seen: Callable[[int, Explanation], None] | None = None,
+) -> Track:
+    """Explain the frames of a video as one object that moves and turns smoothly.
+
+    Each frame is explained where the object is expected; what is elsewhere, of another size or colour is not
+    the object. Its view and the others that fit are then chosen together for all frames, frames that had
+    chosen otherwise are fitted again, and angles and place are smoothed.
+
+    Args:
+        frames: Two or more of one size, in order. Those of a list are read one at a time, some of them twice;
+            an iterator is exhausted first, and an array (T, H, W, 3) is T frames.
+        explainer: Of the object's class.
+        box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
+        focal: Focal length in pixels of all frames; see `Explainer.explain`.
+        hints: What is known in all frames.
+        seen: Is called with the number and the explanation of each frame, and of those fitted again.
+
+    Raises:
+        UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
+            seen in none, or as `Explainer.explain`.
+    """
+    frames = _listed(frames)
+    follower = Follower(explainer, focal, hints)
+    alone: list[Sighting] = []
+    for number, frame in enumerate(frames):
+        found, sighting = follower.explain(frame, box if number == 0 else None)
+        size, first = (
+            (each.camera.width, each.camera.height) for each in (sighting, alone[0] if alone else sighting)
+        )
+        if size != first:
+            raise UserError(
+                f"expected frames of one size, {first[0]} x {first[1]}; got {size[0]} x {size[1]} in frame"
+                f" {number}. Track one video at a time."
+            )
+        alone.append(sighting)
+        if seen is not None:
+            seen(number, found)
+    if all(sighting.lost for sighting in alone):
+        name = explainer.object_class.name
+        raise UserError(f"expected a {name} in the frames; found none. Give its box in the first frame.")
+    fold = max(explainer.object_class.symmetry.fold, 1)
+    path = views_of(alone, fold)
+    course, again = Course.of(alone, path, fold), list(alone)
+    for number, sighting in enumerate(alone):
+        if course.contradicts(number, sighting, fold):
+            azimuth, elevation = np.degrees([course.azimuth[0, number], course.elevation[0, number]]).tolist()
+            told = replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
+            window = window_at(course.place[number], float(course.roll[number]))
+            found = explainer.explain_followed(frames[number], window, focal, told)
+            again[number] = Sighting.of(found)
+            if seen is not None:
+                seen(number, found)
+    weight = [0.0 if each.lost else each.seen**2 * each.probabilities[0] for each in alone]
+    shape, albedo = (
+        np.average([getattr(each, name) for each in alone], axis=0, weights=np.array(weight) + 1e-9)
+        for name in ("shape", "albedo")
+    )
+    return Track(tuple(_frames(alone, again, Course.of(again, path, fold), fold)), shape, albedo)
+
+
+def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
+    """The likeliest azimuths (T,) of all frames together, radians, unwrapped.
+
+    fold: Number of views of the circle that look the same.
+    """
+    centres = (np.arange(BINS) + 0.5) * (2 * math.pi / BINS)
+    evidence = np.zeros((len(sightings), BINS))
+    for number, sighting in enumerate(sightings):
+        if sighting.lost:
+            continue
+        rest = max(0.0, 1 - float(sighting.probabilities.sum()))
+        off = (fold * sighting.azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
+        spread = fold * _spread(sighting)
+        density = np.exp(-0.5 * (off / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+        evidence[number] = np.log(sighting.probabilities @ density + (rest + UNKNOWN) / (2 * math.pi))
+    return likeliest_path(evidence) / fold
+
+
+def _frames(
+    alone: Sequence[Sighting], again: Sequence[Sighting], course: Course, fold: int
+) -> list[TrackedFrame]:
+    focal = float(np.median([each.camera.focal for each in again if not each.lost]))
+    azimuth, elevation = np.degrees(course.azimuth), np.degrees(course.elevation)
+    return [
+        TrackedFrame(
+            number=number,
+            azimuth_deg=float(azimuth[0, number]) % (360 / fold),
+            azimuth_deviation_deg=min(ALIKE[0] * float(azimuth[1, number]), 180 / math.sqrt(3)),
+            elevation_deg=float(elevation[0, number]),
+            elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
+            alone_azimuth_deg=math.degrees(before.azimuths[0]),
+            alone_elevation_deg=math.degrees(before.elevation),
+            camera=replace(
+                after.camera,
+                focal=focal,
+                cx=float(course.middle[number, 0]),
+                cy=float(course.middle[number, 1]),
+                distance=focal / math.exp(course.scale[number]),
+                roll=float(course.roll[number]),
+            ),
+            hidden_fraction=after.hidden,
+            lost=before.lost,
+            refitted=after is not before,
+        )
+        for number, (before, after) in enumerate(zip(alone, again, strict=True))
+    ]
+
+
+def _spread(sighting: Sighting) -> float:
+    """Standard deviation of a frame's azimuth about one view, radians."""
+    return min(max(sighting.azimuth_deviation / NARROWER, LEAST_SPREAD), MOST_SPREAD)
+
+
+def _off(azimuth: float, other: float, fold: int) -> float:
+    """azimuth - other of the two nearest views that look like these, radians."""
+    circle = 2 * math.pi / fold
+    return float((azimuth - other + circle / 2) % circle - circle / 2)

@@ -1,5 +1,0 @@
-"""`vig view`: a photo explained, and put right by hand, in a browser."""
-
-from vig.viewer.session import Session
-
-__all__ = ["Session"]

@@ -1,0 +1,99 @@
+"""`--box`, `--boxes`, `--objects` and `--class`: what is said of where objects are, and what they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from vig.explainer import Box, checked_box
+from vig.io.checks import decode, read_json, reading
+from vig.io.errors import UserError
+from vig.several import MOST_OBJECTS
+from vig_app.cli.common import Fit
+from vig_app.cli.naming import by_photo
+
+REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
+Objects = tuple[tuple[str, Box], ...]
+"""Class and box of each object of a photo."""
+ONE_OBJECT = ("mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose")
+
+
+def boxes_of(settings: Fit, photos: list[Path]) -> list[tuple[Box | None, Objects]]:
+    """The box of each photo's one object, None where none is named; or its several objects.
+
+    UserError where the file cannot be used, or what else is said is of a single object.
+    """
+    if settings.objects is not None:
+        if settings.box is not None or settings.boxes is not None:
+            raise UserError("expected --objects, --box or --boxes; got two of them. Give one.")
+        if not 1 <= settings.objects <= MOST_OBJECTS:
+            raise UserError(f"expected --objects of 1 to {MOST_OBJECTS}; got {settings.objects}. Give fewer.")
+        _check_several(settings)
+    if settings.boxes is None:
+        return [(None if settings.box is None else parse_box(settings.box), ())] * len(photos)
+    if settings.box is not None:
+        raise UserError("expected --box or --boxes; got both. Give one.")
+    with reading(settings.boxes, "boxes by the photos' file names", REMEDY):
+        told = decode(dict[str, Any], read_json(settings.boxes))
+        named = {name: _read(each, settings) for name, each in told.items()}
+    of_photo = by_photo(named, photos, "boxes", settings.boxes)
+    if any(objects for _, objects in of_photo.values()):
+        _check_several(settings)
+    return [of_photo.get(photo, (None, ())) for photo in photos]
+
+
+def _read(told: Any, settings: Fit) -> tuple[Box | None, Objects]:
+    """One photo's box or objects from the file."""
+    if not isinstance(told, list) or not told:
+        raise ValueError("what it has for a photo is not a list with something in it")
+    if not isinstance(told[0], list | dict):
+        return _box(told), ()
+    objects = tuple(_object(each, settings.object_class) for each in told)
+    if len(objects) > MOST_OBJECTS:
+        raise ValueError(f"a photo has {len(objects)} boxes, more than {MOST_OBJECTS}")
+    return None, objects
+
+
+def _object(told: Any, class_name: str) -> tuple[str, Box]:
+    if not isinstance(told, dict):
+        return class_name, _box(told)
+    if unknown := sorted(told.keys() - {"box", "class"}):
+        raise ValueError(f"an object has '{unknown[0]}', where it may have 'box' and 'class'")
+    if not isinstance(name := told.get("class", class_name), str):
+        raise ValueError("an object's class is not a text")
+    return name, _box(told.get("box"))
+
+
+def _box(told: Any) -> Box:
+    if not isinstance(told, list) or len(told) != 4:
+        raise ValueError(f"a box is not a list of four numbers; it is {str(told)[:60]}")
+    return checked_box(decode(tuple[float, float, float, float], told))
+
+
+def _check_several(settings: Fit) -> None:
+    for name in ONE_OBJECT:
+        given = getattr(settings, name)
+        if not (given is None or given is False or given == ()):
+            raise UserError(
+                f"expected --{name} with one object a photo; got several objects. Fit that object alone."
+            )
+
+
+def classes_of(settings: Fit) -> tuple[str, tuple[str, ...]]:
+    """The class, and others that `--class` names beside it; UserError where it names several in vain."""
+    whole = [settings.object_class]
+    several = settings.objects is not None and not Path(settings.object_class).exists()
+    first, *others = settings.object_class.split(",") if several else whole
+    if "," in first and not Path(first).exists():
+        raise UserError(
+            f"expected one --class, or --objects with several; got '{first}'. Give each box its class."
+        )
+    return first, tuple(others)
+
+
+def parse_box(text: str) -> Box:
+    """ "x,y,w,h" as four numbers; UserError when it is not."""
+    try:
+        return checked_box(text.replace(" ", "").split(","))
+    except UserError:
+        raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None

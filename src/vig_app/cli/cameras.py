@@ -1,0 +1,69 @@
+"""`--K` and `--cameras`: the intrinsics of the photos."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vig.io.checks import read_json, reading
+from vig.io.errors import UserError
+from vig_app.cli.common import Fit
+from vig_app.cli.naming import by_photo
+
+NAMES = ("K", "k", "cam_K", "fx", "fl_x")
+"""A mapping with one of these is a camera, not cameras by the photos' names."""
+REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
+
+
+def cameras_of(settings: Fit, photos: list[Path]) -> list[Any]:
+    """The camera of each photo as `vig.photo.Intrinsics.of` takes it; None where none is given.
+
+    UserError where a file cannot be used, has no camera for a photo, or what is given does not go together.
+    """
+    if settings.intrinsics is None and settings.cameras is None:
+        return [None] * len(photos)
+    if sum(given is not None for given in (settings.intrinsics, settings.cameras, settings.focal)) > 1:
+        raise UserError("expected one of --K, --cameras and --focal; got two of them. Give one.")
+    if settings.intrinsics is not None:
+        return [_parsed(settings.intrinsics)] * len(photos)
+    assert settings.cameras is not None
+    with reading(settings.cameras, "cameras by the photos' names", REMEDY):
+        content = read_json(settings.cameras)
+        if isinstance(content, list) or (isinstance(content, dict) and any(n in content for n in NAMES)):
+            return [content] * len(photos)
+        if not isinstance(content, dict) or not content:
+            raise ValueError("it holds no camera")
+    if all(name.isdecimal() for name in content):
+        return [_numbered(photo, content, settings.cameras, photos) for photo in photos]
+    of_photo = by_photo(content, photos, "cameras", settings.cameras)
+    for photo in photos:
+        if photo not in of_photo:
+            raise UserError(f"expected a camera of '{photo}' in '{settings.cameras}'; it has none. {REMEDY}")
+    return [of_photo[photo] for photo in photos]
+
+
+def _numbered(photo: Path, cameras: Mapping[str, Any], path: Path, photos: list[Path]) -> Any:
+    """One photo's camera by its number, as in BOP's scene_camera.json."""
+    if photo.stem.isdecimal():
+        scenes = {other.resolve().parent.parent for other in photos}
+        if len(scenes) > 1:
+            raise UserError(
+                f"expected photos of one scene with '{path}', whose cameras are numbered; got"
+                f" {len(scenes)} scenes. Fit them one by one."
+            )
+        for name in cameras:
+            if int(name) == int(photo.stem):
+                return cameras[name]
+    raise UserError(f"expected a camera of '{photo}' in '{path}'; it has none. {REMEDY}")
+
+
+def _parsed(text: str) -> tuple[float, ...]:
+    """ "fx,fy,cx,cy" as four numbers; UserError when it is not."""
+    try:
+        numbers = tuple(float(number) for number in text.replace(" ", "").split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 4:
+        raise UserError(f"expected --K fx,fy,cx,cy in pixels, such as 910,910,640,360; got '{text}'")
+    return numbers

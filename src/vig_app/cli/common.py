@@ -1,0 +1,163 @@
+"""Verbs of the command line: their settings, where packages put theirs, and what several of them need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
+
+    images: tyro.conf.Positional[tuple[Path, ...]]
+    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, any format that pillow reads;
+    videos, taken as their frames."""
+    track: bool = False
+    """The photos are one folder or video of one object: follow it from frame to frame and smooth its views;
+    --box is that of the first frame. docs/many.md."""
+    box: str | None = None
+    """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
+    for each. Without it the object is sought in the photo."""
+    boxes: Path | None = None
+    """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names; for
+    several objects in one photo, a list of boxes, or of {"box": [x, y, w, h], "class": "mug"}."""
+    objects: int | None = None
+    """Find up to so many objects in each photo, of any of the classes named, and explain them together."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
+    focal: float | None = None
+    """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
+    intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
+    """fx,fy,cx,cy in pixels, the intrinsics of undistorted photos, in place of --focal."""
+    cameras: Path | None = None
+    """A JSON file with such a camera, or K, for each photo: {"photo.jpg": [fx, fy, cx, cy], ...}; or with one
+    for all; or BOP's scene_camera.json."""
+    mask: Path | None = None
+    """A mask of where the object is seen, of the photo's size: white there, black elsewhere; or a folder with
+    one for each photo, by its name with .png."""
+    marks: Path | None = None
+    """Scribbles on one photo, a PNG of its size: green where the object is seen, red where something else is,
+    blue where the object is not even hidden."""
+    visible: bool = False
+    """Nothing hides any of the object."""
+    points: tuple[str, ...] = ()
+    """Where in one photo points are that the class names, hidden ones too: spout=120,80 handle=300,95."""
+    azimuth: float | None = None
+    """The eye's azimuth in degrees, to some 8 degrees: one of explanation.json's alternatives, say."""
+    elevation: float | None = None
+    """The eye's elevation in degrees, which is then held."""
+    roll: float | None = None
+    """By how far the photos are turned clockwise, degrees, which is then held."""
+    pose: Path | None = None
+    """Another tool's pose of the object in one photo: a JSON file with a 4 x 4 camera_from_object."""
+    likelihood: Literal["robust", "gaussian", "spatial"] = "spatial"
+    """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
+    hidden or visible together; gaussian takes all of the object as visible."""
+    no_self_shadow: bool = False
+    """Shade without self-shadowing and interreflection; docs/self_shadow.md."""
+    framing: Literal["auto", "fixed", "free"] = "auto"
+    """Fit the image's shift and magnification too? auto: yes."""
+    workers: int = 1
+    """Processes that share the photos out."""
+    cluster: str | None = None
+    """Address of a Ray cluster that does the work, in place of workers; auto: that of this machine."""
+    device: str = "cpu"
+    """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/devices.md."""
+    out: Path = Path("vig-fit")
+    """Folder for the results, one folder per photo."""
+    export: tuple[Literal["bop", "coco", "nerfstudio", "ros", "usd"], ...] = ()
+    """Write these formats into each photo's folder, too; docs/explanation.md."""
+    quiet: bool = False
+    """Print the folder alone, and what went wrong."""
+    log: Path | None = None
+    """Also add what is said of each photo, with the time, to this file."""
+    json: bool = False
+    """Print one JSON object instead of lines."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write the results of many photos as one file in the format of another tool."""
+
+    results: tyro.conf.Positional[Path]
+    """Folder of `vig fit` of several photos."""
+    to: tuple[Literal["bop", "coco"], ...]
+    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, a COCO result file of the
+    visible masks."""
+    out: Path | None = None
+    """Folder for the files; by default that of the results."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Open a photo on a page: draw a box, click points, mark what is in front, choose a view, save."""
+
+    photo: tyro.conf.Positional[Path]
+    """A photo, or a folder of its results, to resume work on it; also that of a run of one photo."""
+    box: str | None = None
+    """x,y,w,h in pixels: a box round the whole object; without it the object is sought in the photo."""
+    object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
+    """A packaged class or the folder of a class pack; by default teapot, or that of the results."""
+    port: int = 8080
+    """Of 127.0.0.1; the next free one where it is taken."""
+    no_open: bool = False
+    """Do not open a browser."""
+    out: Path | None = None
+    """Folder of what is saved, in one of the photo's name; by default vig-fit, or that of the results."""
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Explain the packaged example photos and print truth beside estimate."""
+
+    out: Path = Path("vig-demo")
+    """Folder for the results."""
+    no_open: bool = False
+    """Do not open the page of results in a browser, where there is a screen."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Versions, devices, and a check of the kernels: what a bug report needs."""
+
+    json: bool = False
+    """Print one JSON object."""
+
+
+GROUP = "vig.verbs"
+"""Entry points under which a package adds its verbs, a tuple of (name, settings, work) of `Verb`."""
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One verb. Its work is imported when it is chosen, so that help is quick.
+
+    name: `fit`, or `dataset make` for a verb of a group. settings: a dataclass, from which the arguments are
+    derived. work: `module:function`, which takes the settings and returns the exit code.
+    """
+
+    name: str
+    settings: type
+    work: str
+
+    def run(self, settings: Any) -> int:
+        """Do the work with these settings; returns the exit code."""
+        module, _, function = self.work.partition(":")
+        code: int = getattr(import_module(module), function)(settings)
+        return code
+
+
+def verbs_of_packages() -> tuple[Verb, ...]:
+    """The verbs that installed packages bring, in the order of their entry points' names."""
+    found = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return tuple(Verb(*verb) for point in found for verb in point.load())

@@ -1,0 +1,119 @@
+"""`vig doctor`: what a bug report needs, and whether the kernels work on this machine."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from vig.io.machine import machine
+from vig_app.cli.common import Doctor
+
+
+def doctor() -> dict[str, Any]:
+    """Collect versions and devices, and draw one triangle with the renderer's kernels.
+
+    Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "classes": {name: "ok" or
+    what is wrong with its pack}, "kernels": {"ok", "detail"}, "ok"}`, ready for JSON. Nothing is raised: what
+    fails is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
+    """
+    kernels = check_kernels()
+    cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}
+    classes = check_classes()
+    ok = kernels["ok"] and set(classes.values()) == {"ok"}
+    return machine() | {"cuda": cuda, "classes": classes, "kernels": kernels, "ok": ok}
+
+
+def check_classes() -> dict[str, str]:
+    """Each packaged class's name with "ok", or with what is missing or damaged of its pack."""
+    from vig.inference import calibration_of
+    from vig.recognition import Recognizer
+    from vig.scene import ObjectClass
+    from vig.scene.object_class import PACKAGED
+
+    found = {}
+    for path in sorted(PACKAGED.glob("*/class.json")):
+        try:
+            one = ObjectClass.load(path.parent)
+            Recognizer.of_class(one)
+            told = "ok" if calibration_of(one) else "no calibration"
+        except Exception as error:  # whatever is wrong with a file, saying so is what doctor is for
+            told = f"failed: {_line(error)}"
+        found[path.parent.name] = told
+    return found or {"none": "no class is packaged with this installation"}
+
+
+def check_kernels() -> dict[str, Any]:
+    """Draw one triangle on the CPU and count its pixels: {"ok": bool, "detail": one line}."""
+    # Corners at the pixels (0, 0), (18.5, 0), (0, 18.5) of a 20 x 20 image, 1 m away. The centre of pixel
+    # (i, j) is inside when i + j + 1 < 18.5: 1 + 2 + ... + 18 pixels.
+    expected = 171
+    corners = np.array([[0, 0], [18.5, 0], [0, 18.5]])
+    vertices = np.column_stack([(corners - 10) / 20, np.ones(3)]).astype(np.float32)
+    start = time.perf_counter()
+    try:
+        import torch
+
+        from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
+
+        focal, centre = torch.full((2,), 20.0), torch.full((2,), 10.0)
+        eye = Pinhole(20, 20, focal, centre, torch.eye(3), torch.zeros(3))
+        topology = Topology.of(np.array([[0, 1, 2]]), vertices)
+        triangle = MeshObject(torch.from_numpy(vertices), topology, torch.ones(3))
+        rendering = render(Scene([triangle], eye))
+        drawn = rendering.triangle_id == 0
+        count = int(drawn.sum())
+        ok = count == expected and bool(np.allclose(rendering.depth[drawn], 1, atol=1e-5))
+    except Exception as error:  # a broken installation may raise anything; saying so is what doctor is for
+        return {"ok": False, "detail": f"failed: {_line(error)}"}
+    seconds = time.perf_counter() - start
+    return {"ok": ok, "detail": f"{count} of {expected} pixels of a triangle drawn in {seconds:.2f} s"}
+
+
+def run_doctor(settings: Doctor) -> int:
+    """Print the report, for people or as JSON; returns 0, or 1 when a class or the kernels do not work."""
+    report = doctor()
+    print(json.dumps(report, indent=2) if settings.json else report_lines(report))
+    return 0 if report["ok"] else 1
+
+
+def report_lines(report: dict[str, Any]) -> str:
+    """The report as aligned plain text."""
+    rows = [
+        ("vig", report["vig"]),
+        ("python", report["python"]),
+        ("platform", report["platform"]),
+        ("processor", f"{report['cpus']} x {report['processor']}"),
+        *((name, version or "not installed") for name, version in report["packages"].items()),
+        *((f"cuda in {name}", ", ".join(found) or "none") for name, found in report["cuda"].items()),
+        *((f"class {name}", told) for name, told in report["classes"].items()),
+        ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
+    ]
+    width = max(len(name) for name, _ in rows) + 2
+    return "\n".join(f"{name:<{width}}{value}" for name, value in rows)
+
+
+def _names(devices: Callable[[], list[str]]) -> list[str]:
+    try:
+        return devices()
+    except Exception as error:  # drivers fail in many ways, none of which should hide the rest of the report
+        return [f"failed: {_line(error)}"]
+
+
+def _torch_devices() -> list[str]:
+    import torch
+
+    return [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
+
+
+def _warp_devices() -> list[str]:
+    import warp as wp
+
+    return [device.name for device in wp.get_cuda_devices()]
+
+
+def _line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())

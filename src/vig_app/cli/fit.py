@@ -1,0 +1,293 @@
+"""`vig fit`: photos explained, a folder each."""
+
+from __future__ import annotations
+
+import glob
+import json
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext, suppress
+from datetime import datetime
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from vig import __version__
+from vig.inference import ExplainSettings
+from vig.io.checks import read_json
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.likelihood import LIKELIHOODS
+from vig.photo.decoding import FORMATS
+from vig.photo.formats import why_no_photo
+from vig.photo.video import frames_of, is_video
+from vig_app.cli.boxes import boxes_of, classes_of
+from vig_app.cli.cameras import cameras_of
+from vig_app.cli.common import Fit
+from vig_app.cli.hints import hints_of, mask_of
+from vig_app.cli.naming import listed, note
+from vig_app.cli.progress import progress_of
+from vig_app.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
+from vig_app.report.sheet import sheet_name, write_sheets
+from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
+from vig_app.runs.results import TABLES, TRACK, name_of, write_table
+
+MOST_ENTRIES = 200
+"""Photos on a run's page, at most."""
+FRAMES = "frames"
+"""Folder of the frames of videos within that of the results."""
+TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES}
+"""Names within a run's folder that no photo's folder may have."""
+HEIC = (".heic", ".heif", ".hif")
+PASSED_OVER = {"Thumbs.db", "desktop.ini", "__MACOSX"}
+"""What systems put into folders of photos."""
+EXPORTS = ("bop.csv", "coco.json")
+FRAMINGS = {"auto": None, "fixed": False, "free": True}
+
+
+def fit(settings: Fit) -> int:
+    """Explain every photo into a folder of its own; returns the exit code."""
+    if settings.track:
+        _check_track(settings)
+    with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
+        photos = photos_of(settings.images, settings.out)
+    boxes, first, others = boxes_of(settings, photos), *classes_of(settings)
+    hints, mask, cameras = hints_of(settings, photos), mask_of(settings, photos), cameras_of(settings, photos)
+    folders = result_folders(photos, settings.out)
+    how = ExplainSettings(
+        LIKELIHOODS[settings.likelihood],
+        self_shadow=not settings.no_self_shadow,
+        free_framing=FRAMINGS[settings.framing],
+    )
+    log = partial(add_line, settings.log)
+    log(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
+    given = RunSettings(first, how, settings.device, settings.export, others)
+    tasks = (
+        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
+        for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
+    )
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+
+    def done(row: dict[str, Any]) -> None:
+        found.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
+        show(len(found))
+        line = in_one_line(_line(row))
+        log(line)
+        if row["error"] is not None:
+            print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
+        elif not settings.json and not settings.quiet:
+            print(line, flush=True)
+
+    rows: list[dict[str, Any]] = []
+    line_shown = ExitStack()
+    show = line_shown.enter_context(progress_of(len(photos), settings.quiet))
+    try:
+        if settings.track:
+            frames = run_tracked(list(tasks), settings.out, given, done).frames
+            if not settings.json and not settings.quiet:
+                lost = sum(frame.lost for frame in frames)
+                print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
+        else:
+            for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
+                done(row)
+    finally:
+        line_shown.close()
+        rows += [row for folder in folders for row in found.get(folder.name, {}).values()]
+        if len(photos) > 1 and rows:
+            if not all(row.get("done_before") for row in rows):
+                for name in EXPORTS:  # `vig export` of the results before
+                    (settings.out / name).unlink(missing_ok=True)
+            write_table(settings.out, rows)
+            _write_page(settings.out, rows)
+            write_sheets(settings.out, rows)
+    failed = sum(row["error"] is not None for row in rows)
+    if settings.json:
+        print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))
+    elif failed < len(rows):
+        if not settings.quiet:
+            page = settings.out / ("" if len(photos) > 1 else folders[0].name) / "report.html"
+            print(f"to look at: {page}")
+        print(settings.out)
+    return 0 if not failed else 1 if failed < len(rows) else 2
+
+
+def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """What each explanation.json holds, by photo; a list of them where a photo has several objects."""
+    found: dict[str, Any] = {}
+    for row in rows:
+        if row["error"] is None:
+            folder = out / row["folder"]
+            said = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            if "/" in row["folder"]:
+                found.setdefault(row["photo"], []).append(said)
+            else:
+                found[row["photo"]] = said
+    return found
+
+
+def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
+    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
+    seen = sorted((row for row in rows if row["error"] is None), key=strange_first)
+    entries = []
+    for row in seen[:MOST_ENTRIES]:
+        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
+            folder = row["folder"].split("/")[0]  # of several objects the page of all
+            entries.append(Entry(name_of(row), folder, row, np.asarray(picture)))
+    if entries:
+        errors = [row["error"] for row in rows if row["error"] is not None]
+        with atomic_write(out / "report.html") as temporary:
+            photos = len({row["photo"] for row in seen})
+            title = None if photos == len(seen) else f"{photos} photos, {len(seen)} objects explained"
+            page = folder_html(entries, len(seen), errors, title)
+            temporary.write_text(page, encoding="utf-8", errors="replace")
+
+
+def in_one_line(words: str) -> str:
+    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in words)
+
+
+def add_line(log: Path | None, words: str) -> None:
+    """Add a line with the time to a file, where there is one; UserError when it cannot be written."""
+    if log is None:
+        return
+    try:
+        with open(log, "a", encoding="utf-8", errors="replace") as file:
+            print(datetime.now().isoformat(timespec="seconds"), words, file=file)
+    except OSError as error:
+        raise UserError(
+            f"expected --log FILE that can be written; got '{log}' ({error.strerror}). Name another."
+        ) from None
+
+
+def _check_track(settings: Fit) -> None:
+    """UserError where what was given does not go with `--track`."""
+    if len(settings.images) != 1 or not (settings.images[0].is_dir() or is_video(settings.images[0])):
+        came = f"{len(settings.images)} names" if len(settings.images) != 1 else f"'{settings.images[0]}'"
+        raise UserError(
+            f"expected one folder of frames or one video with --track; got {came}. Track one by one."
+        )
+    for name in (
+        "boxes",
+        "objects",
+        "cluster",
+        "mask",
+        "marks",
+        "points",
+        "azimuth",
+        "pose",
+        "cameras",
+        "intrinsics",
+    ):
+        if getattr(settings, name) not in (None, ()):
+            flag = "K" if name == "intrinsics" else name
+            raise UserError(f"expected --track without --{flag}; got both. Leave one out.")
+    if settings.workers > 1:
+        raise UserError(
+            "expected --track with one worker, as frames follow from each other. Leave out --workers."
+        )
+
+
+def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
+    """The photos that are named, those in folders that are, and frames of videos, which are put into
+    `out`/frames first; UserError when there are none.
+    """
+    photos: list[Path] = []
+    expanded = [each for given in images for each in _expanded(given)]
+    folders = iter(
+        result_folders([image for image in expanded if is_video(image) and not image.is_dir()], out / FRAMES)
+    )
+    for image in expanded:
+        if is_video(image) and not image.is_dir():
+            photos += frames_of(image, next(folders))
+            continue
+        found = _photos_in(image) if image.is_dir() else [image]
+        photos += sorted(found)
+    if not photos:
+        raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
+    return photos
+
+
+def _photos_in(folder: Path) -> list[Path]:
+    """The photos in a folder; what else is there is named in a line, UserError where that is all.
+
+    Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
+    """
+    known, photos, others = Image.registered_extensions(), list[Path](), list[Path]()
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or path.name in PASSED_OVER:
+            continue
+        suffix = path.suffix.lower()
+        # What has a photo's ending and is none is an error of its own, not passed over.
+        is_photo = known.get(suffix) in FORMATS or (suffix in HEIC and find_spec("pillow_heif") is not None)
+        (photos if is_photo else others).append(path)
+    named = [f"{path.name} ({_kind_of(path)})" for path in others]
+    if not photos:
+        came = f"{len(others)} of other kinds, {listed(named)}" if others else "none"
+        raise UserError(f"expected photos in '{folder}'; got {came}. Name others.")
+    if others:
+        files = "file" if len(others) == 1 else "files"
+        note(f"{len(others)} {files} of '{folder}' not taken: {listed(named)}")
+    return photos
+
+
+def _kind_of(path: Path) -> str:
+    """What a file is that is not taken as a photo from its folder."""
+    if path.is_dir():
+        return "a folder"
+    if is_video(path):
+        return "a video; name it itself"
+    if not path.is_file():
+        return "no file"
+    return (why_no_photo(path) or ("no photo", ""))[0]
+
+
+def _expanded(given: Path) -> list[Path]:
+    """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
+    pattern = str(given)
+    if os.path.lexists(given) or not glob.has_magic(pattern):
+        return [given]
+    if found := sorted(glob.glob(pattern, recursive=True)):
+        return [Path(each) for each in found]
+    raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
+
+
+def _line(row: dict[str, Any]) -> str:
+    if row["error"] is not None:
+        return f"error: {row['error']}"
+    if row["verdict"] == "absent":
+        return f"absent: {name_of(row)}; {row['reason']} ({_when(row)})"
+    hidden, sure = row["hidden_fraction"], row["mask_confidence"]
+    trust = ", trusted" if row["mask_trusted"] else ", not trusted"
+    trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # as the verdict says of the view
+    mask = "" if sure is None else f" (mask right with {sure:.0%}{trust})"
+    seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
+    if row["focal_from"] == "assumed":
+        seen += ", distance unknown (focal length assumed)"
+    colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
+    return (
+        f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
+        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({_when(row)})"
+    )
+
+
+def _when(row: dict[str, Any]) -> str:
+    return "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
+
+
+def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
+    """A folder for each photo, named after it; a number is added where two photos share a name."""
+    used = set(TAKEN)
+    folders = []
+    for image in images:
+        name, number = image.stem, 2
+        while name in used:
+            name, number = f"{image.stem}-{number}", number + 1
+        used.add(name)
+        folders.append(out / name)
+    return folders

@@ -1,0 +1,67 @@
+"""The command line: `vig VERB`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+import tyro
+
+from vig import __version__
+from vig.io.errors import UserError
+from vig_app.cli.common import Demo, Doctor, Export, Fit, Verb, View, verbs_of_packages
+
+VERBS = (
+    Verb("demo", Demo, "vig_app.cli.demo:demo"),
+    Verb("fit", Fit, "vig_app.cli.fit:fit"),
+    Verb("export", Export, "vig_app.cli.export:export"),
+    Verb("view", View, "vig_app.cli.view:view"),
+    Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
+)
+GROUPS = {
+    "class": "Make a class from a folder of meshes, and train its network.",
+    "dataset": "Generate, check, look at and export datasets.",
+}
+"""Verbs that have verbs of their own."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exits 0, 2 for a user's mistake, 1 for a failed check, 130 when interrupted."""
+    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+        print(f"vig {__version__}")
+        sys.exit(0)
+    verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
+    chosen = _parsed(list(verbs.values()), arguments)
+    if isinstance(chosen, Fit | View):  # whose matrices are small: numpy's further threads would only spin
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        sys.exit(verbs[type(chosen)].run(chosen))
+    except UserError as error:
+        print(f"vig: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:  # the reader of the output has exited, as `| head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print("vig: interrupted; what is finished stays", file=sys.stderr)
+        sys.exit(130)
+
+
+def _parsed(verbs: list[Verb], arguments: list[str] | None) -> Any:
+    """The settings of the verb that the arguments (by default those of the process) name."""
+    app = tyro.extras.SubcommandApp()
+    groups: dict[str, tyro.extras.SubcommandApp] = {}
+    for verb in verbs:
+        group, _, name = verb.name.rpartition(" ")
+        if group and group not in groups:
+            groups[group] = tyro.extras.SubcommandApp()
+        (groups[group] if group else app).command(name=name)(verb.settings)
+    for group, inner in groups.items():
+        app.command(inner, name=group, help=GROUPS[group])
+    return app.cli(
+        prog="vig",
+        description="Explain objects in photos, even where they are hidden.",
+        args=arguments,
+        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
+    )

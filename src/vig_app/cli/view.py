@@ -1,0 +1,54 @@
+"""`vig view`: a photo on a page on which its explanation is put right by hand."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import webbrowser
+from dataclasses import replace
+from pathlib import Path
+
+from vig.explainer import Explainer
+from vig.io.errors import UserError
+from vig_app.cli.boxes import parse_box
+from vig_app.cli.common import View
+from vig_app.corrections import State, result_in
+from vig_app.viewer import Session
+from vig_app.viewer.server import HOST, Viewer, free_port
+
+
+def view(settings: View) -> int:
+    """Serve the page until interrupted; returns the exit code."""
+    photo, object_class, folder, state = settings.photo, settings.object_class, settings.out, State()
+    if photo.is_dir():
+        for name, given in (("class", object_class), ("out", folder)):
+            if given is not None:
+                raise UserError(f"expected a photo with --{name}; got a result, which has one. Leave it out.")
+        folder = result_in(photo)
+        photo, object_class, state = State.read(folder)
+    else:
+        folder = (folder or Path("vig-fit")) / photo.stem
+    if settings.box is not None:
+        state = replace(state, box=parse_box(settings.box))
+    port = free_port(settings.port)
+    session = Session(Explainer(object_class or "teapot"), photo, state)
+    viewer = Viewer(session, folder, port)
+    if viewer.port != settings.port:
+        print(f"port {settings.port} is taken; this page has another:", flush=True)
+    print(f"http://{HOST}:{viewer.port}", flush=True)
+    print(
+        f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{HOST}:{viewer.port} and this machine's name",
+        flush=True,
+    )
+    if not settings.no_open:
+        webbrowser.open(f"http://{HOST}:{viewer.port}")
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a script's background jobs begin by ignoring it
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        viewer.stop()
+    if viewer.saved:
+        print(folder)
+    return 0

@@ -1,0 +1,109 @@
+"""A run over photos: a folder of results for each, a ledger to resume from, one table.
+
+What is done stays, whatever ends the run: a photo's folder appears when it is complete, and its row in
+`results.jsonl` after that. A photo whose row is there is not fitted again while photo, settings and class are
+the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+from vig.explainer import Explainer
+from vig.io.errors import UserError
+from vig.parallel import Lost, check_main_module, map_as_done
+from vig_app.runs.ledger import LEDGER, described, is_done, key_of, ledger_of, rows_done
+from vig_app.runs.remote import rows_of_cluster, taken
+from vig_app.runs.work import Rows, RunSettings, Task, Work, lost_row, prepare
+
+
+def run(
+    tasks: Iterable[Task],
+    out: Path,
+    settings: RunSettings,
+    workers: int = 1,
+    resume: bool = True,
+    cluster: str | None = None,
+) -> Iterator[dict[str, Any]]:
+    """Explain photos into their folders, and yield the row of each object as it is done, `COLUMNS`.
+
+    Args:
+        tasks: Any number, with folders within `out`; they are taken as they are needed.
+        out: Holds the ledger.
+        settings: For all photos.
+        workers: Processes; with 1 it is done in this one, in order. One that is killed is replaced.
+        resume: Keep a ledger, which no other run may be writing to. Photos that it has are not fitted again;
+            their rows have "done_before".
+        cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
+            sent to its nodes and results come back: they need vig and the class, but no shared disk.
+
+    Raises:
+        UserError: The class cannot be loaded, `out` cannot be written, another run writes there, or there is
+            no such cluster.
+    """
+    if workers > 1:
+        check_main_module()
+    explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    said = described(settings, explainer)
+    if not resume:
+        named = (replace(task, key=key_of(task, said)) for task in tasks)
+        for _, rows in _rows(named, settings, explainer, workers, cluster):
+            yield from rows
+        return
+    with ledger_of(out) as ledger:
+        done = rows_done(ledger)
+        before: deque[dict[str, Any]] = deque()
+
+        def waiting() -> Iterator[Task]:
+            for task in tasks:
+                key = key_of(task, said)
+                written, rows = done.pop(task.folder.name, ("", []))  # each is kept once
+                if written == key and is_done(task, key, rows):
+                    before.extend(row | {"done_before": True} for row in rows)
+                else:
+                    yield replace(task, key=key)
+
+        for task, rows in _rows(waiting(), settings, explainer, workers, cluster):
+            try:
+                ledger.write(json.dumps({"key": task.key, "rows": rows}) + "\n")
+                ledger.flush()
+            except OSError as error:
+                raise UserError(
+                    f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and run"
+                    " the same command again."
+                ) from error
+            yield from taken(before)
+            yield from rows
+        yield from taken(before)
+
+
+def _rows(
+    tasks: Iterable[Task], settings: RunSettings, explainer: Explainer, workers: int, cluster: str | None
+) -> Iterator[tuple[Task, Rows]]:
+    """Tasks and their rows as they are done; tasks are taken as they are needed."""
+    if cluster is not None:
+        yield from rows_of_cluster(tasks, settings, cluster)
+        return
+    tasks = iter(tasks)
+    first = list(islice(tasks, 2))
+    tasks = chain(first, tasks)
+    if workers == 1 or len(first) < 2:
+        work = Work(explainer, settings)
+        yield from ((task, work(task)) for task in tasks)
+        return
+    given: dict[int, Task] = {}
+
+    def noted() -> Iterator[Task]:
+        for number, task in enumerate(tasks):
+            given[number] = task
+            yield task
+
+    for number, rows in map_as_done(prepare, settings, noted(), workers):
+        task = given.pop(number)
+        yield task, lost_row(task, rows) if isinstance(rows, Lost) else rows

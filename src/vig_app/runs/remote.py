@@ -1,0 +1,110 @@
+"""A run's photos on a Ray cluster: they go as bytes, and files come back as bytes and are written here."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any, TypeVar
+
+from vig.io.errors import UserError
+from vig.parallel import Lost
+from vig.parallel.cluster import map_on_cluster
+from vig.photo.images import existing_file
+from vig_app.corrections import CORRECTIONS
+from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failed, lost_row, prepare
+
+Item = TypeVar("Item")
+Sent = tuple[Task, bytes, bytes | None]
+"""A task, its photo's bytes and its mask's, as a node gets them."""
+
+
+def rows_of_cluster(
+    tasks: Iterable[Task], settings: RunSettings, address: str
+) -> Iterator[tuple[Task, Rows]]:
+    """As `_rows`; photos go as bytes, and files come back as bytes and are written here."""
+    unread: deque[tuple[Task, Rows]] = deque()
+    given: dict[int, Task] = {}
+    numbers = count()
+
+    def items() -> Iterator[Sent]:
+        for task in tasks:
+            try:
+                photo = existing_file(task.photo).read_bytes()
+                mask = None if task.mask is None else existing_file(task.mask).read_bytes()
+            except (UserError, OSError) as error:
+                unread.append((task, failed(task, error)))
+                continue
+            given[next(numbers)] = task
+            yield task, photo, mask
+
+    for number, found in map_on_cluster(prepare_remote, settings, items(), address):
+        yield from taken(unread)
+        task = given.pop(number)
+        if isinstance(found, Lost):
+            yield task, lost_row(task, found)
+            continue
+        rows, files = found
+        try:
+            if rows[0]["error"] is None:
+                _store(task, files)
+        except UserError as error:
+            rows = failed(task, error)
+        yield task, rows
+    yield from taken(unread)
+
+
+def prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
+    """The work of a process on a node: explains a photo's bytes, returns its rows and its files' bytes."""
+    work = prepare(settings)
+
+    def remote(item: Sent) -> tuple[Rows, dict[str, bytes]]:
+        task, photo, mask = item
+        with tempfile.TemporaryDirectory() as folder:
+            here = _put(Path(folder) / "photo" / task.photo.name, photo)
+            of_mask = None
+            if task.mask is not None and mask is not None:
+                of_mask = _put(Path(folder) / "mask" / task.mask.name, mask)
+            root = Path(folder) / "result" / task.folder.name
+            rows = work(replace(task, photo=here, mask=of_mask, folder=root))
+            found = [path for path in root.rglob("*") if path.is_file()]
+            files = {str(path.relative_to(root)): path.read_bytes() for path in found}
+        for row in rows:
+            row["photo"] = str(task.photo)
+            if row["error"] is not None:
+                told = row["error"].replace(str(here), str(task.photo))
+                row["error"] = told.replace(str(of_mask), str(task.mask))
+        return rows, files
+
+    return remote
+
+
+def _put(path: Path, data: bytes) -> Path:
+    path.parent.mkdir()
+    path.write_bytes(data)
+    return path
+
+
+def _store(task: Task, files: dict[str, bytes]) -> None:
+    """Write files that a node sent; the photo that corrections.json names is here, not where it was sent."""
+    with beside_folder(task) as beside:
+        for name, data in files.items():
+            path = beside / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        corrections = beside / CORRECTIONS
+        if corrections.exists():
+            told = json.loads(corrections.read_text())
+            told["photo"] = os.path.relpath(task.photo.resolve(), beside.resolve())
+            corrections.write_text(json.dumps(told, indent=2) + "\n")
+
+
+def taken(waiting: deque[Item]) -> Iterator[Item]:
+    """Take all that is there."""
+    while waiting:
+        yield waiting.popleft()

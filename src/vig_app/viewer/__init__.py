@@ -1,0 +1,5 @@
+"""`vig view`: a photo explained, and put right by hand, in a browser."""
+
+from vig_app.viewer.session import Session
+
+__all__ = ["Session"]

@@ -1,0 +1,151 @@
+"""What a user does with one photo: every correction is a state, fitted anew, and can be taken back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from vig.explainer import Explainer
+from vig.explanation import Explanation
+from vig.inference import Said
+from vig.io.errors import UserError
+from vig.photo import focal_of
+from vig.photo.images import coded_photo
+from vig_app.corrections import Mark, State
+
+KEPT = 200
+"""States that can be gone back to, at most."""
+Change = Callable[[State], State]
+"""What one correction makes of a state."""
+
+
+class Session:
+    """One photo, its explanation, and the states that led there.
+
+    Every method that says something fits the photo again and returns the new explanation; where that cannot
+    be done it raises UserError and leaves all as it was.
+    """
+
+    def __init__(
+        self,
+        explainer: Explainer,
+        photo: str | Path,
+        state: State | None = None,
+    ) -> None:
+        """Open a photo and explain it with what is said of it.
+
+        Args:
+            explainer: Of the class.
+            photo: A file.
+            state: What is said at first.
+
+        Raises:
+            UserError: As `Explainer.explain` does.
+        """
+        self.explainer, self.path = explainer, Path(photo)
+        self.photo, self.focal = coded_photo(photo), focal_of(photo)
+        self.states = [state or State()]
+        self._check(self.state)
+        self.explanation = self._explained(self.state)
+
+    @property
+    def state(self) -> State:
+        """What is said now."""
+        return self.states[-1]
+
+    def correct(self, *changes: Change | None) -> Explanation:
+        """Make corrections in their order and fit once; None takes the last one back, where there is one.
+
+        Raises:
+            UserError: As `Explainer.explain` does; then none of them was made.
+        """
+        states = [*self.states]
+        for change in changes:
+            if change is not None:
+                changed = change(states[-1])
+                self._check(changed)
+                states += [changed] if changed != states[-1] else []
+            elif len(states) > 1:
+                states.pop()
+        if states[-1] != self.state:
+            self.explanation = self._explained(states[-1])
+        self.states = states[-KEPT:]
+        return self.explanation
+
+    def draw_box(self, x: float, y: float, width: float, height: float) -> Explanation:
+        """A box round the whole object, cut at the photo's edges; what was found before no longer counts."""
+        return self.correct(self.boxed(x, y, width, height))
+
+    def boxed(self, x: float, y: float, width: float, height: float) -> Change:
+        """The change that `draw_box` makes."""
+        most = self.photo.shape[1], self.photo.shape[0]
+        left, top = max(x, 0.0), max(y, 0.0)
+        right, bottom = min(x + width, float(most[0])), min(y + height, float(most[1]))
+        return lambda state: replace(state, box=(left, top, right - left, bottom - top))
+
+    def place(self, name: str, x: float, y: float) -> Explanation:
+        """Where a named point of the class is."""
+        return self.correct(placed(name, x, y))
+
+    def mark(self, said: Said, x: float, y: float, radius: float) -> Explanation:
+        """What a disc of the photo shows."""
+        return self.correct(marked(said, x, y, radius))
+
+    def choose(self, azimuth_deg: float | None) -> Explanation:
+        """Which view it is, to some 8 degrees; None leaves it open again."""
+        return self.correct(lambda state: replace(state, azimuth_deg=azimuth_deg))
+
+    def hold(self, elevation_deg: float | None, roll_deg: float | None) -> Explanation:
+        """Hold the eye's elevation and the photo's roll; None lets them free."""
+        return self.correct(lambda state: replace(state, elevation_deg=elevation_deg, roll_deg=roll_deg))
+
+    def say_visible(self, visible: bool) -> Explanation:
+        """Whether nothing hides any of the object."""
+        return self.correct(lambda state: replace(state, visible=visible))
+
+    def clear(self) -> Explanation:
+        """Take all back but the box."""
+        return self.correct(cleared)
+
+    def undo(self) -> Explanation:
+        """Take the last correction back; nothing happens where there is none."""
+        return self.correct(None)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write what `vig fit` writes; returns the folder."""
+        folder = self.explanation.save(folder, self.path.name)
+        self.state.write(folder, self.path, self.explainer.object_class)
+        return folder
+
+    def _check(self, state: State) -> None:
+        height, width = self.photo.shape[:2]
+        state.check(width, height, self.explainer.object_class)
+
+    def _explained(self, state: State) -> Explanation:
+        height, width = self.photo.shape[:2]
+        given: dict[str, Any] = {"box": state.box, "hints": state.hints(width, height)}
+        said = state.focal is not None or state.camera is not None
+        focal = state.focal if said else self.focal
+        try:
+            found = self.explainer.explain(self.photo, focal=focal, camera=state.camera, **given)
+            exif = not said and focal is not None and self.explainer.settings.farther is None
+            return replace(found, focal_from="exif") if exif else found
+        except UserError as error:
+            raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
+
+
+def placed(name: str, x: float, y: float) -> Change:
+    """The change that `Session.place` makes."""
+    return lambda state: replace(state, points={**state.points, name: (x, y)})
+
+
+def marked(said: Said, x: float, y: float, radius: float) -> Change:
+    """The change that `Session.mark` makes."""
+    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, said)))
+
+
+def cleared(state: State) -> State:
+    """The change that `Session.clear` makes."""
+    return State(box=state.box, focal=state.focal, camera=state.camera)

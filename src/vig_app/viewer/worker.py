@@ -1,0 +1,121 @@
+"""The thread that a page's corrections are made on."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from vig.io.errors import UserError
+from vig_app.viewer.session import Change, Session
+
+Work = Callable[[], None]
+
+
+class Tell(Protocol):
+    """Shows the user some words, of what was done or of what cannot be."""
+
+    def __call__(self, words: str, refused: bool = False) -> None: ...
+
+
+class Worker:
+    """Makes corrections in their order, those that came while it fitted all at once, and other work between.
+
+    A page's events come on many threads and faster than fits are made. Where some of several corrections
+    cannot be made, these alone are told and left out.
+    """
+
+    def __init__(self, session: Session, show: Callable[[], None], tell: Tell) -> None:
+        """Start the thread.
+
+        Args:
+            session: Is corrected.
+            show: Is called after corrections, on the thread.
+            tell: Is called there with what the user should read.
+        """
+        self.session, self.show, self.tell = session, show, tell
+        self._waiting: deque[tuple[Change | None, Work | None]] = deque()
+        self._changed, self._busy, self._ended = threading.Condition(), False, False
+        self._thread = threading.Thread(target=self._run, name="vig-view", daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything is being done or waits."""
+        return self._busy or bool(self._waiting)
+
+    @property
+    def corrections_wait(self) -> bool:
+        """Whether corrections came that are not made yet."""
+        return any(work is None for _, work in [*self._waiting])
+
+    def correct(self, change: Change | None) -> None:
+        """Make a correction soon; None takes the last one back."""
+        self._add(change, None)
+
+    def do(self, work: Work) -> None:
+        """Do something on the thread, after the corrections before it."""
+        self._add(None, work)
+
+    def stop(self) -> None:
+        """End after what is being done; what waits is left."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+
+    def _add(self, change: Change | None, work: Work | None) -> None:
+        with self._changed:
+            self._waiting.append((change, work))
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._busy = False
+                self._changed.wait_for(lambda: self._waiting or self._ended)
+                if self._ended:
+                    return
+                self._busy = True
+                changes: list[Change | None] = []
+                while self._waiting and self._waiting[0][1] is None:
+                    changes.append(self._waiting.popleft()[0])
+                work = None if changes else self._waiting.popleft()[1]
+            try:
+                if work is not None:
+                    work()
+                else:
+                    self._correct(changes)
+            except Exception:  # a fault of ours must not leave the page without its thread
+                traceback.print_exc()
+                self.tell("That went wrong; the terminal says more.", refused=True)
+
+    def _correct(self, changes: list[Change | None]) -> None:
+        self.tell("fitting ...")
+        began = time.perf_counter()
+        try:
+            self.session.correct(*changes)
+            refused = ""
+        except UserError as error:
+            refused = str(error) if len(changes) == 1 else self._one_by_one(changes)
+        self.show()
+        self.tell(refused or f"fitted in {time.perf_counter() - began:.1f} s", bool(refused))
+
+    def _one_by_one(self, changes: list[Change | None]) -> str:
+        """Each by itself; what to tell of those that are refused. Taking one of these back does nothing."""
+        told: list[str] = []
+        refused = 0
+        for change in changes:
+            if change is None and refused:
+                refused -= 1
+                continue
+            try:
+                self.session.correct(change)
+                refused = 0
+            except UserError as error:
+                refused += 1
+                told.append(str(error))
+        return " ".join(dict.fromkeys(told))

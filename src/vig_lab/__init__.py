@@ -1,1 +1,0 @@
-"""The paper's experiments: evaluation, ablations, figures, the paper's networks, reproduction."""

@@ -1,0 +1,226 @@
+"""Ablations: the default fit with one part of the method switched off at a time, on the same photos."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.inference import ExplainSettings, Stage, explain_one
+from vig.io.errors import UserError
+from vig.likelihood import LIKELIHOODS, ROBUST
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass, linear_from_srgb
+from vig.search.optimizer import Optimizer
+from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
+from vig_paper.optimizers.dogleg import Dogleg
+from vig_paper.optimizers.gradient_descent import GradientDescent
+from vig_paper.optimizers.quasi_newton import BFGS, LBFGS
+from vig_train.evaluation.presentation import Block
+from vig_train.evaluation.protocol import evaluate
+from vig_train.evaluation.results import MethodResult
+from vig_train.evaluation.statistics import FAR_DEG, failure, paired, resampled, summary
+from vig_train.evaluation.table import METRICS
+from vig_world.dataset import Dataset
+from vig_world.threads import one_thread
+
+DEFAULT = "default"
+TIMED = 20
+"""Photos on which fits are timed."""
+
+_LEAST_P = 1e-4
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """One part of the method switched off."""
+
+    title: str
+    """Of its row in the table."""
+    change: Callable[[ExplainSettings], ExplainSettings]
+    """From the default's settings."""
+
+
+def _in_each_stage(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
+    """The change of every stage of the settings."""
+    return lambda settings: replace(settings, stages=tuple(change(stage) for stage in settings.stages))
+
+
+def _by(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
+    """Another optimiser from the same starts; patience: its iterations for each of the default's."""
+
+    def change(settings: ExplainSettings) -> ExplainSettings:
+        longer = _in_each_stage(
+            lambda stage: replace(
+                stage, iterations=patience * stage.iterations, tolerance=stage.tolerance / patience
+            )
+        )
+        return replace(longer(settings), optimizer=optimizer)
+
+    return Ablation(title, change)
+
+
+ABLATIONS: dict[str, Ablation] = {
+    "silhouettes": Ablation("constant silhouettes", lambda s: replace(s, silhouette="paper")),
+    "priors": Ablation(
+        "no prior on latents from the recognition model, the class's counted once",
+        lambda s: replace(s, recognition_weight=0.0, view_weight=0.0, prior_weight=1.0),
+    ),
+    "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
+    "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),
+    "annealing": Ablation("no annealing", _in_each_stage(lambda stage: replace(stage, sigma=1.0))),
+    "hypotheses": Ablation("one start", _in_each_stage(lambda stage: replace(stage, starts=1))),
+    "self-shadow": Ablation("no self-shadow", lambda s: replace(s, self_shadow=False)),
+    "mask-prior": Ablation("no prior from the predicted mask", lambda s: replace(s, mask_weight=0.0)),
+    "surroundings": Ablation("no model of the surroundings", lambda s: replace(s, surroundings=0.0)),
+    "cg": _by("by conjugate gradient", ConjugateGradient()),
+    "cg-unscaled": _by("by conjugate gradient, unscaled as in the paper", ConjugateGradient(scaled=False)),
+    "gd": _by("by gradient descent", GradientDescent(), patience=10),
+    "bfgs": _by("by BFGS", BFGS(), patience=4),
+    "lbfgs": _by("by L-BFGS", LBFGS(), patience=4),
+    "dogleg": _by("by Powell's dogleg", Dogleg()),
+}
+
+
+def variants(
+    settings: ExplainSettings | None = None, names: Iterable[str] | None = None
+) -> dict[str, ExplainSettings]:
+    """The default's settings, and those of each ablation (of `names` only), by name.
+
+    An ablation that changes nothing is left out: its part is off already.
+
+    Raises:
+        UserError: An unknown name.
+    """
+    settings = settings or ExplainSettings()
+    wanted = list(ABLATIONS if names is None else names)
+    unknown = [name for name in wanted if name not in ABLATIONS]
+    if unknown:
+        raise UserError(f"expected ablations among {', '.join(ABLATIONS)}; got {', '.join(unknown)}")
+    changed = {name: ABLATIONS[name].change(settings) for name in wanted}
+    return {DEFAULT: settings} | {name: other for name, other in changed.items() if other != settings}
+
+
+def run_ablations(
+    dataset: Dataset,
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    cache: Path | None = None,
+    names: Iterable[str] | None = None,
+    workers: int | None = None,
+    advance: Callable[[int], None] = lambda done: None,
+    settings: ExplainSettings | None = None,
+) -> dict[str, Any]:
+    """Fit every photo by the default and by each ablation of it; compare them photo by photo.
+
+    Fits are timed separately, since those in the cache were made in another run.
+
+    Args:
+        dataset: Of this class.
+        object_class: Of the objects.
+        recognizer: Its prediction is where fits start.
+        cache: See `evaluate`, as for workers and advance.
+        names: See `variants`.
+        workers: Fits at a time.
+        advance: Called with the number of fits made.
+        settings: The default.
+
+    Returns:
+        Plain numbers, ready for JSON: "count", "max_occlusion", and "variants": name to "title", "metrics"
+        (metric to `statistics.summary`), "failure" (`statistics.failure`), "milliseconds" (`timed`), and, but
+        for the default, "against_default": metric to `statistics.paired`, the variant less the default.
+    """
+    chosen = variants(settings, names)
+    results: dict[str, MethodResult] = {}
+    for name, each in chosen.items():
+        method = next(method for method, model in LIKELIHOODS.items() if model == each.likelihood)
+        folder = None if cache is None else cache / name
+        found = evaluate(dataset, object_class, recognizer, (method,), each, workers, advance, folder)
+        results[name] = found[method]
+    milliseconds = timed(dataset, object_class, recognizer, chosen)
+    drawn = resampled(len(dataset), np.random.default_rng(0))
+    metrics = [metric for metric in METRICS if metric in results[DEFAULT].errors]
+    default = results[DEFAULT].errors
+    rows: dict[str, Any] = {}
+    for name, result in results.items():
+        rows[name] = {
+            "title": name if name == DEFAULT else ABLATIONS[name].title,
+            "metrics": {metric: summary(result.errors[metric], drawn) for metric in metrics},
+            "failure": failure(result.errors["azimuth_deg"], drawn),
+            "milliseconds": milliseconds[name],
+        }
+        if name != DEFAULT:
+            compared = {metric: paired(result.errors[metric], default[metric], drawn) for metric in metrics}
+            rows[name]["against_default"] = compared
+    return {"count": len(dataset), "max_occlusion": float(dataset.occlusion.max()), "variants": rows}
+
+
+def timed(
+    dataset: Dataset,
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    chosen: Mapping[str, ExplainSettings],
+    count: int = TIMED,
+) -> dict[str, float]:
+    """Milliseconds of a fit by each variant on one thread, kernels warm: means of the first `count` photos.
+
+    Processor time, which is wall time where nothing else runs. The variants take turns on each photo, so
+    that a slow period of the machine affects all.
+    """
+    images = dataset.images[:count].astype(np.float32) / 255
+    photos = torch.from_numpy(linear_from_srgb(images)).float()
+    prediction = recognizer(photos)
+    spent = dict.fromkeys(chosen, 0.0)
+    with one_thread():
+        for settings in chosen.values():
+            explain_one(photos[0], prediction[:1], object_class, settings)
+        for index, photo in enumerate(photos):
+            for name, settings in chosen.items():
+                started = time.process_time()
+                explain_one(photo, prediction[index : index + 1], object_class, settings)
+                spent[name] += time.process_time() - started
+    return {name: 1000 * seconds / len(photos) for name, seconds in spent.items()}
+
+
+def ablation_markdown(table: Mapping[str, Any]) -> str:
+    """The table of `run_ablations` in Markdown."""
+    return "\n".join(block.markdown() for block in ablation_blocks(table))
+
+
+def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
+    """The table of `run_ablations`: a block of errors, and one of differences to the default."""
+    rows = table["variants"]
+    metrics = list(rows[DEFAULT]["metrics"])
+    titles = [METRICS[metric] for metric in metrics]
+    errors = [
+        [
+            row["title"],
+            *(f"{found['median']:.3g} ({found['mean']:.3g})" for found in row["metrics"].values()),
+            f"{row['failure']['rate']:.1%}",
+            f"{row['milliseconds']:.0f}",
+        ]
+        for row in rows.values()
+    ]
+    differences = [
+        [row["title"], *(_difference(row["against_default"][metric]) for metric in metrics)]
+        for row in rows.values()
+        if "against_default" in row
+    ]
+    images = f"{table['count']} images, at most {table['max_occlusion']:.0%} hidden"
+    header = ["", *titles, f"azimuth off by > {FAR_DEG:.0f}", "ms per fit"]
+    blocks = [Block(f"The default fit and its ablations: {images}; median (mean)", header, errors)]
+    if differences:
+        title = "Less the default: difference of medians, its paired 95 % interval; p of Wilcoxon's test"
+        blocks.append(Block(title, ["", *titles], differences))
+    return blocks
+
+
+def _difference(test: Mapping[str, Any]) -> str:
+    low, high = test["ci95"]
+    p = f"p < {_LEAST_P:g}" if test["p"] < _LEAST_P else f"p = {test['p']:.2g}"
+    return f"{test['median_difference']:+.3g}, {p}\n[{low:+.3g}, {high:+.3g}]"

@@ -1,0 +1,76 @@
+"""`vig reproduce`: the paper's section 5 in one command."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from dataclasses import MISSING, asdict, fields
+from typing import Any
+
+from rich.console import Console
+
+from vig.io.machine import machine
+from vig_paper.cli.settings import Reproduce
+from vig_paper.reproduction import RENDERERS, Record, Run, RunFolder, Settings, reproduce
+from vig_paper.reproduction.page import write_page
+from vig_train.cli.common import check_workers
+from vig_train.evaluation.paper import compare, comparison_block
+
+
+def reproduce_paper(chosen: Reproduce) -> int:
+    """Do the remaining steps of a run and print its tables, or JSON; its folder comes last."""
+    settings = Settings.of(**{field.name: getattr(chosen, field.name) for field in fields(Settings)})
+    check_workers(chosen.workers)
+    folder = RunFolder(chosen.out)
+
+    def report(line: str) -> None:
+        if not chosen.json:
+            print(line, flush=True)
+
+    run = Run(folder, settings, not chosen.no_cycles, chosen.workers, report, not chosen.json)
+    record = reproduce(run, write_page, chosen.steps, machine(), command_line(chosen))
+    tables = {name: table for name in RENDERERS if (table := folder.read_table(name)) is not None}
+    if chosen.json:
+        print(json.dumps(summary(folder, record, tables), indent=2))
+        return 0
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    for renderer, table in tables.items():
+        console.print(comparison_block(table).rich())
+        cells = compare(table)
+        print(f"{renderer}: {sum(cell.passed for cell in cells)} of {len(cells)} cells pass")
+    if folder.page.exists():
+        print(folder.page)
+    print(folder.root)
+    return 0
+
+
+def summary(folder: RunFolder, record: Record, tables: dict[str, Any]) -> dict[str, Any]:
+    """Data that `--json` prints.
+
+    `{"settings", "steps", "tables": {renderer: table.json}, "comparison": {renderer: [cell]}, "page",
+    "folder"}`; cells are those of `vig_train.evaluation.paper.compare`.
+    """
+    return {
+        "settings": record.data["settings"],
+        "steps": record.data["steps"],
+        "tables": tables,
+        "comparison": {name: [asdict(cell) for cell in compare(table)] for name, table in tables.items()},
+        "page": str(folder.page),
+        "folder": str(folder.root),
+    }
+
+
+def command_line(chosen: Reproduce) -> str:
+    """The command of these settings, without options that do not change the numbers."""
+    command = ["vig", "reproduce"]
+    for field in fields(Reproduce):
+        value = getattr(chosen, field.name)
+        if field.name in ("steps", "workers", "json") or (
+            field.default is not MISSING and value == field.default
+        ):
+            continue
+        command.append("--" + field.name.replace("_", "-"))
+        if value is not True:
+            command += value if isinstance(value, tuple) else [str(value)]
+    return shlex.join(command)

@@ -1,0 +1,134 @@
+"""An animated fit: the best explanation so far over the photo, evaluation by evaluation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image, ImageDraw, ImageFont
+from scipy import ndimage
+
+from vig.inference import ExplainSettings, explain_one
+from vig.io.files import atomic_write
+from vig.recognition import Prediction
+from vig.scene import Latents, ObjectClass, srgb8_from_linear, srgb_from_linear
+from vig.search.optimizer import Budget, Descent, Optimizer, Problem
+from vig_paper.figures.style import draw
+
+MOST_FRAMES = 40
+MOST_BYTES = 1_000_000
+SIDE = 300
+"""Pixels of each of the two pictures, the photo and the explanation."""
+FRAME_MS, LAST_MS = 120, 2500
+OUTLINE = np.array([1.0, 0.82, 0.0])
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """An optimiser that runs another and records, at every evaluation, the best point of its stage so far."""
+
+    optimizer: Optimizer
+    best: list[torch.Tensor] = field(default_factory=list)
+    """Points (P',), one per evaluation; a stage's first is among its own starts."""
+
+    def __call__(
+        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Descent:
+        """Run the other optimiser; see `Optimizer`."""
+        return self.optimizer(_Watched(problem, self.best), starts, photo, sigma, budget)
+
+
+class _Watched:
+    """A problem that records the best point evaluated so far."""
+
+    def __init__(self, problem: Problem, best: list[torch.Tensor]):
+        self.problem, self.best = problem, best
+        self.highest = -torch.inf
+        self.lower, self.upper = problem.lower, problem.upper
+        self.dtype, self.device = problem.dtype, problem.device
+
+    def __call__(
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+    ) -> Any:
+        valued = self.problem(points, photo, sigma, derivatives)
+        value, place = valued.value.nan_to_num(nan=-torch.inf).max(0)
+        if float(value) > self.highest or not self.best:
+            self.highest = float(value)
+            self.best.append(points[int(place)].clone())
+        else:
+            self.best.append(self.best[-1])
+        return valued
+
+
+def fit_animation(
+    photo: torch.Tensor,
+    prediction: Prediction,
+    object_class: ObjectClass,
+    settings: ExplainSettings,
+    path: str | Path,
+) -> Path:
+    """Write an animated WebP of one photo's fit: the photo, and the best explanation so far over it.
+
+    At most `MOST_FRAMES` frames, evenly spaced over all evaluations, and `MOST_BYTES`. The first frame is the
+    recognition model's best guess, the last the result. The best is that of the current stage, since each
+    stage has its own noise and scale.
+
+    Args:
+        photo: (150, 150, 3) linear RGB.
+        prediction: Of this photo (N = 1).
+        object_class: Of the object.
+        settings: Of the fit.
+        path: Of the WebP file.
+    """
+    recorder = Recorder(settings.optimizer)
+    answer = explain_one(photo, prediction, object_class, replace(settings, optimizer=recorder))
+    taken = np.linspace(0, len(recorder.best) - 1, min(len(recorder.best), MOST_FRAMES - 2)).round()
+    points = [recorder.best[int(place)] for place in taken]
+    vectors = [
+        prediction.best().to_vector()[0],
+        *(point[: prediction.best().to_vector().shape[1]] for point in points),
+        answer.latents.to_vector()[0],
+    ]
+    captions = ["recognition model"]
+    captions += [f"evaluation {int(place) + 1} of {len(recorder.best)}" for place in taken]
+    captions += [answer.verdict.name.lower()]
+    shown = Latents.from_vector(torch.stack(vectors).float())
+    colours, coverage = draw(shown, object_class, settings.self_shadow)
+    linear = photo.numpy()
+    frames = [
+        _frame(linear, colour, covered, caption)
+        for colour, covered, caption in zip(colours, coverage, captions, strict=True)
+    ]
+    durations = [5 * FRAME_MS] + [FRAME_MS] * (len(frames) - 2) + [LAST_MS]
+    _write(Path(path), frames, durations)
+    return Path(path)
+
+
+def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, caption: str) -> Image.Image:
+    """The photo on the left; on the right the rendering over it with its outline, and a caption."""
+    over = (
+        srgb_from_linear(photo) * (1 - coverage[..., None]) + srgb_from_linear(colour) * coverage[..., None]
+    )
+    silhouette = coverage >= 0.5
+    over[ndimage.binary_dilation(silhouette) & ~silhouette] = OUTLINE
+    sheet = Image.new("RGB", (2 * SIDE + 4, SIDE + 22), "white")
+    for left, picture in ((0, srgb8_from_linear(photo)), (SIDE + 4, (255 * over).round().astype(np.uint8))):
+        sheet.paste(Image.fromarray(picture).resize((SIDE, SIDE), Image.Resampling.BICUBIC), (left, 0))
+    ImageDraw.Draw(sheet).text((SIDE + 4, SIDE + 3), caption, fill="#22262e", font=ImageFont.load_default(13))
+    return sheet
+
+
+def _write(path: Path, frames: list[Image.Image], durations: list[int]) -> None:
+    """Animated WebP of the best quality that stays under `MOST_BYTES`."""
+    with atomic_write(path) as temporary:
+        for quality in (80, 60, 40, 20):
+            first, *others = frames
+            first.save(
+                temporary, "WEBP", save_all=True, append_images=others, duration=durations, loop=0,
+                quality=quality, method=4,
+            )  # fmt: skip
+            if temporary.stat().st_size < MOST_BYTES:
+                break

@@ -1,0 +1,175 @@
+"""Figure 3: errors against occlusion. Reliability: predicted against observed coverage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vig_paper.figures.style import COLOURS, FAINT, INK, NAMES, SOFT, bare, new_figure, save
+from vig_train.evaluation.paper import MAX_OCCLUSION, paper_median
+from vig_train.evaluation.results import MethodResult
+from vig_train.evaluation.statistics import BINS, LEVELS, by_occlusion, coverage, standardised
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PANELS = {
+    "azimuth_deg": "azimuth error, degrees",
+    "elevation_deg": "elevation error, degrees",
+    "appearance": "appearance error",
+    "illumination": "illumination error",
+    "shape_mm": "shape error, mm",
+    "segmentation_iou": "segmentation, IoU (more is better)",
+}
+GROUPS = {
+    "azimuth": "#3b6fb6",
+    "elevation": "#2f9e6e",
+    "shape": "#c2357b",
+    "albedo": "#e08a2e",
+    "light": "#8a63c7",
+}
+AIM = 85, 95
+"""Per cent of images whose truth should be within the predicted 90 % intervals."""
+NOMINAL = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
+
+
+def figure3(
+    results: Mapping[str, MethodResult],
+    occlusion: np.ndarray,
+    renderer: str,
+    path: str | Path,
+    cumulative: bool = True,
+) -> Path:
+    """Write six panels of median error against occlusion, a line for each method with its 95 % band.
+
+    Args:
+        results: Of the methods on N images.
+        occlusion: (N,) in [0, 1].
+        renderer: Which made the images, "raster" or "cycles".
+        path: Of the picture.
+        cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
+            75 % are crosses; otherwise over separate bins.
+    """
+    ranges = [(0.0, level) for level in LEVELS] if cumulative else list(BINS)
+    places = 100 * np.array(LEVELS if cumulative else [sum(each) / 2 for each in BINS])
+    figure = new_figure(12, 7)
+    panels = figure.subplots(2, 3)
+    for axes, (metric, title) in zip(panels.flat, PANELS.items(), strict=True):
+        for method, result in results.items():
+            if metric not in result.errors:
+                continue
+            rng = np.random.default_rng(0)  # the same resamples for every line
+            found = by_occlusion(result.errors[metric], occlusion, ranges, rng)
+            rows = [
+                (place, each["median"], *each["ci95"])
+                for place, each in zip(places, found, strict=True)
+                if each is not None
+            ]
+            at, median, low, high = np.array(rows).reshape(-1, 4).T
+            colour = COLOURS[method]
+            axes.fill_between(at, low, high, color=colour, alpha=0.15, linewidth=0)
+            over = method == "robust"  # dashes over "spatial", whose line may be the same
+            axes.plot(at, median, color=colour, linewidth=1.7, marker="o", markersize=3, **_dashed(over))
+            if cumulative:
+                _paper(axes, renderer, metric, method)
+        bare(axes, title)
+        axes.set_xlim(0, 90)
+        axes.set_xticks(range(0, 91, 15))
+        if metric == "segmentation_iou":
+            axes.set_ylim(0, 1)
+        else:
+            _logarithmic(axes)
+    for axes in panels[1]:
+        label = "occlusion at most, %" if cumulative else "occlusion, % (bins of 15)"
+        axes.set_xlabel(label, color=SOFT, fontsize=9)
+    title = f"{len(occlusion):,} {renderer} images; median and its 95 % interval"
+    _legend(figure, list(results), title, cumulative)
+    return save(figure, path)
+
+
+def reliability_figure(
+    results: Mapping[str, MethodResult], truth_vector: np.ndarray, path: str | Path
+) -> Path:
+    """Write how often truths lie within predicted intervals, against the intervals' probability.
+
+    A panel for each method that predicts deviations, a line for each group of latents; truth_vector (N, P).
+    """
+    uncertain = {method: result for method, result in results.items() if result.deviation is not None}
+    figure = new_figure(3.3 * max(len(uncertain), 1) + 0.4, 3.9)
+    panels = figure.subplots(1, max(len(uncertain), 1), squeeze=False, sharey=True)[0]
+    for axes, (method, result) in zip(panels, uncertain.items(), strict=False):
+        standard = standardised(result, truth_vector)
+        held = [coverage(standard, nominal) for nominal in NOMINAL]
+        axes.plot([0, 100], [0, 100], color=SOFT, linewidth=0.8, linestyle=(0, (2, 2)))
+        axes.fill_between([88, 92], *AIM, color=FAINT, linewidth=0, label="aim at 90 %")
+        for group, colour in GROUPS.items():
+            observed = [100 * shares[group] for shares in held]
+            axes.plot(
+                100 * NOMINAL, observed, color=colour, linewidth=1.5, marker="o", markersize=3, label=group
+            )
+        bare(axes, NAMES.get(method, method))
+        axes.set_xlim(0, 100)
+        axes.set_ylim(0, 101)
+        axes.set_aspect("equal")
+        axes.set_xlabel("predicted, %", color=SOFT, fontsize=9)
+    if uncertain:
+        panels[0].set_ylabel("observed, %", color=SOFT, fontsize=9)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside upper left", ncols=6, frameon=False, fontsize=9, labelcolor=INK
+        )
+    return save(figure, path)
+
+
+def _paper(axes: Axes, renderer: str, metric: str, method: str) -> None:
+    """A cross at the paper's own median at 75 %, if it has one in the same unit."""
+    if method not in ("rm", "gaussian", "robust"):
+        return
+    median = paper_median(renderer, metric, method) if metric != "shape_mm" else None
+    if median is not None:
+        axes.plot(100 * MAX_OCCLUSION, median, "x", color=COLOURS[method], markersize=7, markeredgewidth=1.8)
+
+
+def _logarithmic(axes: Axes) -> None:
+    """A logarithmic axis with plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    steps = (1.0,) if high > 100 * low else (1.0, 2.0, 5.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=steps, numticks=20))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _dashed(dashed: bool) -> dict[str, Any]:
+    return {"linestyle": (0, (4, 2)), "zorder": 3} if dashed else {"linestyle": "-"}
+
+
+def _legend(figure: Figure, methods: list[str], title: str, with_paper: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=COLOURS[method], linewidth=1.7, **_dashed(method == "robust"))
+        for method in methods
+    ]
+    labels = [NAMES.get(method, method) for method in methods]
+    if with_paper:
+        handles.append(Line2D([], [], color=SOFT, marker="x", linestyle="", markersize=7))
+        labels.append("the paper, at 75 %")
+    figure.legend(
+        handles,
+        labels,
+        loc="outside upper left",
+        ncols=len(labels),
+        frameon=False,
+        fontsize=9,
+        labelcolor=INK,
+        title=title,
+        alignment="left",
+        title_fontproperties={"size": 11},
+    )

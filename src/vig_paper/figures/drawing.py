@@ -1,0 +1,112 @@
+"""Every figure of an evaluation in one folder, and the rules by which its images are chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.stats import rankdata
+
+from vig.inference import ExplainSettings
+from vig.likelihood import LIKELIHOODS
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass, linear_from_srgb
+from vig_paper.figures.animation import fit_animation
+from vig_paper.figures.curves import figure3, reliability_figure
+from vig_paper.figures.photos import figure4, figure5
+from vig_paper.figures.style import last_fit
+from vig_train.evaluation.results import MethodResult
+from vig_train.evaluation.statistics import BINS, within
+from vig_train.evaluation.table import METRICS
+from vig_world.dataset import Dataset
+
+WORST = 8
+"""Images of figure4_worst.png."""
+
+
+def draw_figures(
+    dataset: Dataset,
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    results: Mapping[str, MethodResult],
+    renderer: str,
+    folder: Path,
+    settings: ExplainSettings | None = None,
+) -> list[Path]:
+    """Write the figures that the results allow.
+
+    figure3.png, figure3_bins.png: errors against occlusion, cumulative and in bins. figure4.png, figure5.png:
+    the last fit's median image of each bin of occlusion, see `choose`; fit.webp animates the middle one.
+    figure4_worst.png: its images of largest azimuth error. reliability.png: methods that predict deviations.
+
+    Args:
+        dataset: The images.
+        object_class: Of the objects.
+        recognizer: Predicts where the animated fit starts.
+        results: Of the methods.
+        renderer: Which made the images, "raster" or "cycles".
+        folder: Where to write.
+        settings: How the photos were fitted.
+
+    Returns:
+        The paths.
+    """
+    paths = [
+        figure3(results, dataset.occlusion, renderer, folder / "figure3.png"),
+        figure3(results, dataset.occlusion, renderer, folder / "figure3_bins.png", cumulative=False),
+    ]
+    method = last_fit(results)
+    if method is None:
+        return paths
+    chosen, wrong = choose(results, dataset, method), worst(results, method, WORST)
+    paths += [
+        reliability_figure(results, dataset.latents, folder / "reliability.png"),
+        figure4(dataset, object_class, results, chosen, folder / "figure4.png"),
+        figure4(dataset, object_class, results, wrong, folder / "figure4_worst.png"),
+        figure5(dataset, results, chosen, folder / "figure5.png"),
+    ]
+    likelihood = next((model for name, model in LIKELIHOODS.items() if name == method), None)
+    if likelihood is not None:
+        image = dataset.read("rgb", [chosen[len(chosen) // 2]])
+        photo = torch.from_numpy(linear_from_srgb(image.astype(np.float32) / 255)).float()
+        chosen_fit = replace(settings or ExplainSettings(), likelihood=likelihood)
+        paths.append(
+            fit_animation(photo[0], recognizer(photo), object_class, chosen_fit, folder / "fit.webp")
+        )
+    return paths
+
+
+def choose(
+    results: Mapping[str, MethodResult], dataset: Dataset, method: str, quantiles: Sequence[float] = (0.5,)
+) -> list[int]:
+    """Choose images of each bin of occlusion at some quantiles of a method's errors there.
+
+    In its bin every image is ranked by each of the paper's metrics, and then by the sum of these ranks: 0 is
+    the best of the bin, 0.5 its median image, 1 its worst. Ties go to the earlier image.
+
+    Returns:
+        Indices in the order of the bins, each once; a bin without images has none.
+    """
+    if not all(0 <= quantile <= 1 for quantile in quantiles):
+        raise ValueError(f"quantiles must be from 0 to 1; got {tuple(quantiles)}")
+    errors = results[method].errors
+    chosen: list[int] = []
+    for least, most in BINS:
+        inside = np.flatnonzero(within(dataset.occlusion, least, most))
+        if not len(inside):
+            continue
+        columns = {metric: errors[metric][inside] for metric in METRICS if metric in errors}
+        signs = {"segmentation_iou": -1.0}  # more is better
+        total = sum(rankdata(signs.get(metric, 1.0) * values) for metric, values in columns.items())
+        order = inside[np.argsort(total, kind="stable")]
+        chosen += [int(order[round(quantile * (len(order) - 1))]) for quantile in quantiles]
+    return list(dict.fromkeys(chosen))
+
+
+def worst(results: Mapping[str, MethodResult], method: str, count: int) -> list[int]:
+    """The images of largest azimuth error, the worst first."""
+    errors = results[method].errors["azimuth_deg"]
+    return [int(index) for index in np.argsort(-errors, kind="stable")[:count]]

@@ -1,0 +1,222 @@
+"""Figure 4: photos, their explanations and visible masks. Figure 5: true and fitted light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from vig.inference import ExplainSettings
+from vig.scene import Latents, ObjectClass, camera_rotation, irradiance, sh_basis, srgb_from_linear
+from vig_paper.figures.style import EXPLAINED, NAMES, draw, head, last_fit, new_figure, save, show
+from vig_train.evaluation.results import MethodResult
+from vig_world.dataset import Dataset
+from vig_world.dataset.format import read_info
+from vig_world.dataset.spec import SceneSpec
+from vig_world.library import Library
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CELL = 1.55
+"""Size of a picture in figure 4, inches."""
+OUTLINE, VISIBLE, HIDDEN = "#ffd200", "#19b36b", "#eb2878"
+FADED = 0.45
+"""How far what is not the object is faded to white behind a rendering or a mask."""
+HEIGHT = 1.3
+"""Of a row of figure 5, inches."""
+MAP_ROWS, SPHERE_ROWS = 64, 160
+EXPOSURE = 0.4
+"""Radiance and irradiance are multiplied by it before they are shown as sRGB."""
+
+
+def figure4(
+    dataset: Dataset,
+    object_class: ObjectClass,
+    results: Mapping[str, MethodResult],
+    indices: Sequence[int],
+    path: str | Path,
+) -> Path:
+    """Write a row for each image: photo, outline, renderings of the recognition model and the fits, masks.
+
+    The outline is the true one of the whole object, hidden parts included. Renderings are drawn over the
+    faded photo, with azimuth error and verdict below. In masks green is visible and pink hidden: those of the
+    last fit (the recognition model's where there is none), and the true ones.
+    """
+    if not len(indices):
+        raise ValueError("expected at least one image to show; got none")
+    chosen = list(indices)
+    photos = dataset.read("rgb", chosen) / 255.0
+    truth = Latents.from_vector(torch.from_numpy(dataset.latents[chosen]))
+    azimuth = np.degrees(truth.azimuth.numpy()) % 360
+    amodal, visible = dataset.read("mask", chosen), dataset.read("mask_visib", chosen)
+    shown = [method for method in EXPLAINED if method in results]
+    titles = ["photo", "truth", *(NAMES[method] for method in shown)]
+    titles += [f"{NAMES[shown[-1]]}: mask"] if shown else []
+    titles += ["truth: mask"]
+    figure = new_figure(CELL * len(titles) + 0.2, (CELL + 0.12) * len(chosen) + 0.3)
+    panels = figure.subplots(len(chosen), len(titles), squeeze=False)
+    drawn = {method: _drawn(results[method], chosen, object_class) for method in shown}
+    for row, index in enumerate(chosen):
+        cells = iter(panels[row])
+        photo = photos[row]
+        show(next(cells), photo, f"{index}: {dataset.occlusion[index]:.0%} hidden")
+        axes = next(cells)
+        show(axes, photo, f"azimuth {azimuth[row]:.0f}\N{DEGREE SIGN}")
+        _outline(axes, amodal[row])
+        for method in shown:
+            colours, coverage = drawn[method][0][row], drawn[method][1][row]
+            axes = next(cells)
+            picture = _faded(photo) * (1 - coverage[..., None]) + colours * coverage[..., None]
+            show(axes, picture, _caption(results[method], index))
+            _outline(axes, coverage >= 0.5)
+        if shown:
+            masks = results[shown[-1]].masks
+            mask = visible[row] & False if masks is None else masks[index]
+            iou = results[shown[-1]].errors["segmentation_iou"][index]
+            show(next(cells), _masked(photo, drawn[shown[-1]][1][row] >= 0.5, mask), f"IoU {iou:.2f}")
+        show(next(cells), _masked(photo, amodal[row], visible[row]))
+    head(panels[0], titles)
+    return save(figure, path)
+
+
+def _drawn(
+    result: MethodResult, chosen: list[int], object_class: ObjectClass
+) -> tuple[np.ndarray, np.ndarray]:
+    """sRGB in [0, 1] and coverage of a method's explanations of the chosen images, shaded as fits are."""
+    assert result.latents is not None
+    latents = result.latents[torch.tensor(chosen)]
+    colours, coverage = draw(latents, object_class, ExplainSettings().self_shadow)
+    return srgb_from_linear(colours), coverage
+
+
+def _caption(result: MethodResult, index: int) -> str:
+    error = f"{result.errors['azimuth_deg'][index]:.1f}\N{DEGREE SIGN} off"
+    verdict = result.verdicts[index]
+    return f"{error}, {verdict}" if verdict else error
+
+
+def _faded(photo: np.ndarray) -> np.ndarray:
+    return (1 - FADED) * photo + FADED
+
+
+def _masked(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """The photo faded, with visible pixels in green and the silhouette's others in pink, half transparent."""
+    from matplotlib.colors import to_rgb
+
+    picture = _faded(photo)
+    for mask, colour in ((amodal & ~visible, HIDDEN), (visible, VISIBLE)):
+        picture[mask] = 0.4 * photo[mask] + 0.6 * np.array(to_rgb(colour))
+    return picture
+
+
+def _outline(axes: Axes, mask: np.ndarray) -> None:
+    if mask.any() and not mask.all():
+        axes.contour(mask.astype(float), levels=[0.5], colors=[OUTLINE], linewidths=0.9)
+
+
+def figure5(
+    dataset: Dataset, results: Mapping[str, MethodResult], indices: Sequence[int], path: str | Path
+) -> Path:
+    """Write a row for each image: photo, environment map, true and fitted light as maps and on white spheres.
+
+    The fitted light is the last fit's (the recognition model's where there is none). Everything is seen from
+    the camera, the fitted light from the fitted camera: left is left in the photo, and the centre of a map is
+    straight ahead. The environment map is left out where the panoramas were a user's own. The true light is
+    the one that reaches the object: from below it is the support's, not the map's. One exposure for all;
+    negative light is black.
+    """
+    if not len(indices):
+        raise ValueError("expected at least one image to show; got none")
+    method = last_fit(results)
+    if method is None:
+        raise ValueError("expected results of the recognition model or a fit; got neither")
+    chosen, result = list(indices), results[method]
+    assert result.latents is not None
+    fitted = result.latents[torch.tensor(chosen)]
+    truth = Latents.from_vector(torch.from_numpy(dataset.latents[chosen]))
+    specs = None if _own_panoramas(dataset) else dataset.specs()
+    library = None if specs is None else Library(specs[0].split)
+    photos = dataset.read("rgb", chosen) / 255.0
+    titles = ["photo", "environment map", "true light", "fitted light", "true, on white", "fitted, on white"]
+    widths = [1.0, 2.0, 2.0, 2.0, 1.0, 1.0]
+    if library is None:
+        del titles[1], widths[1]
+    figure = new_figure(HEIGHT * sum(widths) + 0.8, (HEIGHT + 0.2) * len(chosen) + 0.3)
+    panels = figure.subplots(len(chosen), len(titles), squeeze=False, width_ratios=widths)
+    for row, index in enumerate(chosen):
+        cells = iter(panels[row])
+        show(next(cells), photos[row], f"{index}: {dataset.occlusion[index]:.0%} hidden")
+        if library is not None and specs is not None:
+            seen = environment(library, specs[index], float(truth.azimuth[row]))
+            show(next(cells), _exposed(seen), f"panorama {specs[index].panorama}")
+        caption = f"{NAMES[method]}; error {result.errors['illumination'][index]:.3f}"
+        for latents, text in ((truth, ""), (fitted, caption)):
+            radiance = light_map(latents.light[row], float(latents.azimuth[row]))
+            show(next(cells), _exposed(_grey(radiance)), text)
+        for latents in (truth, fitted):
+            show(next(cells), white_sphere(latents[row : row + 1]))
+    head(panels[0], titles)
+    return save(figure, path)
+
+
+def environment(library: Library, spec: SceneSpec, azimuth: float) -> np.ndarray:
+    """The panorama that lit a scene, as seen from a camera at `azimuth` radians.
+
+    (MAP_ROWS, 2 MAP_ROWS, 3) linear radiance, straight up in the first row, straight ahead in the middle.
+    """
+    radiance = library.radiance(spec.panorama)
+    height, width = radiance.shape[:2]
+    angle = _headings(azimuth) - spec.panorama_angle
+    columns = np.floor(angle / (2 * np.pi) * width).astype(int) % width
+    rows = ((np.arange(MAP_ROWS) + 0.5) * height / MAP_ROWS).astype(int)
+    return radiance[rows[:, None], columns]
+
+
+def light_map(light: torch.Tensor, azimuth: float) -> np.ndarray:
+    """Radiance (MAP_ROWS, 2 MAP_ROWS) of a light (9,), in the same view as `environment`; at least 0."""
+    theta = ((np.arange(MAP_ROWS) + 0.5) * np.pi / MAP_ROWS)[:, None]
+    phi = _headings(azimuth)
+    directions = np.stack(
+        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1
+    )
+    basis = sh_basis(torch.from_numpy(directions))
+    return (basis @ light.double()).clamp_min(0.0).numpy()
+
+
+def _headings(azimuth: float) -> np.ndarray:
+    """World angle about +Z, from +X, of each column of a map: ahead in the centre, decreasing to the right.
+
+    An eye at azimuth 0 is on -Y and looks along +Y, which is 90 degrees from +X.
+    """
+    across = (np.arange(2 * MAP_ROWS) + 0.5) / (2 * MAP_ROWS)
+    return azimuth + np.pi / 2 + np.pi - 2 * np.pi * across
+
+
+def white_sphere(latents: Latents) -> np.ndarray:
+    """A white sphere under one explanation's light and camera: (SPHERE_ROWS, SPHERE_ROWS, 3) sRGB."""
+    across = (np.arange(SPHERE_ROWS) + 0.5) * 2 / SPHERE_ROWS - 1
+    x, y = np.meshgrid(across, across)
+    inside = x**2 + y**2 < 1
+    facing = -np.sqrt(np.clip(1 - x**2 - y**2, 0, None))  # towards the camera, which looks along +z
+    rotation = camera_rotation(latents.azimuth, latents.elevation)[0].double().numpy()
+    normals = np.stack([x, y, facing], axis=-1) @ rotation
+    reflected = irradiance(latents.light[0].double(), torch.from_numpy(normals)).numpy()
+    return np.where(inside[..., None], _exposed(_grey(reflected)), 1.0)
+
+
+def _own_panoramas(dataset: Dataset) -> bool:
+    """Whether a split was made with a user's own panoramas, which are not published in figures."""
+    settings = read_info(dataset.folder.parent)["splits"][dataset.folder.name]
+    return any(name.startswith("panorama/") for name in settings["own_assets"])
+
+
+def _grey(values: np.ndarray) -> np.ndarray:
+    return np.repeat(values[..., None], 3, axis=-1)
+
+
+def _exposed(radiance: np.ndarray) -> np.ndarray:
+    return srgb_from_linear(EXPOSURE * radiance)

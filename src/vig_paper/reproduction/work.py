@@ -1,0 +1,261 @@
+"""What the steps of a run do. Each can be killed and begun again."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from vig.inference import ExplainSettings, FitCalibration
+from vig.inference.calibration import FILE
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass
+from vig_paper.ablation import ablation_markdown, run_ablations, variants
+from vig_paper.figures import draw_figures as draw_all_figures
+from vig_paper.network.recognizer import recognizer_of
+from vig_paper.network.training import PaperTrainingSettings, train_paper
+from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, Settings
+from vig_train.calibration import calibrate_fits, describe, fits_of
+from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
+from vig_train.evaluation import evaluate as run_methods
+from vig_train.evaluation.paper import comparison_block
+from vig_train.evaluation.protocol import fitted
+from vig_train.evaluation.statistics import within
+from vig_train.plots import calibrate_and_plot as calibrate_network
+from vig_train.plots import train_and_plot as train_network
+from vig_train.training.calibration import LEAST_IMAGES as LEAST
+from vig_train.training.training import TrainingSettings
+from vig_world.dataset import Dataset, read_dataset
+from vig_world.dataset.format import complete_split, read_info
+from vig_world.generation.progress import Meter
+from vig_world.generation.show import contact_sheet
+from vig_world.generation.write import make_dataset
+
+LIMITS = {"table": (0.0, 0.75), "table_75_90": (0.75, 0.9)}
+"""The tables of a renderer's photos: least and most of the object hidden in the photos of each."""
+SHEET = 48
+"""Test photos shown of each renderer."""
+LEAST_BATCHES = 8
+"""A small training set is trained on in smaller batches, so that an epoch has at least this many."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run: its folder, its settings, and how it is carried out."""
+
+    folder: RunFolder
+    settings: Settings
+    cycles: bool = True
+    """Evaluate on path-traced photos, too."""
+    workers: int | None = None
+    """Processes and threads; one per CPU by default."""
+    report: Callable[[str], None] = print
+    """Takes a line on what is done."""
+    progress: bool = True
+    """A bar on a terminal, a line now and then in a log."""
+
+    @property
+    def threads(self) -> int:
+        """The number of workers."""
+        return self.workers or os.cpu_count() or 1
+
+    @cached_property
+    def object_class(self) -> ObjectClass:
+        """The paper's class."""
+        return ObjectClass.load("teapot")
+
+    def dataset_folder(self, name: str) -> Path:
+        """Folder of one of `DATASETS`: the one that the settings name, or the run's own."""
+        return getattr(self.settings, name) or self.folder.data(name)
+
+    def dataset(self, name: str) -> Dataset:
+        """One of `DATASETS`. Raises UserError when it is missing, incomplete or damaged."""
+        return read_dataset(self.dataset_folder(name), DATASETS[name][0])
+
+    def recognizer(self) -> Recognizer:
+        """The run's recognition model. Raises UserError when its weights are missing or invalid."""
+        return recognizer_of(self.object_class, self.folder.weights)
+
+    def explain_settings(self) -> ExplainSettings:
+        """How photos are fitted: with the run's calibration, or uncalibrated where it has none."""
+        if self.folder.calibration.exists():
+            return ExplainSettings(calibration=FitCalibration.load(self.folder.calibration))
+        return ExplainSettings(calibrated=False)
+
+    def renderers(self) -> tuple[str, ...]:
+        """The renderers whose photos are evaluated; reports when path-traced photos are left out.
+
+        They are left out when they are not wanted, and when there is neither a Blender nor finished photos.
+        """
+        if not self.cycles:
+            self.report("path-traced photos are left out, as --no-cycles asks")
+            return ("raster",)
+        try:
+            complete_split(self.dataset_folder("test_cycles"), "test")
+        except UserError:
+            from vig_world.renderers.cycles.renderer import find_python
+
+            try:
+                find_python()
+            except UserError as error:
+                self.report(f"path-traced photos are left out: {error}")
+                return ("raster",)
+        return tuple(RENDERERS)
+
+
+def make_data(run: Run, name: str) -> None:
+    """Make one of `DATASETS`, or check the one that is to be used."""
+    split, renderer = DATASETS[name]
+    folder = run.dataset_folder(name)
+    if getattr(run.settings, name) is not None:
+        info = read_info(folder)["splits"][complete_split(folder, split)]
+        if info["tier"] != renderer:
+            raise UserError(
+                f"expected {renderer} photos in '{folder}'; got {info['tier']}. Name another dataset."
+            )
+        return
+    counts = {
+        "train": run.settings.train_images,
+        "validation": run.settings.validation_images,
+        "test_raster": run.settings.test_images,
+        "test_cycles": run.settings.cycles_images,
+    }
+    # One seed for all: the splits' scenes differ even so, and both renderers draw the same scenes.
+    make_dataset(
+        folder,
+        counts[name],
+        run.settings.seed,
+        renderer,
+        split,
+        run.workers,
+        run.progress,
+        run.object_class,
+        world="paper",
+    )
+
+
+def train(run: Run) -> None:
+    """Train the recognition model on the training photos."""
+    dataset = run.dataset("train")
+    chosen: dict[str, Any] = {"seed": run.settings.seed, "threads": run.threads}
+    if run.settings.epochs is not None:
+        chosen["epochs"] = run.settings.epochs
+    batch = len(dataset) // LEAST_BATCHES
+    if run.settings.net == "paper":
+        paper = PaperTrainingSettings(**chosen)
+        train_paper(
+            dataset, run.folder.recognition, replace(paper, batch=min(paper.batch, batch)), run.report
+        )
+    else:
+        own = TrainingSettings(**chosen)
+        own = replace(own, batch=min(own.batch, batch))
+        train_network([dataset], run.folder.recognition, own, run.report)
+
+
+def take_weights(run: Run) -> None:
+    """Copy the weights that the settings name, and their calibration, into the run's folder."""
+    weights = run.settings.weights
+    assert weights is not None
+    recognizer_of(run.object_class, weights)  # refuses invalid weights
+    for path, kept in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
+        if path.exists():
+            with atomic_write(kept) as temporary:
+                shutil.copyfile(path, temporary)
+
+
+def calibrate(run: Run) -> None:
+    """Calibrate uncertainties on the validation photos: the network's, then those of the fits.
+
+    The network's are written into its weights' file, the fits' into calibration.json beside it. With fewer
+    than `LEAST` photos nothing is calibrated.
+    """
+    dataset = run.dataset("validation")
+    if len(dataset) < LEAST:
+        run.report(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are predicted")
+        return
+    if run.settings.net == "vig":  # the paper's networks predict what was measured on held-out photos
+        calibrate_network(run.folder.weights, [dataset], run.report)
+    with Meter(fits_of(dataset), 0, run.progress, "fits") as meter:
+        learned, samples = calibrate_fits(
+            [dataset],
+            run.object_class,
+            run.recognizer(),
+            workers=run.threads,
+            advance=meter.advance,
+            cache=run.folder.fits("validation"),
+            processes=True,
+        )
+    learned.save(run.folder.calibration)
+    for line in describe(learned, samples):
+        run.report(f"calibrate: {line}")
+
+
+def evaluate(run: Run, renderer: str) -> None:
+    """Run the methods over a renderer's test photos: errors.csv, and a table for each of `LIMITS`."""
+    dataset = run.dataset(RENDERERS[renderer])
+    results = _results(run, renderer, dataset)
+    folder = run.folder.tables(renderer)
+    write_csv(folder / "errors.csv", dataset, results)
+    for name, (least, most) in LIMITS.items():
+        if not within(dataset.occlusion, least, most).any():
+            run.report(f"evaluate {renderer}: no photo has {least:.0%} to {most:.0%} of the object hidden")
+            continue
+        table = summarise(results, dataset, renderer, least, most, run.settings.seed)
+        save_table(folder / f"{name}.json", table)
+        with atomic_write(folder / f"{name}.md") as temporary:
+            text = markdown_table(table)
+            if name == "table":
+                text = comparison_block(table).markdown() + "\n" + text
+            temporary.write_text(text)
+
+
+def ablate(run: Run) -> None:
+    """Fit the first rasterised test photos with each part of the method switched off: ablations.json, .md."""
+    dataset = run.dataset("test_raster").first(run.settings.ablation_images)
+    settings = run.explain_settings()
+    with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
+        table = run_ablations(
+            dataset,
+            run.object_class,
+            run.recognizer(),
+            run.folder.fits("ablations"),
+            workers=run.threads,
+            advance=meter.advance,
+            settings=settings,
+        )
+    save_table(run.folder.ablations, table)
+    with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
+        temporary.write_text(ablation_markdown(table))
+
+
+def draw_figures(run: Run, renderer: str) -> None:
+    """Draw the figures of a renderer's photos: a contact sheet, and those of `vig_paper.figures`."""
+    dataset = run.dataset(RENDERERS[renderer])
+    results = _results(run, renderer, dataset)
+    folder = run.folder.figures(renderer)
+    contact_sheet(dataset, folder / "photos.png", SHEET)
+    draw_all_figures(
+        dataset, run.object_class, run.recognizer(), results, renderer, folder, run.explain_settings()
+    )
+
+
+def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResult]:
+    """Results of the methods on a renderer's photos; fits made before are read from their folder."""
+    with Meter(len(dataset) * len(fitted(run.settings.methods)), 0, run.progress, "fits") as meter:
+        return run_methods(
+            dataset,
+            run.object_class,
+            run.recognizer(),
+            run.settings.methods,
+            run.explain_settings(),
+            workers=run.threads,
+            advance=meter.advance,
+            cache=run.folder.fits(renderer),
+            processes=True,
+        )

@@ -1,0 +1,79 @@
+"""The card of a class that was built from meshes: what it is made of, how well, and where its limits are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from vig_train.building.build import BuildSettings, Built
+
+
+def card(built: Built, settings: BuildSettings) -> str:
+    """Markdown."""
+    made, components = built.object_class, built.components
+    size, count = np.ptp(made.shape_model.mean, axis=0), len(built.scans) + len(built.unread)
+    lines = [
+        f"# Class {made.name}",
+        "",
+        f"Built by `vig class build` from {len(built.splits)} of {count} meshes."
+        " Licences of the meshes are those of their authors; the pack holds shapes derived from them.",
+        "",
+        f"Mean size {size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m (length, width, height):"
+        f" metres are only as true as `--length {settings.length:g}`.",
+        "",
+        *(f"- {line}" for line in built.stood.said),
+        "",
+        "![upright](build/2-upright.png)",
+        "",
+        "## Meshes",
+        "",
+        "| number | file | taken | off, % of size | lacking | spare | folded |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for number, scan in enumerate(built.scans):
+        quality = built.qualities.get(number)
+        if quality is None:
+            lines.append(f"| {number + 1} | {scan.name} | dropped | | | | |")
+            continue
+        taken = built.splits[number] if number in built.splits else f"refused: {quality.reason}"
+        shares = " | ".join(f"{share:.1%}" for share in (quality.lacking, quality.spare, quality.folded))
+        lines.append(f"| {number + 1} | {scan.name} | {taken} | {100 * quality.mean:.2f} | {shares} |")
+    lines += [f"| - | {name} | left out: {why} | | | | |" for name, why in built.unread.items()]
+    lines += [
+        "",
+        f"The template is {built.scans[built.medoid].name}. Off: mean distance both ways. Lacking: share of"
+        " the mesh that the template does not reach. Spare: share of the template that the mesh lacks."
+        + (
+            " Any turn leaves the shapes the same: up to 9 % of a mesh, as handles, may be left out of them."
+            if built.stood.shape.symmetry == "any-turn"
+            else ""
+        ),
+        "",
+        "![registered](build/4-registered.png)",
+        "",
+        "## Shapes",
+        "",
+        f"{len(components.basis)} components"
+        + (
+            f", smooth deformations of {components.amplitude:.0%} of the size among them"
+            if components.amplitude
+            else ""
+        )
+        + ".",
+    ]
+    if components.errors:
+        lines += [
+            f"A mesh left out is met within {components.errors[len(components.basis)]:.2%} of its size in the"
+            f" mean ({components.errors[0]:.2%} by the mean shape).",
+        ]
+    else:
+        lines.append(
+            "Too few meshes for a leave-one-out error: shapes other than these are guessed as smooth."
+        )
+    if made.families:
+        lines += ["", "| family | share |", "|---|---|"]
+        lines += [f"| {family.name} | {family.share:.0%} |" for family in made.families]
+    lines += ["", "![components](build/6-components.png)", "", "![errors](build/7-leave-one-out.png)", ""]
+    return "\n".join(lines)

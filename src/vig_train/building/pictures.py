@@ -1,0 +1,134 @@
+"""Contact sheets of meshes, and curves: what the building of a class shows of each stage."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from vig.io.files import atomic_write
+from vig.scene import Camera
+from vig_train.building.model import Components
+from vig_world.mesh import vertex_normals
+from vig_world.raster.rasterize import rasterize
+
+FAR = 50.0
+ASIDE, ABOVE = (0.35, -1.0, 0.45), (0.0, -0.02, 1.0)
+"""Directions from which meshes are shown."""
+LIGHT = np.array([0.3, -0.5, -0.8]) / math.sqrt(0.98)
+"""In the camera's frame."""
+
+Drawable = tuple[np.ndarray, np.ndarray]
+"""Vertices (V, 3) and faces (F, 3)."""
+
+
+def shaded(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    direction: tuple[float, float, float],
+    side: int,
+    colours: np.ndarray | None = None,
+    sphere: tuple[np.ndarray, float] | None = None,
+) -> np.ndarray:
+    """A picture (side, side, 3) uint8 of a mesh on white.
+
+    colours: (V, 3) of the vertices. sphere: what the picture frames, middle (3,) and radius; the mesh's own
+    by default.
+    """
+    towards = np.array(direction) / np.linalg.norm(direction)
+    aside = np.cross(-towards, [0, 0, 1])
+    aside /= np.linalg.norm(aside)
+    rotation = np.stack([aside, np.cross(-towards, aside), -towards])
+    middle, radius = sphere or sphere_of(vertices)
+    unit = (vertices - middle) / radius
+    camera = Camera(side, side, 0.5 * side * FAR / 1.03, side / 2, side / 2)
+    seen = rasterize(unit, faces, rotation, np.array([0.0, 0.0, FAR]), camera)
+    on = seen.face >= 0
+    corners, weights = faces[seen.face[on]], seen.barycentric[on]
+    normal = np.einsum("nk,nkd->nd", weights, vertex_normals(unit, faces)[corners]) @ rotation.T
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-9
+    light = 0.15 + 0.8 * np.abs(normal @ LIGHT)
+    picture = np.full((side, side, 3), 255.0)
+    colour = 0.9 if colours is None else np.einsum("nk,nkd->nd", weights, colours[corners])
+    picture[on] = 255 * light[:, None] * colour
+    return picture.clip(0, 255).astype(np.uint8)
+
+
+def sphere_of(vertices: np.ndarray) -> tuple[np.ndarray, float]:
+    """Middle (3,) and radius of a sphere round vertices (V, 3)."""
+    middle = (vertices.min(0) + vertices.max(0)) / 2
+    return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
+
+
+def meshes(
+    path: Path,
+    drawn: list[Drawable],
+    above: bool = False,
+    side: int = 150,
+    checks: np.ndarray | None = None,
+) -> None:
+    """Write a sheet of meshes with their numbers from 1 on.
+
+    above: Show each from above too. checks: (V, 3) places on the template by which each vertex is coloured,
+    so that the same colours are the same places.
+    """
+    colours = None
+    if checks is not None:
+        colours = 0.55 + 0.45 * np.sin(30 * (checks - checks.min(0)) / np.ptp(checks, axis=0).max())
+    tiles = []
+    for number, (vertices, faces) in enumerate(drawn, 1):
+        views = [shaded(vertices, faces, ASIDE, side, colours)]
+        if above:
+            views.append(shaded(vertices, faces, ABOVE, side, colours))
+        tiles.append(_labelled(np.concatenate(views), str(number)))
+    _save(path, _grid(tiles))
+
+
+def components(path: Path, model: Components, faces: np.ndarray) -> None:
+    """Write a sheet of the mean and of each component at -2 and +2 standard deviations."""
+    sphere = sphere_of(model.mean)
+    sphere = sphere[0], 1.15 * sphere[1]
+    tiles = [_labelled(np.concatenate([shaded(model.mean, faces, ASIDE, 150, None, sphere)] * 2), "mean")]
+    for number, component in enumerate(model.basis, 1):
+        two = [shaded(model.mean + sign * 2 * component, faces, ASIDE, 150, None, sphere) for sign in (-1, 1)]
+        tiles.append(_labelled(np.concatenate(two), f"{number}: -2, +2"))
+    _save(path, _grid(tiles))
+
+
+def errors(path: Path, model: Components) -> None:
+    """Write the curve of the leave-one-out error by number of components."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context({"font.size": 9}):
+        figure = Figure(figsize=(5, 3), dpi=110, layout="constrained")
+        axes = figure.add_subplot()
+        if model.errors:
+            axes.plot(range(len(model.errors)), 100 * np.array(model.errors), "o-", markersize=3)
+            axes.axvline(len(model.basis), color="0.6", linewidth=1)
+            axes.set_ylim(0)
+        axes.set_xlabel("components")
+        axes.set_ylabel("leave-one-out error, % of size")
+        with atomic_write(path) as temporary:
+            figure.savefig(temporary, metadata={"Software": None})
+
+
+def _labelled(tile: np.ndarray, text: str) -> np.ndarray:
+    image = Image.fromarray(tile)
+    ImageDraw.Draw(image).text((4, 2), text, fill=(200, 30, 30))
+    return np.asarray(image)
+
+
+def _grid(tiles: list[np.ndarray]) -> np.ndarray:
+    columns = min(len(tiles), max(1, math.ceil(math.sqrt(1.8 * len(tiles)))))
+    blank = np.full_like(tiles[0], 255)
+    rows = [tiles[start : start + columns] for start in range(0, len(tiles), columns)]
+    rows[-1] = rows[-1] + [blank] * (columns - len(rows[-1]))
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def _save(path: Path, picture: np.ndarray) -> None:
+    with atomic_write(path) as temporary:
+        Image.fromarray(picture).save(temporary)

@@ -1,0 +1,115 @@
+"""Meshes of one kind of thing from a folder, as people have them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vig.io.errors import UserError
+from vig_world.assets.own.folder import files_of, fingerprint
+from vig_world.assets.own.load import SUFFIXES, load
+from vig_world.mesh import face_normals
+
+SAME_SHAPE = 3e-4
+"""Difference of `shape_invariants` up to which two surfaces are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """One file's triangles.
+
+    Attributes:
+        name: Of the file, relative to its folder.
+        vertices: (V, 3) float64, in the file's units and axes; equal ones are one.
+        faces: (F, 3), each with an area.
+        mark: Of the file's content.
+    """
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    mark: str
+
+
+def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
+    """Read every mesh below a folder, in the order of names.
+
+    Returns:
+        The meshes, and why each other file was left out, by name.
+
+    Raises:
+        UserError: There is no such folder, or it holds no usable mesh.
+    """
+    scans: list[Scan] = []
+    refused: dict[str, str] = {}
+    for name, path in files_of(folder, SUFFIXES):
+        try:
+            loaded = load(folder, path)
+            starts = np.cumsum([0] + [len(piece.vertices) for piece in loaded.pieces])
+            vertices = np.concatenate([piece.vertices for piece in loaded.pieces])
+            faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
+            scans.append(Scan(name, *_welded(vertices, faces), fingerprint(loaded.files)))
+        except UserError as error:
+            refused[name] = str(error).removeprefix(f"{path}: ")
+    copies = same_shapes(scans)
+    for number, original in copies.items():
+        refused[scans[number].name] = f"the same shape as {scans[original].name}, which counts once"
+    scans = [scan for number, scan in enumerate(scans) if number not in copies]
+    if not scans:
+        first = next(iter(refused.items()))
+        raise UserError(f"expected meshes in '{folder}'; not one is usable. {first[0]}: {first[1]}")
+    return scans, refused
+
+
+def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(5,) numbers of a surface that units, axes, place, mirroring and the triangles' order leave alone.
+
+    The ratios of the second moments about its principal axes, and of the higher moments of the distance from
+    its centroid, weighted by area.
+    """
+    corners = vertices[faces]
+    area = np.linalg.norm(face_normals(vertices, faces), axis=1)
+    weight = np.repeat(area / area.sum() / 3, 3)
+    middles = ((corners + np.roll(corners, 1, axis=1)) / 2).reshape(-1, 3)  # exact for second moments
+    middles = middles - weight @ middles
+    second = np.sort(np.linalg.eigvalsh((weight[:, None] * middles).T @ middles))
+    distance = (middles**2).sum(1) / second.sum()
+    higher = [float(weight @ distance**power) ** (1 / power) for power in (2, 3, 5)]
+    return np.array([*(second[:2] / second[2]), *higher])
+
+
+def same_shapes(scans: list[Scan]) -> dict[int, int]:
+    """Which scans show the surface of an earlier one, by its number: copies, other formats, other units."""
+    invariants = [shape_invariants(scan.vertices, scan.faces) for scan in scans]
+    copies: dict[int, int] = {}
+    for number, own in enumerate(invariants):
+        for earlier in range(number):
+            same = np.abs(own - invariants[earlier]).max() < SAME_SHAPE
+            if earlier not in copies and same:
+                copies[number] = earlier
+                break
+    return copies
+
+
+def _welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices at one place made one, faces without area or given twice left out."""
+    used = np.unique(faces)
+    low, size = vertices[used].min(0), float(np.ptp(vertices[used], axis=0).max())
+    if not size > 0:
+        raise UserError("expected a mesh with an extent; all of its vertices are at one place.")
+    unit = (vertices - low) / size
+    _, first, same = np.unique(
+        np.round(unit * 1e6).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    corners = same.ravel()[faces]
+    points = unit[first]
+    area = np.linalg.norm(face_normals(points, corners), axis=1)
+    _, once = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    kept = np.zeros(len(corners), bool)
+    kept[once] = True
+    corners = corners[kept & (area > 1e-14)]
+    if not len(corners):
+        raise UserError("expected triangles with an area; all of its are degenerate.")
+    return points * size + low, corners

@@ -1,0 +1,283 @@
+"""The template of a class: one mesh, closed, of the fit's size, denser where the surface curves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.sparse as sp
+import trimesh
+from scipy import ndimage
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from skimage.measure import marching_cubes
+
+from vig_train.building.surface import Surface, edges_of, points_on, vertex_areas
+from vig_world.mesh import vertex_normals
+
+VERTICES = 2600
+"""Of a template, about."""
+DENSE = 40
+"""Points of the dense surface for each vertex of the template."""
+APART = 0.03
+"""Sizes of the object that a difference of normals of one counts as: it keeps the sides of a wall apart."""
+CURVED, MOST = 0.1, 3.0
+"""The same where the surface's area is measured to spread vertices, and how much denser they come to lie."""
+SPREAD = 40
+"""Times that this density is averaged with its neighbours'."""
+ROUNDS = 30
+SMOOTHED = 4
+"""Times that the normals of the dense surface are averaged with their neighbours'."""
+
+
+def remeshed(vertices: np.ndarray, faces: np.ndarray, count: int = VERTICES) -> tuple[np.ndarray, np.ndarray]:
+    """About so many vertices, evenly spread over a closed mesh (V, 3), (F, 3) in place and direction.
+
+    The dual of a centroidal partition of the surface (Valette and Chassery 2004), in the six dimensions of
+    points and normals (Levy and Bonneel 2013). Closed as the mesh is.
+    """
+    size = float(np.ptp(vertices, axis=0).max())
+    each = float(vertex_areas(vertices, faces).sum()) / (DENSE * count)
+    points, corners = with_short_edges(vertices, faces, 1.5 * math.sqrt(each))
+    dense = trimesh.Trimesh(points, corners, process=False)
+    edges = edges_of(corners)
+    normals, mean = vertex_normals(points, corners), _mean_of_neighbours(edges, len(points))
+    for _ in range(SMOOTHED):
+        normals = mean @ normals
+    features = np.concatenate([points, APART * size * normals], axis=1)
+    areas = vertex_areas(points, corners)
+    curved = _areas(np.concatenate([points, CURVED * size * normals], axis=1), corners) / areas.clip(1e-12)
+    for _ in range(SPREAD):
+        curved = mean @ curved
+    areas = areas * curved.clip(1, MOST)
+    for attempt in range(3):
+        owner = _partition(features, areas, edges, count, attempt)
+        for _ in range(ROUNDS):
+            mesh = _dual(points, corners, areas, owner)
+            pinched = np.union1d(_pinched(mesh), _not_discs(owner, corners))
+            if not len(pinched):
+                break
+            owner = _split(owner, pinched, points, edges)
+        same = mesh.euler_number == dense.euler_number and mesh.body_count == dense.body_count
+        if not len(pinched) and same:
+            return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    raise ValueError("no closed mesh of that size was found")
+
+
+def with_short_edges(
+    vertices: np.ndarray, faces: np.ndarray, longest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same surface, with edges that are too long cut in two until none is; closed as before."""
+    while True:
+        sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        edges, edge = np.unique(sides, axis=0, return_inverse=True)
+        long = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > longest
+        if not long.any():
+            return vertices, faces
+        middle = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)[edge.reshape(-1, 3)]
+        vertices = np.concatenate([vertices, vertices[edges[long]].mean(1)])
+        parts = []
+        cut = (middle >= 0).sum(1)
+        parts.append(faces[cut == 0])
+        for cuts, first in ((1, middle >= 0), (2, middle < 0)):
+            # Turned so that the side that differs from the other two comes first.
+            chosen = cut == cuts
+            turn = (first[chosen].argmax(1)[:, None] + np.arange(3)) % 3
+            a, b, c = np.take_along_axis(faces[chosen], turn, axis=1).T
+            ab, bc, ca = np.take_along_axis(middle[chosen], turn, axis=1).T
+            if cuts == 1:
+                parts += [np.stack(each, axis=1) for each in ((a, ab, c), (ab, b, c))]
+            else:
+                parts += [np.stack(each, axis=1) for each in ((a, b, bc), (a, bc, ca), (ca, bc, c))]
+        a, b, c = faces[cut == 3].T
+        ab, bc, ca = middle[cut == 3].T
+        parts += [np.stack(each, axis=1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        faces = np.concatenate(parts)
+
+
+def _mean_of_neighbours(edges: np.ndarray, count: int) -> sp.csr_matrix:
+    """The matrix (V, V) that gives each vertex the mean of itself and its neighbours."""
+    graph = sp.csr_matrix((np.ones(len(edges)), edges.T), (count, count)) + sp.eye(count)
+    return sp.diags(1 / np.asarray(graph.sum(1)).ravel()) @ graph
+
+
+def _areas(features: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Of the surface round each vertex, in the space of the features (N, D): (N,)."""
+    first, second = (
+        features[faces[:, 1]] - features[faces[:, 0]],
+        features[faces[:, 2]] - features[faces[:, 0]],
+    )
+    gram = (first**2).sum(1) * (second**2).sum(1) - (first * second).sum(1) ** 2
+    return np.asarray(np.bincount(faces.ravel(), np.repeat(np.sqrt(gram.clip(0)), 3), len(features)) / 6)
+
+
+def _pinched(mesh: trimesh.Trimesh) -> np.ndarray:
+    """The vertices where a mesh is no surface: of edges without just two faces, of fans that only touch."""
+    ends = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)  # of each side of each face
+    corner = np.arange(mesh.faces.size).reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    turned = ends[:, 0] > ends[:, 1]
+    ends[turned], corner[turned] = ends[turned, ::-1], corner[turned, ::-1]
+    edges, edge, sides = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    # Corners of neighbouring faces at one vertex belong to one fan.
+    order = np.argsort(edge.ravel(), kind="stable")
+    pairs = corner[order[sides[edge.ravel()[order]] == 2]].reshape(-1, 2, 2).transpose(0, 2, 1).reshape(-1, 2)
+    graph = sp.csr_matrix((np.ones(len(pairs)), pairs.T), (mesh.faces.size,) * 2)
+    _, fan = connected_components(graph, directed=False)
+    of_vertex = np.unique(np.stack([mesh.faces.ravel(), fan], axis=1), axis=0)[:, 0]
+    touching = np.flatnonzero(np.bincount(of_vertex, minlength=len(mesh.vertices)) > 1)
+    return np.union1d(edges[sides != 2].ravel(), touching)
+
+
+def _not_discs(owner: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The clusters whose part of a closed mesh has an Euler number other than one, as a ring round a neck."""
+    inner = [(faces[:, [k, (k + 1) % 3]], 0.5) for k in range(3)] + [(faces, -1.0)]
+    euler = np.bincount(owner).astype(float)
+    for corners, weight in inner:
+        mine = owner[corners]
+        euler -= weight * np.bincount(mine[(mine == mine[:, :1]).all(1), 0], minlength=len(euler))
+    return np.flatnonzero(euler != 1)
+
+
+def _split(owner: np.ndarray, chosen: np.ndarray, points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Clusters with the chosen ones cut in two, across their longest direction."""
+    owner, count = owner.copy(), owner.max() + 1
+    for number, cluster in enumerate(chosen):
+        mine = np.flatnonzero(owner == cluster)
+        off = points[mine] - points[mine].mean(0)
+        along = off @ np.linalg.svd(off, full_matrices=False)[2][0]
+        owner[mine[along > 0]] = count + number
+    return _in_one_piece(owner, edges)
+
+
+def _partition(
+    features: np.ndarray, areas: np.ndarray, edges: np.ndarray, count: int, seed: int
+) -> np.ndarray:
+    """The cluster of each point (N,): Lloyd's algorithm, then each cluster in one piece."""
+    rng = np.random.default_rng(seed)
+    centres = features[rng.choice(len(features), count, replace=False, p=areas / areas.sum())]
+    owner = np.zeros(len(features), int)
+    for _ in range(ROUNDS):
+        owner = cKDTree(centres).query(features)[1]
+        weight = np.bincount(owner, areas, len(centres))
+        centres = (
+            np.stack([np.bincount(owner, areas * column, len(centres)) for column in features.T], axis=1)[
+                weight > 0
+            ]
+            / weight[weight > 0, None]
+        )
+    return _in_one_piece(cKDTree(centres).query(features)[1], edges)
+
+
+def _in_one_piece(owner: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Clusters, numbered anew, whose pieces that are not the largest went to a neighbouring cluster."""
+    while True:
+        same = owner[edges[:, 0]] == owner[edges[:, 1]]
+        graph = sp.csr_matrix((np.ones(same.sum()), edges[same].T), (len(owner),) * 2)
+        _, piece = connected_components(graph, directed=False)
+        sizes = np.bincount(piece)
+        order = np.lexsort((-sizes, owner_of_piece := _first(owner, piece)))
+        largest = np.zeros(len(sizes), bool)
+        largest[order[np.unique(owner_of_piece[order], return_index=True)[1]]] = True
+        astray = ~largest[piece]
+        if not astray.any():
+            return np.unique(owner, return_inverse=True)[1]
+        across = np.concatenate([edges, edges[:, ::-1]])
+        across = across[astray[across[:, 0]] & ~astray[across[:, 1]]]
+        if not len(across):
+            return np.unique(owner, return_inverse=True)[1]
+        owner = owner.copy()
+        owner[across[:, 0]] = owner[across[:, 1]]
+
+
+def _first(owner: np.ndarray, piece: np.ndarray) -> np.ndarray:
+    return owner[np.unique(piece, return_index=True)[1]]
+
+
+def _dual(points: np.ndarray, faces: np.ndarray, areas: np.ndarray, owner: np.ndarray) -> trimesh.Trimesh:
+    """A vertex for each cluster, a triangle where three meet."""
+    corners = owner[faces]
+    a, b, c = corners.T
+    meet = corners[(a != b) & (b != c) & (c != a)]
+    turned = np.take_along_axis(meet, (meet.argmin(1)[:, None] + np.arange(3)) % 3, axis=1)
+    triangles = np.unique(turned, axis=0)
+    count = owner.max() + 1
+    weight = np.bincount(owner, areas, count)[:, None]
+    middle = np.stack([np.bincount(owner, areas * column, count) for column in points.T], axis=1) / weight
+    # The mean lies inside of what curves: the cluster's point nearest to it lies on the surface.
+    off = np.linalg.norm(points - middle[owner], axis=1)
+    order = np.lexsort((off, owner))
+    chosen = order[np.unique(owner[order], return_index=True)[1]]
+    return trimesh.Trimesh(points[chosen], triangles, process=False)
+
+
+CELLS = 160
+"""Across the longest side of a mesh, where its outer surface is made anew."""
+
+
+def outer_surface(vertices: np.ndarray, faces: np.ndarray, seen: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """One closed surface round all that a mesh (V, 3), (F, 3) holds: parts joined, cracks closed.
+
+    What the air outside reaches through openings of more than a hundredth of the size stays outside.
+
+    Args:
+        vertices: Of the mesh.
+        faces: Its triangles, in any order of corners.
+        seen: Its visible surface, onto which the result is drawn.
+    """
+    low, size = vertices.min(0), float(np.ptp(vertices, axis=0).max())
+    cell, margin = size / CELLS, 3
+    count = int(12 * vertex_areas(vertices, faces).sum() / cell**2)
+    face, weights = points_on(vertices, faces, count)
+    spread = np.einsum("nk,nkd->nd", weights, vertices[faces[face]])
+    points = np.concatenate([spread, vertices[np.unique(faces)]])
+    index = ((points - low) / cell).astype(int) + margin
+    wall = np.zeros(index.max(0) + 1 + margin, bool)
+    wall[tuple(index.T)] = True
+    free, _ = ndimage.label(~wall)
+    solid = free != free[0, 0, 0]
+    thin = solid & ~ndimage.binary_opening(solid)
+    solid |= ndimage.binary_dilation(thin)  # lest smoothing perforates what is a cell thick
+    level = ndimage.gaussian_filter(solid.astype(np.float32), 0.8)
+    surface, triangles, _, _ = marching_cubes(level, 0.5)
+    mesh = trimesh.Trimesh((surface - margin + 0.5) * cell + low, triangles[:, ::-1])
+    if mesh.volume < 0:
+        mesh.invert()
+    whole = max(mesh.split(only_watertight=True), key=lambda part: part.area, default=mesh)
+    return _drawn_onto(np.asarray(whole.vertices), np.asarray(whole.faces), seen, cell)
+
+
+def _drawn_onto(
+    vertices: np.ndarray, faces: np.ndarray, seen: Surface, cell: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move vertices, which are off by about half a cell, onto a surface, smoothly."""
+    mean = _mean_of_neighbours(edges_of(faces), len(vertices))
+    tree = cKDTree(np.concatenate([seen.points, 2 * cell * seen.normals], axis=1))
+    for _ in range(4):
+        normals = vertex_normals(vertices, faces)
+        _, index = tree.query(np.concatenate([vertices, 2 * cell * normals], axis=1))
+        normal = seen.normals[index]
+        along = ((seen.points[index] - vertices) * normal).sum(1)
+        along[(np.abs(along) > 2 * cell) | ((normal * normals).sum(1) < 0.3)] = 0
+        move = along[:, None] * normal
+        for _ in range(2):
+            move = mean @ move
+        vertices = vertices + move
+    return vertices, faces
+
+
+def closed_template(
+    vertices: np.ndarray, faces: np.ndarray, seen: Surface, count: int = VERTICES
+) -> tuple[np.ndarray, np.ndarray]:
+    """A template from a mesh (V, 3), (F, 3): itself where it is one closed surface, else its outer surface.
+
+    Raises ValueError where neither gives a closed mesh.
+    """
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if mesh.is_watertight and mesh.is_winding_consistent and mesh.body_count == 1:
+        if mesh.volume < 0:
+            faces = faces[:, ::-1]
+        try:
+            return remeshed(vertices, faces, count)
+        except ValueError:
+            pass
+    return remeshed(*outer_surface(vertices, faces, seen), count)

@@ -1,0 +1,71 @@
+"""`vig calibrate`: uncertainties of a network and of fits, calibrated on validation photos."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+from vig.inference.calibration import FILE
+from vig.io.errors import UserError
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass
+from vig_train.calibration import (
+    POSITION_PHOTOS,
+    StudioPhotos,
+    calibrate_fits,
+    describe,
+    fits_of,
+    with_positions,
+)
+from vig_train.cli.common import check_workers, check_writable, progress_bar
+from vig_train.cli.settings import Calibrate
+from vig_train.plots import calibrate_and_plot as calibrate_network
+from vig_train.training.calibration import check_count
+from vig_world.dataset import Dataset, read_dataset
+
+
+def calibrate(settings: Calibrate) -> int:
+    """Calibrate the weights in place, then fits that start from them; returns the exit code."""
+    if not settings.datasets:
+        raise UserError("expected at least one dataset to calibrate on; got none")
+    check_workers(settings.workers)
+    object_class = ObjectClass.load(settings.object_class)
+    datasets = [read_dataset(path, settings.split) for path in settings.datasets]
+    check_count(sum(map(len, datasets)) + settings.studio)
+    Recognizer.of_class(object_class, settings.weights)  # refuses invalid weights
+    folder = settings.weights.parent
+    check_writable(folder)
+    lines: list[str] = []
+    everything: list[Dataset | StudioPhotos] = [*datasets]
+    further = []
+    if settings.studio:
+        photos, examples = StudioPhotos.draw(object_class, settings.split, settings.studio, settings.seed)
+        everything.append(photos)
+        further.append(examples)
+    calibrate_network(settings.weights, datasets, lines.append, further, object_class)
+    recognizer = Recognizer.of_class(object_class, settings.weights)
+    fits = folder / "calibration_fits"  # so that a run that is stopped continues
+    with progress_bar(settings.json) as progress:
+        task = progress.add_task("fits", total=sum(map(fits_of, everything)))
+        calibration, samples = calibrate_fits(
+            everything,
+            object_class,
+            recognizer,
+            workers=settings.workers,
+            advance=lambda done: progress.advance(task, done),
+            cache=fits,
+            processes=True,
+        )
+        positions = sum(min(len(each), POSITION_PHOTOS) for each in datasets if each.world == "photo")
+        task = progress.add_task("positions", total=positions)
+        calibration = with_positions(
+            calibration, datasets, object_class, recognizer, advance=lambda done: progress.advance(task, done)
+        )
+    calibration.save(folder / FILE)
+    shutil.rmtree(fits, ignore_errors=True)
+    lines += describe(calibration, samples)
+    if settings.json:
+        print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
+    else:
+        print("\n".join([*lines, str(folder)]))
+    return 0

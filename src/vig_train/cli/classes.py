@@ -1,0 +1,60 @@
+"""`vig class VERB`: the work of each verb."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from vig.io.errors import UserError
+from vig_train.cli.settings import Build
+
+
+def build(settings: Build) -> int:
+    """`vig class build`."""
+    from vig_train.building import Builder, BuildSettings
+
+    turns = [_turn(each) for each in settings.turn]
+    if len(dict(turns)) < len(turns):
+        raise UserError("expected one --turn for each mesh; got two for one.")
+    told = BuildSettings(
+        settings.name or settings.out.resolve().name,
+        settings.up,
+        settings.front,
+        settings.shows,
+        settings.symmetry,
+        settings.length,
+        dict(turns),
+        settings.drop,
+        settings.vertices,
+        dict.fromkeys(settings.places, 1.0),
+    )
+    say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
+    built = Builder(settings.folder, settings.out, told, say).build()
+    if settings.json:
+        errors = built.components.errors
+        print(
+            json.dumps(
+                {
+                    "folder": str(settings.out),
+                    "meshes": len(built.scans),
+                    "taken": {built.scans[number].name: split for number, split in built.splits.items()},
+                    "refused": built.refused,
+                    "symmetry": built.stood.shape.symmetry,
+                    "components": len(built.components.basis),
+                    "leave_one_out": errors[len(built.components.basis)] if errors else None,
+                },
+                indent=2,
+            )
+        )
+        return 0
+    print(f"look at {settings.out / 'card.md'}; what is wrong in build/2-upright.png can be told: --help")
+    print(settings.out)
+    return 0
+
+
+def _turn(text: str) -> tuple[int, float]:
+    """NUMBER:DEGREES."""
+    match = re.fullmatch(r"(\d{1,6}):([-+]?\d{1,4}(?:\.\d+)?)", text)
+    if match is None:
+        raise UserError(f"expected --turn NUMBER:DEGREES, such as 7:90; got '{text}'.")
+    return int(match[1]), float(match[2])

@@ -1,0 +1,92 @@
+"""`vig evaluate`: methods measured on a dataset, their errors and tables as files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from vig.inference import ExplainSettings, FitCalibration
+from vig.inference.calibration import FILE
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass
+from vig_train.cli.common import check_workers, check_writable, progress_bar
+from vig_train.cli.settings import Evaluate
+from vig_train.evaluation import blocks, markdown_table, save_table, summarise, write_csv
+from vig_train.evaluation import evaluate as run_methods
+from vig_train.evaluation.protocol import fitted
+from vig_train.evaluation.table import check_limits
+from vig_world.dataset import read_dataset
+from vig_world.dataset.format import read_info
+
+PRINTED = "Table 1", "Failures"
+"""Beginnings of the titles of tables that are printed; a file has them all."""
+
+
+def evaluate(settings: Evaluate) -> int:
+    """Run the methods, write and print their results; returns the exit code."""
+    _check(settings)
+    object_class = ObjectClass.load(settings.object_class)
+    dataset = read_dataset(settings.dataset, settings.split)
+    if settings.limit is not None:
+        dataset = dataset.first(settings.limit)
+    check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
+    renderer = read_info(settings.dataset)["splits"][settings.split]["tier"]
+    recognizer = Recognizer.of_class(object_class, settings.weights)
+    explaining = ExplainSettings()
+    if settings.weights is not None:  # their own calibration, not the class's
+        path = settings.weights.with_name(FILE)
+        own = FitCalibration.load(path) if path.exists() else None
+        explaining = ExplainSettings(calibrated=own is not None, calibration=own)
+    check_writable(settings.out)
+    with progress_bar(settings.json) as progress:
+        fits = len(dataset) * len(fitted(settings.methods))
+        task = progress.add_task("fits", total=fits)
+        results = run_methods(
+            dataset,
+            object_class,
+            recognizer,
+            settings.methods,
+            explaining,
+            workers=settings.workers,
+            advance=lambda done: progress.advance(task, done),
+            cache=settings.out / "fits",
+            processes=True,
+            cluster=settings.cluster,
+        )
+    write_csv(settings.out / "errors.csv", dataset, results)
+    table = summarise(results, dataset, renderer, settings.min_occlusion, settings.max_occlusion)
+    save_table(settings.out / "table.json", table)
+    with atomic_write(settings.out / "table.md") as temporary:
+        Path(temporary).write_text(markdown_table(table))
+    if settings.json:
+        print(json.dumps(table, indent=2))
+        return 0
+    console = Console(width=None if sys.stdout.isatty() else 100)
+    for block in blocks(table):
+        if block.title.startswith(PRINTED):
+            console.print(block.rich())
+    print("table.md has further tables, errors.csv each image; they are in")
+    print(settings.out)
+    return 0
+
+
+def _check(settings: Evaluate) -> None:
+    """Refuse limits that no image can satisfy."""
+    for name, share in (("max", settings.max_occlusion), ("min", settings.min_occlusion)):
+        if not 0 <= share <= 1:
+            raise UserError(
+                f"expected --{name}-occlusion as a share from 0 to 1; got {share:g}. Is it a percentage?"
+            )
+    if settings.min_occlusion >= settings.max_occlusion:
+        raise UserError(
+            f"expected --min-occlusion below --max-occlusion; got {settings.min_occlusion:g} and"
+            f" {settings.max_occlusion:g}."
+        )
+    if settings.limit is not None and settings.limit < 1:
+        raise UserError(f"expected --limit of at least 1 image; got {settings.limit}.")
+    check_workers(settings.workers)

@@ -1,0 +1,161 @@
+"""Settings of the verbs of classes and networks: a dataclass each, from which the command line is derived."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from vig_train import METHODS, Method
+from vig_world import Split
+
+
+@dataclass(frozen=True)
+class Build:
+    """Make a class pack from a folder of meshes of one kind of thing; can be interrupted and run again.
+
+    What is found can be told instead: look at build/2-upright.png, whose numbers --turn and --drop take.
+    """
+
+    folder: tyro.conf.Positional[Path]
+    """Meshes (.glb, .gltf, .obj, .ply, .off, .stl) in any pose, unit and topology."""
+    out: Path
+    """Folder of the pack."""
+    name: str | None = None
+    """Of the class; by default the pack's folder's."""
+    up: str | None = None
+    """The axis that points up in most of the files, such as y or z; by default it is found."""
+    front: str | None = None
+    """The axis that the front faces in most of the files, such as +x or -z; by default the side that reaches
+    out farther."""
+    shows: str = ""
+    """What the front shows, such as "the handle": for messages."""
+    symmetry: Literal["none", "half-turn", "any-turn"] | None = None
+    """The turn about the vertical under which such things look the same; by default it is found."""
+    length: float = 0.2
+    """Longest side of the mean shape, metres: the files' units are not trusted."""
+    turn: tuple[str, ...] = ()
+    """NUMBER:DEGREES, such as 7:90: turn a mesh by so much about the vertical, counter-clockwise."""
+    drop: tuple[int, ...] = ()
+    """Numbers of meshes to leave out."""
+    vertices: int = 2600
+    """Of the shapes, about: fits take time in proportion."""
+    places: tuple[str, ...] = ()
+    """Zones of the generator's rooms where such things stand, such as floor for chairs; by default where
+    tableware does."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a recognition network on datasets; continues where it was stopped."""
+
+    dataset: tuple[Path, ...]
+    """Folders of datasets with a train split."""
+    out: Path
+    """Folder for weights and checkpoint."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack: the datasets'."""
+    start: Path | None = None
+    """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
+    studio: int = 24
+    """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
+    level: float = 0.6
+    """Share of these that are seen from about the horizon."""
+    workers: int = 1
+    """Processes that draw."""
+    epochs: int = 18
+    """Passes over the data."""
+    seed: int = 0
+    """Seed of initial weights, order and augmentation."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class TrainClass:
+    """Give a class pack its recognition weights: photos of the generator, training, calibration, errors on
+    photos that none of it saw, the card. About two hours on two cores; continues where it was stopped. What
+    it makes on the way lies in PACK/training, which can be removed when it is done."""
+
+    pack: tyro.conf.Positional[Path]
+    """Folder of the class pack."""
+    images: int = 8000
+    """Generated photos to train on."""
+    epochs: int = 12
+    """Passes over them."""
+    studio: int = 40
+    """Images that are drawn afresh for each step, beside 40 of these."""
+    level: float = 0.35
+    """Share of these that are seen from about the horizon."""
+    photos: int = 400
+    """Generated photos to calibrate on, and as many to measure errors on."""
+    start: Path | None = None
+    """Weights to begin with, where they fit; by default the packaged teapot's."""
+    seed: int = 0
+    """Of the photos and the training."""
+    workers: int | None = None
+    """Processes; one per CPU by default."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Calibrate uncertainties and confidences of a network and of fits on photos that training never saw.
+    Writes into the weights, and calibration.json and reliability.png beside them; a class pack's
+    calibration.json is used by every fit."""
+
+    datasets: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of datasets; for the fits each has the same weight, whatever its size."""
+    weights: Path
+    """The weights to calibrate; of a class pack, or a training run."""
+    split: Literal["train", "validation"] = "validation"
+    """Which split of them; test photos are not for calibration."""
+    studio: int = 300
+    """Photos that are drawn in the studio, of the split's designs, some without the object; 0: none."""
+    seed: int = 1
+    """Of these."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
+    workers: int | None = None
+    """Fits at a time; one per CPU by default."""
+    json: bool = False
+    """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Measure methods on a dataset: errors.csv per image, the paper's Table 1 as table.json and table.md.
+
+    Safe to kill and run again: fits are kept in OUT/fits, 50 at a time. Those of other photos, weights or
+    settings are made again; remove the folder after a change of the code.
+    """
+
+    dataset: Path
+    """Folder of the dataset."""
+    out: Path
+    """Folder for the results."""
+    split: Split = "test"
+    """Which split."""
+    methods: tuple[Method, ...] = METHODS
+    """baseline: the training mean; rm: the recognition model; gaussian, robust, spatial: fits from it."""
+    max_occlusion: float = 0.75
+    """Only images with at most this share of the object hidden enter the table."""
+    min_occlusion: float = 0.0
+    """Only images with more than this share of the object hidden enter the table."""
+    limit: int | None = None
+    """Only the first so many images of the split."""
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """A packaged class or the folder of a class pack."""
+    weights: Path | None = None
+    """Recognition weights other than those of the class."""
+    workers: int | None = None
+    """Fits at a time; one per CPU by default."""
+    cluster: str | None = None
+    """Address of a Ray cluster that does the fits, in place of workers; auto: that of this machine."""
+    json: bool = False
+    """Print table.json instead of a table."""

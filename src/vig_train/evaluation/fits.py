@@ -1,0 +1,283 @@
+"""Fits of many photos, kept on disk in chunks, so that a run that was killed continues."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Generator
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.numpy import save_file
+
+from vig import __version__
+from vig.inference import (
+    CONFIDENCE_FEATURES,
+    ExplainSettings,
+    Fit,
+    calibration_of,
+    explain_one,
+    load_fit_kernels,
+)
+from vig.io.checks import check_arrays, decode, parse_json, read_tensors
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.parallel.cluster import map_on_cluster
+from vig.parallel.processes import Lost, map_in_processes
+from vig.parallel.threads import map_on_threads
+from vig.recognition import Prediction, Recognizer
+from vig.scene import ObjectClass
+
+CHUNK = 50
+"""Photos per file."""
+LEAST_FOR_PROCESSES = 150
+"""Photos from which on processes are used, since these take seconds to start."""
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Fits of N photos.
+
+    Attributes:
+        latents: (N, P) float32.
+        deviation: (N, P) float32, of each latent.
+        masks: (N, H, W) bool, the visible pixels; the whole silhouette under a likelihood without outliers,
+            as in the paper.
+        masks_by_pixel: (N, H, W) bool, the same with each pixel decided independently.
+        confidence_features: (N, C), see `vig.inference.Fit`.
+        confidence: (N,), see there.
+        verdicts: N names.
+    """
+
+    latents: np.ndarray
+    deviation: np.ndarray
+    masks: np.ndarray
+    masks_by_pixel: np.ndarray
+    confidence_features: np.ndarray
+    confidence: np.ndarray
+    verdicts: tuple[str, ...]
+
+    @staticmethod
+    def of(fits: list[Fit], whole: bool) -> Fits:
+        """Stack single fits; whole: the silhouette is the mask."""
+        return Fits(
+            np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
+            np.stack([fit.deviation.float().numpy() for fit in fits]),
+            np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
+            np.stack([(fit.amodal if whole else fit.mask_by_pixel).numpy() for fit in fits]),
+            np.stack([fit.confidence_features.numpy() for fit in fits]),
+            np.array([fit.confidence for fit in fits]),
+            tuple(fit.verdict.name.lower() for fit in fits),
+        )
+
+    @staticmethod
+    def joined(parts: list[Fits]) -> Fits:
+        """Concatenate."""
+        return Fits(
+            np.concatenate([part.latents for part in parts]),
+            np.concatenate([part.deviation for part in parts]),
+            np.concatenate([part.masks for part in parts]),
+            np.concatenate([part.masks_by_pixel for part in parts]),
+            np.concatenate([part.confidence_features for part in parts]),
+            np.concatenate([part.confidence for part in parts]),
+            tuple(verdict for part in parts for verdict in part.verdicts),
+        )
+
+
+def fit_all(
+    images: np.ndarray,
+    photos: torch.Tensor,
+    prediction: Prediction,
+    object_class: ObjectClass,
+    settings: ExplainSettings,
+    workers: int,
+    advance: Callable[[int], None] = lambda done: None,
+    folder: Path | None = None,
+    key: str = "",
+    processes: bool = False,
+    cluster: str | None = None,
+) -> Fits:
+    """Fit photos from their prediction. After Ctrl-C, fits that were not begun are not waited for.
+
+    Args:
+        images: The photos as uint8 sRGB (N, H, W, 3).
+        photos: The same as linear RGB.
+        prediction: Of the N photos.
+        object_class: Of the object.
+        settings: Of the fits.
+        workers: Fits at a time.
+        advance: Called with the number of fits made, or read, since its last call.
+        folder: Keeps fits, chunk by chunk. A chunk is read from there when its `key` and its images are the
+            same, and fitted again otherwise.
+        key: See `key_of`.
+        processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
+            the same fits.
+        cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine.
+
+    Raises:
+        UserError: There is no such cluster, or too many of its processes died of one photo.
+    """
+    load_fit_kernels(object_class.shape_model.modes)
+    chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
+    keys = [hashlib.sha256(key.encode() + images[chunk].tobytes()).hexdigest() for chunk in chunks]
+    paths = [None if folder is None else folder / f"{chunk.start:06d}.safetensors" for chunk in chunks]
+    parts = [None if path is None else _read(path, own) for path, own in zip(paths, keys, strict=True)]
+    missing = [number for number, part in enumerate(parts) if part is None]
+    todo = [index for number in missing for index in chunks[number]]
+    advance(len(images) - len(todo))
+    given = [(photos[i], prediction[i : i + 1]) for i in todo]
+    if cluster is not None and todo:
+        fitted = _fitted_on_cluster(given, object_class, settings, cluster)
+    elif processes and workers > 1 and len(todo) >= LEAST_FOR_PROCESSES:
+        fitted = _fitted_in_processes(given, object_class, settings, workers)
+    else:
+        fitted = _fitted_on_threads(given, object_class, settings, workers)
+    done: dict[int, dict[int, Fits]] = {number: {} for number in missing}
+    with closing(fitted):
+        for place, fit in fitted:
+            index = todo[place]
+            number = index // CHUNK
+            done[number][index] = fit
+            advance(1)
+            if len(done[number]) < len(chunks[number]):
+                continue
+            single = done.pop(number)
+            part = parts[number] = Fits.joined([single[each] for each in chunks[number]])
+            path = paths[number]
+            if path is not None:
+                _write(path, part, keys[number])
+    return Fits.joined([part for part in parts if part is not None])
+
+
+Photo = tuple[torch.Tensor, Prediction]
+Arrays = tuple[np.ndarray, ...]
+"""A photo and the parts of its prediction."""
+Shared = tuple[ObjectClass, ExplainSettings]
+"""What all fits of a run have in common."""
+Fitted = Generator[tuple[int, Fits]]
+"""Numbers of photos and their fits, as they are done."""
+
+
+def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
+    """The function that fits one photo from its prediction, in any process."""
+    object_class, settings = shared
+    load_fit_kernels(object_class.shape_model.modes)
+
+    def one(photo: Photo) -> Fits:
+        return Fits.of([explain_one(*photo, object_class, settings)], settings.likelihood.alpha == 1)
+
+    return one
+
+
+def _fitted_on_threads(
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
+) -> Fitted:
+    before = torch.get_num_threads()
+    torch.set_num_threads(workers)
+    try:
+        yield from enumerate(map_on_threads(_fitting((object_class, settings)), photos))
+    finally:
+        torch.set_num_threads(before)
+
+
+def _fitted_in_processes(
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
+) -> Fitted:
+    arrays = (_arrays(photo, prediction) for photo, prediction in photos)
+    yield from enumerate(map_in_processes(_fitting_arrays, (object_class, settings), arrays, workers))
+
+
+def _fitted_on_cluster(
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, address: str
+) -> Fitted:
+    arrays = (_arrays(photo, prediction) for photo, prediction in photos)
+    for number, fit in map_on_cluster(_fitting_arrays, (object_class, settings), arrays, address):
+        if isinstance(fit, Lost):
+            raise UserError(
+                f"processes of the cluster were killed {fit.attempts} times at the same photo, possibly out"
+                " of memory; what is done stays. Give each task more memory and run it again."
+            )
+        yield number, fit
+
+
+def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
+    return photo.numpy(), *(tensor.numpy() for tensor in prediction.tensors)
+
+
+def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
+    """`_fitting` of arrays, which can be sent to another process."""
+    fitted = _fitting(shared)
+
+    def one(arrays: Arrays) -> Fits:
+        photo, *parts = map(torch.tensor, arrays)  # copies: what a cluster sends is read-only
+        return fitted((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
+
+    return one
+
+
+def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
+    """Hash of everything that a fit depends on, but for its photo and the code."""
+    plain = replace(settings, calibration=None)
+    digest = hashlib.sha256(
+        f"{__version__} {object_class.fingerprint} {plain!r} {CONFIDENCE_FEATURES}".encode()
+    )
+    own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
+    own |= recognizer.calibration.tensors()
+    calibration = (settings.calibration or calibration_of(object_class)) if settings.calibrated else None
+    if calibration is not None:
+        digest.update(calibration.to_json().encode())
+    for name, tensor in sorted((recognizer.network.state_dict() | own).items()):
+        digest.update(name.encode())
+        digest.update(tensor.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+    arrays = [object_class.light_prior_mean, object_class.light_prior_covariance]
+    for array in arrays + ([] if object_class.transfer is None else [object_class.transfer]):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _read(path: Path, key: str) -> Fits | None:
+    """Read a chunk; None when it is missing, unreadable or of another key."""
+    try:
+        tensors, metadata = read_tensors(path, finite=False)
+        if metadata["key"] != key:
+            return None
+        size = decode(tuple[int, int, int], parse_json(metadata["size"]))
+        row = -(-size[1] * size[2] // 8)
+        bits, floats = ("uint8", (size[0], row)), "float32 float64"
+        rows: dict[str, tuple[str, tuple[int | str, ...]]]
+        rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
+        rows |= {"confidence_features": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
+        check_arrays(tensors, rows | {"masks": bits, "masks_by_pixel": bits})
+        masks, by_pixel = (
+            np.unpackbits(tensors[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
+            for name in ("masks", "masks_by_pixel")
+        )
+        return Fits(
+            tensors["latents"],
+            tensors["deviation"],
+            masks,
+            by_pixel,
+            tensors["confidence_features"],
+            tensors["confidence"],
+            decode(tuple[str, ...], parse_json(metadata["verdicts"])),
+        )
+    except (OSError, KeyError, TypeError, ValueError, SafetensorError):
+        return None
+
+
+def _write(path: Path, fits: Fits, key: str) -> None:
+    tensors = {
+        "latents": fits.latents,
+        "deviation": fits.deviation,
+        "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
+        "masks_by_pixel": np.packbits(fits.masks_by_pixel.reshape(len(fits.masks), -1), axis=1),
+        "confidence_features": fits.confidence_features,
+        "confidence": fits.confidence,
+    }
+    metadata = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
+    with atomic_write(path) as temporary:
+        save_file(tensors, temporary, metadata)

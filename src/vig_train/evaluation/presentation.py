@@ -1,0 +1,165 @@
+"""Summaries as short tables, for a terminal of 100 columns and in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from vig_train.evaluation.protocol import MASK_HEAD
+from vig_train.evaluation.statistics import FAR_DEG, NEAR_DEG
+from vig_train.evaluation.table import METRICS, OTHER_METRICS
+
+LEAST_P = 1e-4
+GROUPS = ("azimuth", "elevation", "shape", "albedo", "light")
+VERDICTS = ("trusted", "ambiguous", "reverted", "failed")
+
+
+@dataclass(frozen=True)
+class Block:
+    """One table: a title, a header and rows of as many cells; the first column names the row."""
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def rich(self) -> Group:
+        """For a terminal; line breaks in cells are kept."""
+        view = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
+        for place, name in enumerate(self.header):
+            view.add_column(name, justify="right" if place else "left", no_wrap=place > 0)
+        for row in self.rows:
+            view.add_row(*row)
+        return Group(Text(self.title, "bold"), view, "")
+
+    def markdown(self) -> str:
+        """As Markdown, its title above it."""
+        rule = ["---", *["---:"] * (len(self.header) - 1)]
+        lines = ["| " + " | ".join(row) + " |" for row in (self.header, rule, *self.rows)]
+        return "\n".join([self.title, "", *(line.replace("\n", "<br>") for line in lines)]) + "\n"
+
+
+def blocks(table: Mapping[str, Any]) -> list[Block]:
+    """The blocks of a table from `summarise`, in reading order; empty ones are left out."""
+    found = [
+        _medians(table, "rows", METRICS, "Table 1"),
+        _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
+        _finishes(table),
+        _fits(table),
+        _coverage(table),
+        _tests(table),
+    ]
+    return [block for block in found if block.rows]
+
+
+def markdown_table(table: Mapping[str, Any]) -> str:
+    """The table as Markdown: every block, one after another."""
+    return "\n".join(block.markdown() for block in blocks(table))
+
+
+def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name: str) -> Block:
+    rows = table.get(key, {})
+    methods = list(dict.fromkeys(method for row in rows.values() for method in row if method != MASK_HEAD))
+    lines = [
+        [titles[metric], *(_median(row[method]) if method in row else "-" for method in methods)]
+        for metric, row in rows.items()
+    ]
+    if MASK_HEAD in rows.get("segmentation_iou", {}):  # one number: no column of its own
+        head = _median(rows["segmentation_iou"][MASK_HEAD])
+        lines.append([f"{MASK_HEAD} (IoU)", *(head if method == "rm" else "-" for method in methods)])
+    least, most = table.get("min_occlusion", 0.0), table["max_occlusion"]
+    limits = f"at most {most:.0%} hidden" if least == 0 else f"{least:.0%} to {most:.0%} hidden"
+    title = f"{name}: {table['tier']}, {table['count']} images, {limits}; median (mean), 95 % interval"
+    return Block(title, ["", *methods], lines)
+
+
+def _fits(table: Mapping[str, Any]) -> Block:
+    """Failures of every method, and the verdicts of fits."""
+    verdicts, lines = table.get("verdicts", {}), []
+    for method, failed in table.get("failures", {}).items():
+        low, high = failed["ci95"]
+        line = [method, f"{failed['count']} ({failed['rate']:.1%}, {low:.1%} to {high:.1%})"]
+        found = verdicts.get(method)
+        if found is None:
+            lines.append([*line, *["-"] * (1 + len(VERDICTS))])
+            continue
+        near = found["trusted_within_15_deg"]
+        counts = [str(found["counts"].get(name, 0)) for name in VERDICTS]
+        lines.append([*line, counts[0], "-" if near is None else f"{near:.1%}", *counts[1:]])
+    header = ["", f"azimuth off by > {FAR_DEG:.0f}", VERDICTS[0], f"within {NEAR_DEG:.0f}", *VERDICTS[1:]]
+    return Block("Failures and verdicts; degrees; within: of the trusted", header, lines)
+
+
+def _finishes(table: Mapping[str, Any]) -> Block:
+    """Photographs by what the object is covered with."""
+    lines = []
+    for finish, methods in table.get("finishes", {}).items():
+        for method, found in methods.items():
+            verdicts = found["verdicts"]
+            near = None if verdicts is None else verdicts["trusted_within_15_deg"]
+            trusted = "-" if verdicts is None else f"{verdicts['trusted_share']:.0%}"
+            values = [str(found["count"]), _digits(found["azimuth_deg"]), f"{found['within_15_deg']:.0%}"]
+            lines.append(
+                [f"{finish}: {method}", *values, _digits(found["segmentation_iou"]), trusted]
+                + ["-" if near is None else f"{near:.0%}"]
+            )
+    header = ["", "images", "azimuth (degrees)", f"within {NEAR_DEG:.0f}", "IoU", "trusted", "of them right"]
+    return Block("By what covers the object; medians", header, lines)
+
+
+def _coverage(table: Mapping[str, Any]) -> Block:
+    lines = []
+    for method, shares in table.get("coverage", {}).items():
+        # A group of several latents is pooled: its single latents are more informative.
+        single = {name: share for name, share in shares.items() if f"{name}_1" not in shares}
+        ends = min(single, key=single.__getitem__), max(single, key=single.__getitem__)
+        lines.append(
+            [
+                method,
+                *(f"{shares[group]:.1%}" for group in GROUPS),
+                *(f"{single[name]:.1%} ({name})" for name in ends),
+            ]
+        )
+    return Block("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
+
+
+def _tests(table: Mapping[str, Any]) -> Block:
+    """Fits against the recognition model, and "spatial" against "robust"."""
+    tests = [test for test in table.get("tests", []) if test["metric"] in METRICS]
+    pairs = list(dict.fromkeys((test["method"], test["against"]) for test in tests))
+    shown = [pair for pair in pairs if pair[1] == "rm" or pair == ("spatial", "robust")]
+    found = {(test["metric"], test["method"], test["against"]): test for test in tests}
+    lines = [
+        [
+            METRICS[metric],
+            *(_test(found[metric, *pair]) if (metric, *pair) in found else "-" for pair in shown),
+        ]
+        for metric in dict.fromkeys(test["metric"] for test in tests)
+        if shown
+    ]
+    header = ["", *(f"{later}\nless {earlier}" for later, earlier in shown)]
+    return Block("Paired: difference of medians, its 95 % interval; p of Wilcoxon's test", header, lines)
+
+
+def _median(summary: Mapping[str, Any]) -> str:
+    low, high = summary["ci95"]
+    return f"{_digits(summary['median'])} ({_digits(summary['mean'])})\n[{_digits(low)}, {_digits(high)}]"
+
+
+def _test(test: Mapping[str, Any]) -> str:
+    low, high = test["ci95"]
+    p = f"p < {LEAST_P:g}" if test["p"] < LEAST_P else f"p = {test['p']:.2g}"
+    return f"{_digits(test['median_difference'])}, {p}\n[{_digits(low)}, {_digits(high)}]"
+
+
+def _digits(value: float) -> str:
+    """Two or three significant digits."""
+    if value == 0:
+        return "0"
+    least = {100: 0, 10: 1, 1: 2, 0.01: 3}  # decimals from each size on
+    return f"{value:.{next((places for size, places in least.items() if abs(value) >= size), 4)}f}"

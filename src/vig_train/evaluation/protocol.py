@@ -1,0 +1,216 @@
+"""Methods run over a dataset, and their errors for each image and metric."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from vig.inference import ExplainSettings
+from vig.io.errors import UserError
+from vig.likelihood import LIKELIHOODS
+from vig.recognition import MASK_CLASSES, Prediction, Recognizer
+from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
+from vig_train import METHODS
+from vig_train.evaluation.fits import Fits, fit_all, key_of
+from vig_train.evaluation.framing import fit_settings, framed
+from vig_train.evaluation.metrics import (
+    angle_error_deg,
+    appearance_ab,
+    appearance_error,
+    illumination_error,
+    illumination_relative,
+    segmentation_iou,
+    shape_error_mm,
+    shape_paper,
+)
+from vig_train.evaluation.results import MethodResult, predicted_deviation
+from vig_train.evaluation.table import BASELINE
+from vig_world.assets.target import shape_vertices
+from vig_world.dataset import Dataset
+from vig_world.raster.rasterize import rasterize
+
+FITTED_AS = {"robust": "spatial"}
+"""Methods whose fits are those of another: they differ in the mask alone, which only "spatial" smooths."""
+
+MASK_HEAD = "rm mask head"
+"""Reported beside "rm": the visible pixels as the network itself predicts them, without a silhouette."""
+
+_MEAN_ELEVATION = np.pi / 4
+_MEAN_ALBEDO = 0.5
+
+
+def fitted(methods: Iterable[str]) -> list[str]:
+    """The likelihoods under which photos must be fitted for methods, each once."""
+    needed = {FITTED_AS.get(method, method) for method in methods}
+    return [name for name in LIKELIHOODS if name in needed]
+
+
+def evaluate(
+    dataset: Dataset,
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    methods: tuple[str, ...] = METHODS,
+    settings: ExplainSettings | None = None,
+    workers: int | None = None,
+    advance: Callable[[int], None] = lambda done: None,
+    cache: Path | None = None,
+    processes: bool = False,
+    cluster: str | None = None,
+) -> dict[str, MethodResult]:
+    """Run methods over all images.
+
+    Args:
+        dataset: Of this class.
+        object_class: Of the objects.
+        recognizer: Its prediction is where fits start.
+        methods: "baseline" predicts the same for every image. "rm" is the recognition model's best guess with
+            its whole silhouette as mask, as in the paper; its predicted mask is reported as `MASK_HEAD`.
+            "gaussian", "robust" and "spatial" are the fits under each likelihood.
+        settings: Of the fits, but for the likelihood.
+        workers: Fits at a time; one per CPU by default.
+        advance: Called with the number of fits made since its last call.
+        cache: Folder that keeps fits. Fits of other photos, weights, settings or class there are replaced;
+            those of other code are not recognised: remove the folder after a change of it.
+        processes: Workers may be processes, see `fit_all`; a script must then guard what it runs by
+            `if __name__ == "__main__"`.
+        cluster: Address of a Ray cluster that does the fits, in place of workers; see `fit_all`.
+
+    Raises:
+        UserError: An unknown method, no method, or a dataset of another class.
+    """
+    _check(dataset, object_class, methods)
+    settings = settings or ExplainSettings()
+    images, visible = framed(dataset, recognizer)
+    truth = Truth.of(dataset, object_class, visible)
+    photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
+    prediction = recognizer(photos)
+    fits: dict[str, Fits] = {}
+    for name in fitted(methods):
+        chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), dataset)
+        fits[name] = fit_all(
+            images,
+            photos,
+            prediction,
+            object_class,
+            chosen,
+            workers or os.cpu_count() or 1,
+            advance,
+            None if cache is None else cache / name,
+            key_of(recognizer, object_class, chosen),
+            processes,
+            cluster,
+        )
+    results = {}
+    for method in methods:
+        if method == BASELINE:
+            results[method] = _baseline(truth, object_class)
+        elif method == "rm":
+            results |= _recognition(prediction, truth, object_class)
+        else:
+            results[method] = _fit(method, fits[FITTED_AS.get(method, method)], truth, object_class)
+    return results
+
+
+def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
+    """Whole silhouettes (N, H, W) bool of N explanations: pixels whose centre the object covers."""
+    camera = object_class.camera()
+    model = object_class.shape_model
+    rotations, translations = camera.pose(latents.azimuth.double(), latents.elevation.double())
+    shapes = zip(model.vertices(latents.shape).numpy(), rotations.numpy(), translations.numpy(), strict=True)
+    return np.stack([rasterize(v, model.faces, r, t, camera, cull=True).face >= 0 for v, r, t in shapes])
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth of N images."""
+
+    latents: Latents
+    vertices: torch.Tensor
+    """(N, V, 3): objects may be held-out designs, which the shape model cannot represent exactly."""
+    visible: np.ndarray
+    """(N, H, W) bool: the object's visible pixels."""
+
+    @staticmethod
+    def of(dataset: Dataset, object_class: ObjectClass, visible: np.ndarray) -> Truth:
+        """The truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
+        latents = Latents.from_vector(torch.from_numpy(dataset.latents))
+        shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
+        vertices = [shape_vertices(shape, design, object_class) for shape, design in shapes]
+        return Truth(latents, torch.from_numpy(np.stack(vertices)), visible)
+
+
+def _check(dataset: Dataset, object_class: ObjectClass, methods: tuple[str, ...]) -> None:
+    """Refuse unknown methods, none, and a dataset of another class."""
+    if not methods:
+        raise UserError(f"expected at least one method among {', '.join(METHODS)}; got none")
+    unknown = [method for method in methods if method not in METHODS]
+    if unknown:
+        raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
+    modes, found = object_class.shape_model.modes, layout_of_width(dataset.latents.shape[1]).count("shape")
+    if found != modes:
+        raise UserError(
+            f"expected a dataset of class '{object_class.name}' with {modes} shape components;"
+            f" '{dataset.folder}' has {found}. Name its class with --class."
+        )
+
+
+def _baseline(truth: Truth, object_class: ObjectClass) -> MethodResult:
+    """The mean of the training distribution, whatever the photo."""
+    count = len(truth.vertices)
+    light = torch.from_numpy(object_class.light_prior_mean).float()
+    light = light * (EXPOSURE_L00 / light[0])
+    latents = Latents(
+        torch.zeros(count, object_class.shape_model.modes),
+        torch.zeros(count),
+        torch.full((count,), _MEAN_ELEVATION),
+        torch.full((count, 3), _MEAN_ALBEDO),
+        light.expand(count, -1),
+    )
+    errors = _errors(latents, truth, object_class)
+    return MethodResult(errors, [""] * count, latents, symmetry=object_class.symmetry)
+
+
+def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass) -> dict[str, MethodResult]:
+    """The recognition model's best guess, and the mask that it predicts."""
+    latents, none = prediction.best(), [""] * len(truth.vertices)
+    masks = silhouettes(latents, object_class)
+    errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
+    predicted = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
+    return {
+        "rm": MethodResult(
+            errors, none, latents, predicted_deviation(prediction), masks, object_class.symmetry
+        ),
+        MASK_HEAD: MethodResult(_segmentation(predicted, truth), none, masks=predicted),
+    }
+
+
+def _fit(method: str, fits: Fits, truth: Truth, object_class: ObjectClass) -> MethodResult:
+    masks = fits.masks_by_pixel if method == "robust" else fits.masks
+    latents = Latents.from_vector(torch.from_numpy(fits.latents))
+    errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
+    verdicts, symmetry = list(fits.verdicts), object_class.symmetry
+    return MethodResult(errors, verdicts, latents, fits.deviation, masks, symmetry)
+
+
+def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[str, np.ndarray]:
+    true = object_class.symmetry.nearest(truth.latents, latents.azimuth)
+    vertices = object_class.shape_model.vertices(latents.shape)
+    return {
+        "azimuth_deg": angle_error_deg(latents.azimuth, true.azimuth),
+        "elevation_deg": angle_error_deg(latents.elevation, true.elevation),
+        "appearance": appearance_error(latents.albedo, true.albedo),
+        "illumination": illumination_error(latents.light, true.light),
+        "shape_mm": shape_error_mm(vertices, truth.vertices),
+        "shape_paper": shape_paper(vertices, truth.vertices),
+        "appearance_ab": appearance_ab(latents.albedo, true.albedo),
+        "illumination_relative": illumination_relative(latents.light, true.light),
+    }
+
+
+def _segmentation(masks: np.ndarray, truth: Truth) -> dict[str, np.ndarray]:
+    return {"segmentation_iou": segmentation_iou(masks, truth.visible)}

@@ -1,0 +1,196 @@
+"""Statistics of per-image errors: medians with intervals, failures, tests, coverage of uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+
+from vig.scene import Latents, angle_difference, layout_of_width
+from vig_train.evaluation.results import MethodResult
+
+LEVELS = tuple(number / 10 for number in range(1, 10))
+"""The paper's levels of occlusion: a median is over all images with at most this share hidden."""
+BINS = ((0.0, 0.15), (0.15, 0.3), (0.3, 0.45), (0.45, 0.6), (0.6, 0.75), (0.75, 0.9))
+"""Separate ranges of occlusion."""
+FAR_DEG = 30.0
+"""A fit whose azimuth is off by more has failed."""
+NEAR_DEG = 15.0
+"""A fit called trusted should have its azimuth within this."""
+NOMINAL = 0.9
+"""Share of images whose truth should be within the predicted intervals."""
+
+Summary = dict[str, Any]
+
+
+def within(occlusion: np.ndarray, least: float, most: float) -> np.ndarray:
+    """Which of N images have an occlusion above `least`, or from it where that is 0, and up to `most`."""
+    occlusion = np.asarray(occlusion, dtype=np.float64)
+    return ((occlusion > least) | (least == 0)) & (occlusion <= most)
+
+
+def resampled(count: int, rng: np.random.Generator, resamples: int = 1000) -> np.ndarray:
+    """Bootstrap samples of `count` images: indices (resamples, count)."""
+    return rng.integers(0, count, (resamples, count))
+
+
+def interval(estimates: np.ndarray) -> list[float]:
+    """The percentile bootstrap's 95 % interval of estimates (R,), one of each resample."""
+    low, high = np.percentile(estimates, [2.5, 97.5])
+    return [float(low), float(high)]
+
+
+def summary(values: np.ndarray, drawn: np.ndarray) -> Summary:
+    """Median, mean, and the median's interval ("ci95") of values (N,) under resamples (R, N)."""
+    return {
+        "median": float(np.median(values)),
+        "mean": float(values.mean()),
+        "ci95": interval(np.median(values[drawn], axis=1)),
+    }
+
+
+def by_occlusion(
+    values: np.ndarray,
+    occlusion: np.ndarray,
+    ranges: Sequence[tuple[float, float]],
+    rng: np.random.Generator,
+    resamples: int = 300,
+) -> list[Summary | None]:
+    """A summary of values (N,) for each range (least, most) of occlusion; None where there are no images."""
+    summaries: list[Summary | None] = []
+    for least, most in ranges:
+        chosen = values[within(occlusion, least, most)]
+        drawn = resampled(len(chosen), rng, resamples) if len(chosen) else None
+        summaries.append(None if drawn is None else summary(chosen, drawn))
+    return summaries
+
+
+def failure(azimuth_deg: np.ndarray, drawn: np.ndarray) -> dict[str, Any]:
+    """How many of N azimuth errors exceed `FAR_DEG`: "count", "rate", and the rate's interval."""
+    far = azimuth_deg > FAR_DEG
+    return {"count": int(far.sum()), "rate": float(far.mean()), "ci95": interval(far[drawn].mean(axis=1))}
+
+
+def paired(first: np.ndarray, second: np.ndarray, drawn: np.ndarray) -> dict[str, Any]:
+    """Compare two methods' values (N,) of the same images, first less second.
+
+    Returns:
+        "median_difference" of the medians and "mean_difference" of the means, each with the paired
+        bootstrap's interval; "p": two-sided Wilcoxon signed-rank test of the differences, 1 without any.
+    """
+    from scipy.stats import wilcoxon  # imported here: it takes half a second
+
+    medians = [np.median(values[drawn], axis=1) for values in (first, second)]
+    difference = first - second
+    return {
+        "median_difference": float(np.median(first) - np.median(second)),
+        "ci95": interval(medians[0] - medians[1]),
+        "mean_difference": float(difference.mean()),
+        "mean_ci95": interval(difference[drawn].mean(axis=1)),
+        "p": float(wilcoxon(difference).pvalue) if difference.any() else 1.0,
+    }
+
+
+def paired_tests(
+    errors: Mapping[str, Mapping[str, np.ndarray]], metrics: Sequence[str], drawn: np.ndarray
+) -> list[dict[str, Any]]:
+    """Each metric compared between every two methods that have it: "metric", "method", "against", `paired`.
+
+    errors: method -> metric -> (N,); the later method is compared against the earlier.
+    """
+    methods = list(errors)
+    return [
+        {"metric": metric, "method": later, "against": earlier}
+        | paired(errors[later][metric], errors[earlier][metric], drawn)
+        for place, later in enumerate(methods)
+        for earlier in methods[:place]
+        for metric in metrics
+        if metric in errors[later] and metric in errors[earlier]
+    ]
+
+
+def latent_groups(count: int) -> dict[str, list[int]]:
+    """Columns of a latent vector of `count` numbers, by group; each number is a group, too, as `light_1`.
+
+    The light's first, L00, is in none: exposure fixes it, so that its error is always 0.
+    """
+    layout = layout_of_width(count)
+    groups = {name: layout.indices(name) for name in ("azimuth", "elevation", "shape", "albedo", "light")}
+    groups["light"] = groups["light"][1:]
+    single = {
+        f"{name}_{each - layout.at(name)}": [each]
+        for name in ("shape", "albedo", "light")
+        for each in groups[name]
+    }
+    return groups | single
+
+
+def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
+    """Errors (N, P) in units of the standard deviations that a method predicts; truth (N, P) latents.
+
+    Azimuth differences are taken on the circle, between views that look the same. Where the deviation is 0,
+    the result is 0 or infinite.
+    """
+    if result.latents is None or result.deviation is None:
+        raise ValueError("expected a method with latents and their deviations; got one without")
+    true = result.symmetry.nearest(Latents.from_vector(torch.from_numpy(truth)), result.latents.azimuth)
+    off = result.latents.to_vector().double().numpy() - true.to_vector().numpy()
+    azimuth = layout_of_width(truth.shape[1]).at("azimuth")
+    off[:, azimuth] = angle_difference(off[:, azimuth], np.zeros(1))
+    certain = np.where(off == 0, 0.0, np.inf)
+    deviation = result.deviation.astype(np.float64)
+    return np.where(deviation > 0, np.abs(off) / np.where(deviation > 0, deviation, 1.0), certain)
+
+
+def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]:
+    """Share of truths within the central interval of the predicted Gaussian of probability `nominal`.
+
+    standard (N, P) from `standardised`. By group, see `latent_groups`; a group of several latents is pooled.
+    """
+    from scipy.stats import norm
+
+    held = standard <= norm.ppf((1 + nominal) / 2)  # 1.645 for 90 %
+    return {name: float(held[:, columns].mean()) for name, columns in latent_groups(held.shape[1]).items()}
+
+
+def by_finish(
+    results: Mapping[str, MethodResult], finish: Sequence[str], chosen: np.ndarray
+) -> dict[str, dict[str, Any]]:
+    """What the object is covered with to method to what counts of photographs, of images `chosen` (N,) bool.
+
+    That is the number of images, the azimuth's median error and its share within 15 degrees, the median IoU
+    of the visible pixels, and of fits the `verdicts`.
+    """
+    names, found = np.array(finish), {}
+    for name in sorted(set(names[chosen].tolist())):
+        here = chosen & (names == name)
+        found[name] = {
+            method: {
+                "count": int(here.sum()),
+                "azimuth_deg": float(np.median(result.errors["azimuth_deg"][here])),
+                "within_15_deg": float((result.errors["azimuth_deg"][here] <= NEAR_DEG).mean()),
+                "segmentation_iou": float(np.median(result.errors["segmentation_iou"][here])),
+                "verdicts": verdicts(result, here) if any(result.verdicts) else None,
+            }
+            for method, result in results.items()
+            if "segmentation_iou" in result.errors
+        }
+    return found
+
+
+def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:
+    """How often each verdict was given among the images `chosen` (N,) bool, and how reliable "trusted" is.
+
+    Returns:
+        "counts": verdict to number; "trusted_share" of the images; "trusted_within_15_deg": the share of the
+        trusted ones whose azimuth error is at most 15 degrees, None when there are none.
+    """
+    names = np.array(result.verdicts)[chosen]
+    trusted = result.errors["azimuth_deg"][chosen][names == "trusted"]
+    return {
+        "counts": {name: int((names == name).sum()) for name in sorted(set(names.tolist()))},
+        "trusted_share": len(trusted) / len(names),
+        "trusted_within_15_deg": float((trusted <= NEAR_DEG).mean()) if len(trusted) else None,
+    }

@@ -1,0 +1,226 @@
+"""Everything reported of methods on a dataset, from per-image errors, as one table ready for JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig_train.evaluation.metrics import shape_ratio
+from vig_train.evaluation.results import MethodResult
+from vig_train.evaluation.statistics import (
+    BINS,
+    LEVELS,
+    by_finish,
+    by_occlusion,
+    coverage,
+    failure,
+    interval,
+    paired_tests,
+    resampled,
+    standardised,
+    summary,
+    verdicts,
+    within,
+)
+from vig_world.dataset import Dataset
+
+METRICS = {
+    "azimuth_deg": "azimuth (degrees)",
+    "elevation_deg": "elevation (degrees)",
+    "appearance": "appearance",
+    "illumination": "illumination",
+    "shape_mm": "shape (mm)",
+    "shape_ratio": "shape / mean shape",
+    "segmentation_iou": "segmentation (IoU, more is better)",
+}
+"""The rows of the table: name in `table.json`, and title for people."""
+
+OTHER_METRICS = {
+    "shape_paper": "shape, root of summed squares (m)",
+    "appearance_ab": "appearance (CIE ab)",
+    "illumination_relative": "illumination / truth's norm",
+}
+"""Further rows: shape error as in the paper's code, and appearance and illumination in standard units."""
+
+BASELINE = "baseline"
+"""The method that predicts the training mean for every image; its shape is the unit of `shape_ratio`."""
+
+
+TESTED = tuple(metric for metric in METRICS | OTHER_METRICS if metric != "shape_ratio")
+"""Metrics that are tested: the ratio's test is that of `shape_mm`."""
+
+
+def build_table(
+    results: Mapping[str, Mapping[str, Any]],
+    occlusion: Any,
+    renderer: str,
+    rng: np.random.Generator,
+    max_occlusion: float = 0.75,
+    resamples: int = 1000,
+    min_occlusion: float = 0.0,
+) -> dict[str, Any]:
+    """Summarise errors over all images whose occlusion is within limits; see `statistics.within`.
+
+    Args:
+        results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
+            from "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; any may be missing.
+        occlusion: (N,) in [0, 1].
+        renderer: Which made the images, "raster" or "cycles".
+        rng: Draws the bootstrap samples.
+        max_occlusion: Of the images that count.
+        resamples: Number of bootstrap samples.
+        min_occlusion: Of the images that count.
+
+    Returns:
+        `{"tier", "count", "max_occlusion", "min_occlusion", "rows": {metric: {method: {"median", "mean",
+        "ci95"}}}, "other_rows"}`: plain numbers, ready for JSON; "tier" is the renderer. ci95 is the
+        percentile bootstrap interval of the median, from the same samples for every method and metric.
+
+    Raises:
+        ValueError: Unknown metrics, lengths that differ, values that are not finite.
+        UserError: No image is within the limits.
+    """
+    occlusion = np.asarray(occlusion, dtype=np.float64)
+    chosen = within(occlusion, min_occlusion, max_occlusion)
+    count = int(chosen.sum())
+    check_limits(occlusion, min_occlusion, max_occlusion)
+    errors = {
+        method: {metric: _checked(method, metric, values, chosen) for metric, values in metrics.items()}
+        for method, metrics in results.items()
+    }
+    drawn = resampled(count, rng, resamples)
+    unit = errors.get(BASELINE, {}).get("shape_mm")
+    rows: dict[str, dict[str, Any]] = {}
+    for metric in METRICS | OTHER_METRICS:
+        for method, values in errors.items():
+            if metric in values:
+                summarised = summary(values[metric], drawn)
+            elif metric == "shape_ratio" and unit is not None and "shape_mm" in values:
+                shape = values["shape_mm"]
+                medians = np.median(shape[drawn], axis=1) / np.median(unit[drawn], axis=1)
+                summarised = summary(shape_ratio(shape, unit), drawn) | {"ci95": interval(medians)}
+            else:
+                continue
+            rows.setdefault(metric, {})[method] = summarised
+    return {
+        "tier": renderer,
+        "count": count,
+        "max_occlusion": max_occlusion,
+        "min_occlusion": min_occlusion,
+        "rows": {metric: row for metric, row in rows.items() if metric in METRICS},
+        "other_rows": {metric: row for metric, row in rows.items() if metric in OTHER_METRICS},
+    }
+
+
+def summarise(
+    results: Mapping[str, MethodResult],
+    dataset: Dataset,
+    renderer: str,
+    min_occlusion: float = 0.0,
+    max_occlusion: float = 0.75,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Compute `build_table` of the images within the limits of occlusion, and further statistics.
+
+    Args:
+        results: Of each method.
+        dataset: Their images.
+        renderer: Which made the images.
+        min_occlusion: Of the images that count.
+        max_occlusion: Of the images that count.
+        seed: Of the bootstrap.
+
+    Returns:
+        The table, with "failures": method to `statistics.failure`; "verdicts": method to
+        `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
+        predicted 90 % interval; "finishes": of photographs, see `statistics.by_finish`; "tests": a list from
+        `statistics.paired_tests`, without the baseline; "levels", "bins": of all images whatever the limits,
+        {"ranges": [[least, most], ...], "counts", "rows": {metric: {method: [summary or None, ...]}}}.
+
+    Raises:
+        UserError: No image is within the limits.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    errors = {method: result.errors for method, result in results.items()}
+    table = build_table(
+        errors, dataset.occlusion, renderer, rng, max_occlusion=max_occlusion, min_occlusion=min_occlusion
+    )
+    chosen = within(dataset.occlusion, min_occlusion, max_occlusion)
+    drawn = resampled(table["count"], rng)
+    compared = {
+        method: {metric: values[chosen] for metric, values in found.items()}
+        for method, found in errors.items()
+        if method != BASELINE and "azimuth_deg" in found
+    }
+    posed = {method: result for method, result in results.items() if "azimuth_deg" in result.errors}
+    uncertain = {method: result for method, result in results.items() if result.deviation is not None}
+    return table | {
+        "failures": {m: failure(r.errors["azimuth_deg"][chosen], drawn) for m, r in posed.items()},
+        "verdicts": {m: verdicts(r, chosen) for m, r in posed.items() if any(r.verdicts)},
+        "finishes": by_finish(posed, dataset.finish, chosen) if dataset.world == "photo" else {},
+        "coverage": {m: coverage(standardised(r, dataset.latents)[chosen]) for m, r in uncertain.items()},
+        "tests": paired_tests(compared, TESTED, drawn),
+        "levels": _ranges(errors, dataset.occlusion, [(0.0, level) for level in LEVELS], rng),
+        "bins": _ranges(errors, dataset.occlusion, list(BINS), rng),
+    }
+
+
+def _ranges(
+    errors: Mapping[str, Mapping[str, np.ndarray]],
+    occlusion: np.ndarray,
+    ranges: list[tuple[float, float]],
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Every metric of every method for each range of occlusion."""
+    return {
+        "ranges": [list(each) for each in ranges],
+        "counts": [int(within(occlusion, *each).sum()) for each in ranges],
+        "rows": {
+            metric: {
+                method: by_occlusion(found[metric], occlusion, ranges, rng)
+                for method, found in errors.items()
+                if metric in found
+            }
+            for metric in METRICS
+            if any(metric in found for found in errors.values())
+        },
+    }
+
+
+def save_table(path: str | Path, table: Mapping[str, Any]) -> None:
+    """Write a table from `build_table` as JSON (`table.json`)."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(table, indent=2, allow_nan=False) + "\n")
+
+
+def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:
+    """Raise UserError when none of the images is within the limits of occlusion."""
+    if within(occlusion, least, most).any():
+        return
+    if not occlusion.size:
+        came, remedy = "there are no images at all", "Use another dataset."
+    elif least == 0:
+        came, remedy = f"the lowest is {occlusion.min():.0%}", "Raise the limit or use another dataset."
+    else:
+        came = f"they have from {occlusion.min():.0%} to {occlusion.max():.0%}"
+        remedy = "Change the limits or use another dataset."
+    wanted = f"at most {most:.0%}" if least == 0 else f"more than {least:.0%} and at most {most:.0%}"
+    raise UserError(f"expected images with {wanted} of the object hidden; {came}. {remedy}")
+
+
+def _checked(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:
+    array = np.asarray(values, dtype=np.float64)
+    if metric == "shape_ratio" or metric not in METRICS | OTHER_METRICS:
+        known = ", ".join(name for name in METRICS | OTHER_METRICS if name != "shape_ratio")
+        raise ValueError(f"unknown metric {metric!r} of {method!r}; expected one of {known}")
+    if array.shape != chosen.shape:
+        raise ValueError(f"{method} {metric}: expected one value per image {chosen.shape}; got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{method} {metric}: {np.count_nonzero(~np.isfinite(array))} values are not finite")
+    return array[chosen]

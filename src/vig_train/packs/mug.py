@@ -1,0 +1,108 @@
+"""The packaged mug class: shape model from the training designs, light prior from the training panoramas.
+
+`python -m vig_train.packs.mug [FOLDER]` builds it into a folder, by default `vig/classes/mug`, and prints how
+far designs lie from it by the number of components.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vig.scene import ObjectClass
+from vig.scene.object_class import PACKAGED
+from vig_train.packs.lights import light_prior
+from vig_train.packs.shapes import beyond_model_mm, designs_of_scenes, fit_shape_model, of_size
+from vig_train.packs.transfer import write_transfer
+from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.mugs import (
+    HELD_OUT_MUGS,
+    MUG_FACES,
+    MUG_PARTS,
+    PART_NAMES,
+    TRAINING_MUGS,
+    VALIDATION_MUGS,
+    MugDesign,
+    drawn_mugs,
+    mug_vertices,
+)
+from vig_world.assets.mugs.mug import POINTS
+
+MODES = 12
+"""Enough for the held-out designs to be within 1 % of their size in the mean: see what `main` prints."""
+DRAWN, EXEMPLARS = 150, 40
+"""Random designs from which the shapes are learned beside the named ones; of these the first are also the
+objects of training scenes."""
+TARGET_HEIGHT = 0.048
+"""Metres at which the camera looks: about half a mug's height."""
+VIEWING_DISTANCE = 0.18
+"""Metres: about 1.5 times the mean length from the back to the handle."""
+PLACES = {
+    "drinks": 3.0, "dining": 3.0, "desk": 2.5, "cooking": 2.0, "storage": 1.5, "reading": 1.5, "bedside": 1.2,
+    "display": 1.0, "washing": 1.0, "floor": 0.2,
+}  # fmt: skip
+
+
+def build_mug_class() -> ObjectClass:
+    """Fit shape model and light prior; a pure function of the code."""
+    designs = vertices_of(TRAINING_MUGS + drawn_mugs(DRAWN))
+    return ObjectClass(
+        "mug",
+        fit_shape_model(designs, MUG_FACES, MUG_PARTS, PART_NAMES, MODES),
+        TARGET_HEIGHT,
+        *light_prior(),
+        front="the handle",
+        points=POINTS,
+        viewing_distance=VIEWING_DISTANCE,
+        places=PLACES,
+    )
+
+
+def vertices_of(designs: Sequence[MugDesign]) -> np.ndarray:
+    """Vertices of designs, (N, V, 3) float32."""
+    return np.stack([mug_vertices(design) for design in designs])
+
+
+def held_out_designs() -> HeldOutDesigns:
+    """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
+    return designs_of_scenes(
+        {
+            "test": HELD_OUT_MUGS,
+            "validation": VALIDATION_MUGS,
+            "train": TRAINING_MUGS + drawn_mugs(EXEMPLARS),
+        },
+        vertices_of,
+    )
+
+
+def main() -> None:
+    """Build, save and describe the class, in the folder that is named or as the packaged one."""
+    built = build_mug_class()
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
+    built.save(folder)
+    held_out_designs().save(folder)
+    write_transfer(built, folder)
+    model = built.shape_model
+    print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.ptp(model.mean, axis=0)} m")
+    print(f"{MODES} components hold {model.explained_variance_ratio.sum():.4f} of the variance")
+    kinds = {
+        "training": vertices_of(TRAINING_MUGS),
+        "test": vertices_of(HELD_OUT_MUGS),
+        "validation": vertices_of(VALIDATION_MUGS),
+        "drawn anew": vertices_of(drawn_mugs(20, seed=1)),
+    }
+    print("mean distance of vertices from the nearest shape, % of the design's longest side, by components")
+    for components in range(2, MODES + 1, 2):
+        errors = ", ".join(f"{kind} {of_size(model, v, components):.2%}" for kind, v in kinds.items())
+        print(f"{components:2d}: {errors}")
+    for kind, vertices in kinds.items():
+        away = beyond_model_mm(model, vertices)
+        print(f"{kind} designs: {away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm")
+    print(folder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,305 @@
+"""Self-shadow and bounce light of a class: a transfer vector per vertex, linear in the shape coefficients.
+
+At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of distant light L, with
+
+    T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being what it meets ]
+
+over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
+nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
+that. The ground is not in T: L is the light that arrives at the object's place, light reflected by the ground
+included.
+
+`python -m vig_train.packs.transfer FOLDER` computes and writes a class pack's.
+"""
+
+import argparse
+import functools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import scipy.sparse
+import torch
+import warp as wp
+from safetensors.numpy import save_file
+
+from vig.io.files import atomic_write
+from vig.renderer.device import initialise
+from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
+from vig.scene.light import COSINE_LOBE, sh_basis
+from vig.scene.object_class import TRANSFER_FILE
+from vig_world.mesh import vertex_normals
+
+ALBEDO = 0.5
+"""Albedo of the object for its interreflections: the middle of the sampled range."""
+
+BOUNCES = 4
+SHAPES, RAY_SIDE = 160, 16
+"""Shapes drawn for the regression; each vertex casts RAY_SIDE squared rays."""
+
+OFFSET = 2e-4
+"""Along the normal, metres at unit scale, where rays start, so that a facet does not hide its own corners."""
+
+INSIDE_SHARE = 0.3
+"""A vertex that sees more than this share of faces from behind lies within another part."""
+
+_BEHIND = -2
+_CHUNK = 1024
+
+
+@functools.cache
+def ray_kernels() -> SimpleNamespace:
+    """The kernel that casts rays against a mesh, compiled at first use."""
+    initialise()
+
+    @wp.kernel(module="vig_transfer")
+    def cast(
+        mesh: wp.uint64,
+        origins: wp.array(dtype=wp.vec3),
+        directions: wp.array2d(dtype=wp.vec3),
+        faces: wp.array2d(dtype=wp.int32),
+        weights: wp.array2d(dtype=wp.vec3),
+    ):
+        point, ray = wp.tid()
+        found = wp.mesh_query_ray(mesh, origins[point], directions[point, ray], 1.0e3)
+        face = wp.int32(-1)
+        if found.result:
+            face = found.face
+            if found.sign < 0.0:
+                face = wp.int32(-2)
+            weights[point, ray] = wp.vec3(found.u, found.v, 1.0 - found.u - found.v)
+        faces[point, ray] = face
+
+    return SimpleNamespace(cast=cast)
+
+
+@dataclass(frozen=True)
+class Rays:
+    """What N points meet in R directions each, cosine-weighted about their normals.
+
+    Attributes:
+        origins: (N, 3).
+        directions: (N, R, 3).
+        face: (N, R) index of the face met, -1 nothing, -2 a face seen from behind.
+        weights: (N, R, 3) barycentric, of the face's corners.
+    """
+
+    origins: np.ndarray
+    directions: np.ndarray
+    face: np.ndarray
+    weights: np.ndarray
+
+
+def cast(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    points: np.ndarray,
+    normals: np.ndarray,
+    side: int,
+    rng: np.random.Generator,
+    device: str = "cpu",
+) -> Rays:
+    """Cast side^2 rays from points (N, 3), metres, with unit normals (N, 3) against a mesh."""
+    kernel = ray_kernels().cast
+
+    def on_device(array: np.ndarray, kind: type) -> wp.array:
+        return wp.from_numpy(np.ascontiguousarray(array), dtype=kind, device=device)
+
+    mesh = wp.Mesh(
+        on_device(vertices.astype(np.float32), wp.vec3), on_device(faces.astype(np.int32).ravel(), wp.int32)
+    )
+    directions = cosine_directions(normals, side, rng)
+    origins = points + OFFSET * normals
+    face = wp.zeros(directions.shape[:2], dtype=wp.int32, device=device)
+    weights = wp.zeros(directions.shape[:2], dtype=wp.vec3, device=device)
+    wp.launch(
+        kernel,
+        dim=directions.shape[:2],
+        inputs=[
+            mesh.id,
+            on_device(origins.astype(np.float32), wp.vec3),
+            on_device(directions.astype(np.float32), wp.vec3),
+        ],
+        outputs=[face, weights],
+        device=device,
+    )
+    return Rays(origins, directions, face.numpy(), weights.numpy())
+
+
+def cosine_directions(normals: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
+    """Unit directions (N, side^2, 3) about unit normals (N, 3): density cosine / pi, stratified.
+
+    All points share one pattern, each turned by an angle of its own.
+    """
+    cells = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    radius, turn = ((cells + rng.uniform(size=cells.shape)) / side).T
+    angle = 2 * np.pi * (turn + rng.uniform(size=(len(normals), 1)))
+    least = np.abs(normals).argmin(axis=1)
+    first = np.cross(normals, np.eye(3)[least])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normals, first)
+    across, along = np.sqrt(radius) * np.cos(angle), np.sqrt(radius) * np.sin(angle)
+    return (
+        across[..., None] * first[:, None]
+        + along[..., None] * second[:, None]
+        + np.sqrt(1 - radius)[:, None] * normals[:, None]
+    )
+
+
+def unoccluded(normals: np.ndarray) -> np.ndarray:
+    """The transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
+    return sh_basis(torch.from_numpy(np.ascontiguousarray(normals, np.float64))).numpy() * COSINE_LOBE
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """What a shape's vertices see of the shape itself.
+
+    Attributes:
+        normals: (V, 3).
+        blocked: (V, 9) mean over directions of Y where something is met.
+        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of what
+            is met.
+        inside: (V,) bool, whether the vertex lies within another part.
+    """
+
+    normals: np.ndarray
+    blocked: np.ndarray
+    seen: scipy.sparse.csr_matrix
+    inside: np.ndarray
+
+    @staticmethod
+    def of(
+        vertices: np.ndarray, faces: np.ndarray, side: int, rng: np.random.Generator, device: str = "cpu"
+    ) -> "Occlusion":
+        """Cast side^2 rays from each vertex (V, 3), metres, of a closed mesh."""
+        normals = vertex_normals(vertices, faces).astype(np.float64)
+        total, share = len(vertices), 1.0 / side**2
+        blocked, inside, seen = np.empty((total, 9)), np.empty(total, bool), []
+        for start in range(0, total, _CHUNK):
+            here = slice(start, start + _CHUNK)
+            rays = cast(vertices, faces, vertices[here], normals[here], side, rng, device)
+            values = sh_basis(torch.from_numpy(rays.directions)).numpy()
+            blocked[here] = np.einsum("nr,nrl->nl", (rays.face != -1).astype(float), values) * share
+            inside[here] = (rays.face == _BEHIND).mean(axis=1) > INSIDE_SHARE
+            row, ray = np.nonzero(rays.face >= 0)
+            corners = faces[rays.face[row, ray]].ravel()
+            where = (np.repeat(row, 3), corners)
+            shape = (len(rays.face), total)
+            seen.append(scipy.sparse.csr_matrix((share * rays.weights[row, ray].ravel(), where), shape=shape))
+        return Occlusion(normals, blocked, scipy.sparse.vstack(seen).tocsr(), inside)
+
+    def change(self, albedo: float, bounces: int, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
+        """T minus `unoccluded` (V, 9) for an object of this albedo in its own light.
+
+        Vertices inside another part take the change from their neighbours (V, V) outside, as the triangles
+        that reach in to them are seen in part.
+        """
+        free = unoccluded(self.normals)
+        change = spread(-self.blocked, self.inside, neighbours)
+        for _ in range(bounces):
+            change = spread(albedo * (self.seen @ (free + change)) - self.blocked, self.inside, neighbours)
+        return change
+
+
+def spread(values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
+    """Values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in reach."""
+    known = ~missing
+    values = np.where(known[:, None], values, 0.0)
+    while not known.all():
+        count = neighbours @ known.astype(float)
+        new = ~known & (count > 0)
+        if not new.any():
+            break
+        values[new] = (neighbours @ values)[new] / count[new, None]
+        known = known | new
+    return values
+
+
+def neighbours_of(faces: np.ndarray, total: int) -> scipy.sparse.csr_matrix:
+    """Which vertices share an edge: (V, V) of ones and zeros."""
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    table = scipy.sparse.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(total, total))
+    table.data[:] = 1.0
+    return table
+
+
+def transfer_model(
+    model: ShapeModel,
+    shapes: int = SHAPES,
+    side: int = RAY_SIDE,
+    seed: int = 0,
+    albedo: float = ALBEDO,
+    device: str = "cpu",
+) -> np.ndarray:
+    """The change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per coefficient.
+
+    At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
+    within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
+    """
+    coefficients, changes, _ = drawn_changes(model, shapes, side, seed, albedo, device)
+    with_one = np.column_stack([np.ones(shapes), coefficients])
+    table = np.linalg.lstsq(with_one, changes.reshape(shapes, -1), rcond=None)[0]
+    return table.reshape(model.modes + 1, -1, 9).astype(np.float32)
+
+
+def drawn_changes(
+    model: ShapeModel, shapes: int, side: int, seed: int, albedo: float = ALBEDO, device: str = "cpu"
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Random shapes' coefficients (N, K), changes (N, V, 9) float32, and `Occlusion.inside` (N, V)."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, shapes]))
+    coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)
+    neighbours = neighbours_of(model.faces, len(model.mean))
+    drawn = model.vertices(torch.from_numpy(coefficients)).numpy()
+    changes = np.empty((*drawn.shape[:2], 9), np.float32)
+    inside = np.empty(drawn.shape[:2], bool)
+    for index, vertices in enumerate(drawn):
+        occlusion = Occlusion.of(vertices, model.faces, side, rng, device)
+        changes[index] = occlusion.change(albedo, BOUNCES, neighbours)
+        inside[index] = occlusion.inside
+    return coefficients, changes, inside
+
+
+def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed: int = 1) -> float:
+    """Root mean square error of the table's changes over that of the changes, on shapes of its own.
+
+    Of vertices that lie outside other parts.
+    """
+    coefficients, exact, inside = drawn_changes(model, shapes, RAY_SIDE, seed)
+    wrong = np.tensordot(np.column_stack([np.ones(shapes), coefficients]), table, axes=1) - exact
+    return float(np.sqrt((wrong[~inside] ** 2).sum() / (exact[~inside] ** 2).sum()))
+
+
+def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
+    """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
+
+    class.json then tells of it, so that it cannot go missing unnoticed.
+    """
+    table = transfer_model(object_class.at_unit_scale.shape_model)
+    with atomic_write(folder / TRANSFER_FILE) as temporary:
+        save_file({"transfer": table.astype(np.float16)}, temporary)
+    if (folder / "class.json").is_file():
+        described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}
+        with atomic_write(folder / "class.json") as temporary:
+            temporary.write_text(json.dumps(described, indent=1) + "\n")
+    return table
+
+
+def main() -> None:
+    """Compute and save a class pack's table; print how well it predicts."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("folder", type=Path, help="of the class pack, whose table is replaced")
+    folder = parser.parse_args().folder
+    one = ObjectClass.load(folder)
+    table = write_transfer(one, folder)
+    mean_only = np.concatenate([table[:1], np.zeros_like(table[1:])])
+    errors = [relative_error(each, one.shape_model) for each in (table, mean_only)]
+    print(f"relative error on other shapes: {errors[0]:.3f}; of the mean alone: {errors[1]:.3f}")
+    print(f"{table.shape}, {(folder / TRANSFER_FILE).stat().st_size} bytes: {folder / TRANSFER_FILE}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""The recognition network's training and calibration with what people look at: log.csv, plots, a summary."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import torch
+
+from vig.io.files import atomic_write
+from vig.recognition.network import layout_of_numbers
+from vig.scene import ObjectClass
+from vig_train.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
+from vig_train.training.examples import Examples
+from vig_train.training.training import Epoch, TrainingSettings, train
+from vig_world.dataset import Dataset
+from vig_world.extras import optional_import
+
+
+def train_and_plot(
+    datasets: Sequence[Dataset],
+    out: Path,
+    settings: TrainingSettings,
+    say: Callable[[str], None] = print,
+    progress: bool = False,
+) -> Path:
+    """As `vig_train.training.train`; also writes every loss of every epoch to log.csv and losses.png."""
+    return train(datasets, out, settings, say, TrainingLog(Path(out)).add, progress)
+
+
+def calibrate_and_plot(
+    path: Path,
+    datasets: Sequence[Dataset],
+    say: Callable[[str], None] = print,
+    further: Sequence[Examples] = (),
+    object_class: ObjectClass | None = None,
+) -> CalibrationResult:
+    """As `vig_train.training.calibrate_network`; also says how much it changed and draws reliability.png."""
+    result = calibrate_network(path, datasets, further, object_class)
+    plot_reliability(path.parent / "reliability.png", result)
+    say(describe_calibration(result))
+    return result
+
+
+class TrainingLog:
+    """Losses and errors of each epoch, in `folder`/log.csv and `folder`/losses.png."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.rows: list[dict[str, str]] = []
+        path = folder / "log.csv"
+        if path.is_file():
+            with open(path, newline="") as file:
+                self.rows = list(csv.DictReader(file))
+
+    def add(self, epoch: Epoch) -> None:
+        """Write an epoch; later ones, of a run that was stopped before its checkpoint, are forgotten."""
+        row = {"epoch": str(epoch.number)}
+        row |= {f"train_{name}": f"{value:.6g}" for name, value in epoch.trained.items()}
+        row |= {f"held_out_{name}": f"{value:.6g}" for name, value in epoch.validated.items()}
+        row |= {name: f"{value:.6g}" for name, value in epoch.errors.items()}
+        self.rows = [old for old in self.rows if int(old["epoch"]) < epoch.number] + [row]
+        with atomic_write(self.folder / "log.csv") as temporary, open(temporary, "w", newline="") as file:
+            writer = csv.DictWriter(file, list(row))
+            writer.writeheader()
+            writer.writerows(self.rows)
+        self._plot(list(epoch.trained), list(epoch.errors))
+
+    def _plot(self, parts: list[str], errors: list[str]) -> None:
+        with optional_import("world"):
+            from matplotlib.figure import Figure
+
+        epochs = [int(row["epoch"]) for row in self.rows]
+        figure = Figure(figsize=(3 * len(errors), 5), layout="constrained")
+        panels = figure.subplots(2, len(errors))
+        for panel, name in zip(panels[0], parts, strict=False):
+            for prefix, label in (("train", "training"), ("held_out", "held-out rooms")):
+                panel.plot(epochs, [float(row[f"{prefix}_{name}"]) for row in self.rows], label=label)
+            panel.set_title(f"{name} loss")
+        panels[0, 0].legend()
+        for panel in panels[0, len(parts) :]:
+            panel.axis("off")
+        for panel, name in zip(panels[1], errors, strict=True):
+            panel.plot(epochs, [float(row[name]) for row in self.rows], color="C1")
+            panel.set_title(name.replace("_", " "))
+            panel.set_xlabel("epoch")
+        with atomic_write(self.folder / "losses.png") as temporary:
+            figure.savefig(temporary, dpi=80, format="png")
+
+
+def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
+    """Probability (N,) of the smallest region that reaches the true azimuth (N,), most probable bins first.
+
+    Where logits (N, bins) are calibrated, it is uniform over [0, 1].
+    """
+    probability = logits.softmax(1)
+    own = probability.gather(1, azimuth_bins(azimuth, logits.shape[1])[:, None])
+    # Half of the true bin's own share counts: it lies anywhere within it.
+    return (probability * (probability > own)).sum(1) + 0.5 * own[:, 0]
+
+
+def describe_calibration(result: CalibrationResult) -> str:
+    """One line on how well uncertainties held before and after."""
+    made, logits = result.calibration, result.azimuth_logits
+    before, after = (
+        float((view_levels(scaled, result.azimuth) <= 0.9).float().mean())
+        for scaled in (logits, logits / made.azimuth_temperature)
+    )
+    within = (result.standard_errors.abs() < WITHIN_90).float().mean(0)
+    return (
+        f"calibrated on {len(logits)} images: temperature of azimuth {made.azimuth_temperature:.2f}"
+        f" (90 % regions of {logits.shape[1]} bins hold {before:.1%} before, {after:.1%} after), of the mask"
+        f" {made.mask_temperature:.2f}; 90 % intervals held {within.min():.1%} to {within.max():.1%} of the"
+        f" numbers, deviations are multiplied by {made.deviation.min():.2f} to {made.deviation.max():.2f}"
+    )
+
+
+def plot_reliability(path: Path, result: CalibrationResult) -> None:
+    """Observed against stated probability, before and after: azimuth's regions, intervals of each number."""
+    with optional_import("world"):
+        from matplotlib.figure import Figure
+
+    made, errors = result.calibration, result.standard_errors
+    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    stated = torch.linspace(0, 1, 51)
+    for name, temperature in (("as trained", 1.0), ("calibrated", made.azimuth_temperature)):
+        levels = view_levels(result.azimuth_logits / temperature, result.azimuth)
+        left.plot(stated, (levels <= stated[:, None]).float().mean(1), label=name)
+    left.set_title("azimuth")
+    reach = math.sqrt(2) * torch.erfinv(stated.clamp_max(0.9999))
+    layout = layout_of_numbers(errors.shape[1])
+    for number, name in enumerate(("elevation", "shape", "albedo", "light")):
+        group = layout[name]
+        for factor, style in ((torch.ones(()), ":"), (made.deviation[group], "-")):
+            off = (errors[:, group] / factor).abs().flatten()
+            held = (off <= reach[:, None]).float().mean(1)
+            right.plot(stated, held, style, color=f"C{number}", label=name if style == "-" else None)
+    right.set_title("numbers: dotted as trained, solid calibrated")
+    for panel in (left, right):
+        panel.plot([0, 1], [0, 1], color="grey", linewidth=0.8)
+        panel.set(xlabel="stated probability", ylabel="share of images", xlim=(0, 1), ylim=(0, 1))
+        panel.legend(loc="upper left")
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, dpi=80, format="png")

@@ -1,0 +1,134 @@
+"""run.json: a run's settings, its machine, which steps are complete and how long they took."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+from vig import __version__
+from vig.io.checks import decode, read_json, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+
+FORMAT_VERSION = 1
+
+
+class Settings(Protocol):
+    """What a run must be gone on with."""
+
+    def to_json(self) -> dict[str, Any]: ...
+
+
+class Record:
+    """The contents of run.json; every change is written at once.
+
+    Attributes:
+        path: Of run.json.
+        data: `{"vig_run", "vig", "command", "machine", "settings", "steps": {name: {"complete", "seconds",
+            "sittings", "finished"}}}`; seconds of all sittings together, finished in UTC.
+    """
+
+    def __init__(self, path: Path, data: dict[str, Any]) -> None:
+        self.path, self.data = path, data
+
+    @staticmethod
+    def open(path: Path, settings: Settings, machine: Mapping[str, Any], command: str) -> Record:
+        """Read the record at `path`, or begin one.
+
+        Raises:
+            UserError: The record is of other settings or damaged, or the folder holds other things.
+        """
+        wanted = settings.to_json()
+        if path.exists():
+            record = Record(path, read_record(path))
+            _refuse_other(path.parent, record.data["settings"], wanted)
+            return record
+        if path.parent.exists() and not path.parent.is_dir():
+            raise UserError(f"expected a folder for the run; '{path.parent}' is a file. Choose another name.")
+        if path.parent.is_dir() and any(path.parent.iterdir()):
+            raise UserError(
+                f"expected a new folder, or one of a run with its {path.name}; '{path.parent}' holds other"
+                " files. Choose another."
+            )
+        begun = {"vig_run": FORMAT_VERSION, "vig": __version__, "command": command}
+        record = Record(path, begun | {"machine": dict(machine), "settings": wanted, "steps": {}})
+        record._save()
+        return record
+
+    def complete(self, step: str) -> bool:
+        """Whether a step has been completed."""
+        return bool(self._step(step)["complete"])
+
+    def seconds(self, step: str) -> float:
+        """How long a step has taken so far, in all sittings."""
+        return float(self._step(step)["seconds"])
+
+    def forget(self, steps: list[str]) -> None:
+        """Mark steps as not complete, since what they take is made again."""
+        for step in steps:
+            if step in self.data["steps"]:
+                self.data["steps"][step]["complete"] = False
+        self._save()
+
+    def renew(self, settings: Settings, steps: list[str]) -> None:
+        """Go on with other settings, `steps` being as if never begun."""
+        self.data["settings"] = settings.to_json()
+        for step in steps:
+            self.data["steps"].pop(step, None)
+        self._save()
+
+    @contextmanager
+    def timed(self, step: str) -> Iterator[None]:
+        """Count a block's time as the step's; the step is complete when the block raises nothing."""
+        entry, started = self._step(step), time.monotonic()
+        self.data["steps"][step] = entry
+        try:
+            yield
+            entry |= {"complete": True, "finished": datetime.now(UTC).isoformat(timespec="seconds")}
+        finally:
+            entry["seconds"] = round(entry["seconds"] + time.monotonic() - started, 1)
+            entry["sittings"] += 1
+            self._save()
+
+    def _step(self, step: str) -> dict[str, Any]:
+        fresh = {"complete": False, "seconds": 0.0, "sittings": 0, "finished": None}
+        return self.data["steps"].get(step, fresh)
+
+    def _save(self) -> None:
+        with atomic_write(self.path) as temporary:
+            temporary.write_text(json.dumps(self.data, indent=2) + "\n")
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Read run.json. Raises UserError when it is missing, damaged, or of another format."""
+    with reading(path, "the record of a run", "Choose another folder."):
+        data: dict[str, Any] = decode(dict[str, Any], read_json(path))
+        version, whole = data["vig_run"], {"vig", "command", "machine", "settings", "steps"} <= data.keys()
+        if version == FORMAT_VERSION and whole:
+            decode(dict[str, Any], data["settings"])
+            for step in decode(dict[str, dict[str, Any]], data["steps"]).values():
+                for name, kind in {"complete": bool, "seconds": float, "sittings": int}.items():
+                    decode(kind, step[name])
+    if version != FORMAT_VERSION or not whole:
+        raise UserError(f"'{path}' is of another version of vig, or damaged; choose another folder.")
+    return data
+
+
+def _refuse_other(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Raise UserError that names the first setting in which two runs differ."""
+    for name in wanted | held:
+        if held.get(name) != wanted.get(name):
+            was, now = (_text(each.get(name)) for each in (held, wanted))
+            raise UserError(
+                f"'{folder}' holds a run with {name.replace('_', ' ')} {was}; {now} was asked for."
+                " Choose another folder or the same settings."
+            )
+
+
+def _text(value: Any) -> str:
+    return " ".join(value) if isinstance(value, list) else "none" if value is None else str(value)

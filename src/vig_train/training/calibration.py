@@ -1,0 +1,123 @@
+"""Calibration of a network's stated uncertainties on scenes and designs that training never saw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+from torch.nn import functional
+
+from vig.io.checks import read_tensors
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.recognition.network import NetworkCalibration
+from vig.recognition.prediction import Recognizer
+from vig.scene import ObjectClass
+from vig_train.training.examples import Examples
+from vig_world.dataset import Dataset
+
+WITHIN_90 = 1.6449
+"""Standard deviations on either side that hold 90 % of a Gaussian."""
+LEAST_FACTOR = 0.5
+LEAST_IMAGES = 50
+"""Images below which a calibration means nothing."""
+CELL_STRIDE = 29
+"""Of the mask's cells one in so many is used: neighbours are nearly the same."""
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """What N images showed of a network, before its calibration.
+
+    Attributes:
+        calibration: What was written into the weights.
+        azimuth: (N,) true azimuths, radians; those of half turns twice over, so that they fill the circle.
+        azimuth_logits: (N, bins) of the network, of which bins that look the same are joined.
+        standard_errors: (N, M) errors of the regressed numbers over their stated deviations.
+    """
+
+    calibration: NetworkCalibration
+    azimuth: torch.Tensor
+    azimuth_logits: torch.Tensor
+    standard_errors: torch.Tensor
+
+
+def check_count(images: int) -> None:
+    """Refuse fewer than `LEAST_IMAGES`."""
+    if images < LEAST_IMAGES:
+        raise UserError(
+            f"expected at least {LEAST_IMAGES} images of the object to calibrate on; got {images}. Take a"
+            " larger dataset, or more photos of the studio (--studio)."
+        )
+
+
+def calibrate_network(
+    path: Path,
+    datasets: Sequence[Dataset],
+    further: Sequence[Examples] = (),
+    object_class: ObjectClass | None = None,
+) -> CalibrationResult:
+    """Write a calibration on datasets, and on further examples, into the weights at `path`.
+
+    `object_class` tells the symmetries of what they show; without it there are those of a teapot.
+
+    Raises:
+        UserError: Fewer than `LEAST_IMAGES`, or weights that cannot be read or are of the paper's networks.
+    """
+    check_count(sum(map(len, datasets)) + sum(map(len, further)))
+    recognizer = Recognizer(path) if object_class is None else Recognizer.of_class(object_class, path)
+    examples = Examples.joined([*map(Examples.of, datasets), *further])
+    azimuth, mean, deviation, mask = _outputs(recognizer, examples)
+    fold = recognizer.symmetry.fold
+    azimuth = azimuth.unflatten(1, (max(fold, 1), -1)).logsumexp(1)
+    true = examples.azimuth if fold == 1 else torch.remainder(fold * examples.azimuth, 2 * math.pi)
+    labels = functional.one_hot(azimuth_bins(true, azimuth.shape[1]), azimuth.shape[1]).float()
+    error = mean - examples.numbers
+    cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    shares = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    made = NetworkCalibration(
+        temperature(azimuth, labels) if fold else torch.ones(()),
+        temperature(cells, shares),
+        widening(error, deviation),
+    )
+    held, metadata = read_tensors(path, "pt")
+    tensors = {name: value for name, value in held.items() if not name.startswith(made.PREFIX)}
+    with atomic_write(path) as temporary:
+        save_file(tensors | made.tensors(), temporary, metadata=metadata)
+    return CalibrationResult(made, true, azimuth, error / deviation)
+
+
+@torch.inference_mode()
+def _outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.Tensor, ...]:
+    """Azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
+    found = []
+    for part in torch.arange(len(examples)).split(64):
+        heads = recognizer.heads(examples[part].pixels())
+        numbers = heads.mean * recognizer.deviation + recognizer.mean
+        deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
+        found.append((heads.azimuth, numbers, deviation, heads.mask))
+    return tuple(torch.cat(column) for column in zip(*found, strict=True))
+
+
+def azimuth_bins(azimuth: torch.Tensor, bins: int) -> torch.Tensor:
+    """The bin (N,) that each azimuth (N,) in [0, 2 pi) lies in."""
+    return (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
+
+
+def temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    """The temperature () under which logits (N, C) give soft labels (N, C) the greatest likelihood."""
+    tried = torch.logspace(-0.5, 0.7, 121)
+    losses = [functional.cross_entropy(logits / t, labels) for t in tried]
+    return tried[int(torch.stack(losses).argmin())]
+
+
+def widening(error: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
+    """Factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals.
+
+    At least `LEAST_FACTOR`: what never varies, as L00 at a set exposure, is not known infinitely well.
+    """
+    return (torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90).clamp_min(LEAST_FACTOR)

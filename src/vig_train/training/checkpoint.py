@@ -1,0 +1,88 @@
+"""Weights and checkpoints as safetensors."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from vig.io.checks import read_tensors, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.recognition.network import FORMAT, RecognitionNetwork
+
+MOMENTS = ("step", "exp_avg", "exp_avg_sq")
+"""What AdamW keeps of each weight."""
+
+Scale = dict[str, torch.Tensor]
+"""`mean` and `deviation` (M,) of the regressed numbers over the training images."""
+
+
+def save_weights(network: RecognitionNetwork, scale: Scale, path: Path) -> None:
+    """Write a network in half precision with its settings and the targets' scale."""
+    tensors = {
+        f"network.{k}": v.half() if v.is_floating_point() else v for k, v in network.state_dict().items()
+    }
+    tensors |= {f"scale.{k}": v for k, v in scale.items()}
+    with atomic_write(path) as temporary:
+        save_file(
+            {k: v.contiguous().cpu() for k, v in tensors.items()},
+            temporary,
+            metadata={"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))},
+        )
+
+
+def save_checkpoint(
+    path: Path,
+    networks: dict[str, RecognitionNetwork],
+    optimizer: torch.optim.Optimizer,
+    state: dict[str, str],
+) -> None:
+    """Write networks by name, the optimiser's moments, and the `state` of the run."""
+    tensors = {f"{name}.{k}": v for name, net in networks.items() for k, v in net.state_dict().items()}
+    for parameter, moments in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{parameter}.{k}": v for k, v in moments.items()}
+    with atomic_write(path) as temporary:
+        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary, metadata=state)
+
+
+def load_checkpoint(
+    path: Path, networks: dict[str, RecognitionNetwork], optimizer: torch.optim.Optimizer, run: str
+) -> dict[str, str]:
+    """Put a checkpoint back; returns the state of its run.
+
+    Args:
+        path: Of the checkpoint.
+        networks: As they were saved; they take on its weights.
+        optimizer: AdamW of the first network's parameters; it takes on its moments.
+        run: The `run` that the state must have.
+
+    Raises:
+        UserError: It is damaged, has other tensors, or is of another run.
+    """
+    with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
+        tensors, state = read_tensors(path, "pt")
+        if state["run"] != run:
+            raise UserError(
+                f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
+            )
+        parameters = [p for group in optimizer.param_groups for p in group["params"]]
+        wanted = {f"{name}.{k}" for name, module in networks.items() for k in module.state_dict()}
+        wanted |= {f"optimizer.{i}.{k}" for i in range(len(parameters)) for k in MOMENTS}
+        if odd := sorted(wanted ^ tensors.keys()):
+            raise ValueError(f"tensors are missing or unknown: {', '.join(odd)[:100]}")
+        for name, module in networks.items():
+            module.load_state_dict({k: tensors[f"{name}.{k}"] for k in module.state_dict()})
+        moments: dict[int, dict[str, torch.Tensor]] = {i: {} for i in range(len(parameters))}
+        for (i, own), name in itertools.product(enumerate(parameters), MOMENTS):
+            tensor = tensors[f"optimizer.{i}.{name}"]
+            if tensor.shape != (shape := () if name == "step" else own.shape):
+                raise ValueError(f"'{name}' of a weight must be {tuple(shape)}; it is {tuple(tensor.shape)}")
+            # The fused step walks through memory: its moments must lie as the weights do.
+            moments[i][name] = torch.empty_like(own).copy_(tensor) if tensor.ndim else tensor
+        optimizer.load_state_dict(optimizer.state_dict() | {"state": moments})
+    return state

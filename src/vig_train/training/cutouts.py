@@ -1,0 +1,232 @@
+"""Cut-outs of solid things, to put pictures together from: the world's props, animals and vehicles."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+from PIL import Image
+
+from vig.scene import Camera, linear_from_srgb, srgb_from_linear
+from vig_world import SPLITS, Split
+from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
+from vig_world.assets.props import FAMILIES, Material, Prop, is_of_class
+from vig_world.assets.props.material import material, plain, prop
+from vig_world.assets.props.shapes import blob, box, moved, revolve, tube
+from vig_world.mesh import Mesh, vertex_normals
+from vig_world.raster.rasterize import rasterize
+
+CUTOUTS, SIDE, SAMPLES = 1600, 112, 2
+"""How many a split has of each kind, their longest side in pixels, and points across each."""
+ANIMALS, VEHICLES = 0.3, 0.1
+"""Shares of all; the others are props."""
+LOOKALIKES = (
+    "basket", "bowl", "cup_saucer", "cup_saucer", "flask", "goblet", "jug", "jug", "milk_bottle", "mug",
+    "mug", "mug", "mug", "saucepan", "sugar_bowl", "teacups", "tumbler", "vase_plant",
+)  # fmt: skip
+"""Families of props that share something with vessels that pour, and are none; some more often."""
+
+
+def draw_cutout(rng: np.random.Generator, split: Split) -> Image.Image:
+    """One of a split's things: RGBA, sRGB, as large as its outline."""
+    return _stock(int(rng.integers(CUTOUTS)) + CUTOUTS * SPLITS.index(split), False)
+
+
+def draw_vessel(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
+    """One of a split's vessels that are not of the class of this name; see `draw_cutout`."""
+    number = int(rng.integers(CUTOUTS))
+    for _ in LOOKALIKES:
+        if not is_of_class(LOOKALIKES[(number + CUTOUTS * SPLITS.index(split)) % len(LOOKALIKES)], name):
+            break
+        number = (number + 1) % CUTOUTS
+    return _stock(number + CUTOUTS * SPLITS.index(split), True)
+
+
+@functools.lru_cache(maxsize=2 * CUTOUTS)
+def _stock(number: int, lookalike: bool) -> Image.Image:
+    """Thing number so much, from some side in some light."""
+    rng = np.random.default_rng(np.random.SeedSequence([number, 33, int(lookalike)]))
+    kind = rng.random()
+    if lookalike:
+        thing = FAMILIES[LOOKALIKES[number % len(LOOKALIKES)]](rng)
+    elif kind < ANIMALS:
+        thing = _animal(rng)
+    elif kind < ANIMALS + VEHICLES:
+        thing = _vehicle(rng)
+    else:
+        thing = FAMILIES[list(FAMILIES)[number % len(FAMILIES)]](rng)
+    if rng.random() < 0.4:  # in other colours than such things have
+        thing = Prop(thing.family, tuple((mesh, _other(rng, stuff)) for mesh, stuff in thing.parts))
+    fallen = rng.random() < 0.12 and not lookalike
+    return _seen(rng, thing, rng.uniform(0, 2 * math.pi) if fallen else 0.0)
+
+
+def placed_cutout(
+    cutout: Image.Image, middle: tuple[float, float], size: float, angle: float, side: int
+) -> np.ndarray:
+    """A cut-out in an otherwise empty picture: (side, side, 4) linear RGB, not multiplied, and coverage.
+
+    Args:
+        cutout: RGBA.
+        middle: Where its middle comes to be, in widths from the picture's middle.
+        size: Its longest side, in widths of the picture.
+        angle: Degrees by which it is turned, counter-clockwise.
+        side: Of the picture, pixels.
+    """
+    turned = cutout.rotate(angle, Image.Resampling.BILINEAR, expand=True) if abs(angle) > 1 else cutout
+    factor = size * side / max(cutout.size)
+    shape = (max(1, round(turned.width * factor)), max(1, round(turned.height * factor)))
+    turned = turned.resize(shape, Image.Resampling.BILINEAR)
+    canvas = Image.new("RGBA", (side, side))
+    left, top = (round((0.5 + at) * side - length / 2) for at, length in zip(middle, shape, strict=True))
+    canvas.paste(turned, (left, top))
+    pixels = np.asarray(canvas)
+    return np.concatenate([_LINEAR[pixels[..., :3]], pixels[..., 3:] / np.float32(255)], axis=2)
+
+
+_LINEAR = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
+
+
+def _seen(rng: np.random.Generator, thing: Prop, roll: float) -> Image.Image:
+    """A picture of a thing, turned at random about the vertical."""
+    meshes = [mesh for mesh, _ in thing.parts]
+    points = np.concatenate([mesh.vertices for mesh in meshes])
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+    points = points - (points.min(0) + points.max(0)) / 2
+    reach = float(np.linalg.norm(points, axis=1).max())
+    size = SIDE * SAMPLES
+    camera = Camera(size, size, 1.9 * size, size / 2, size / 2, 4.0 * reach, roll=roll)
+    high = rng.random() < 0.25
+    matrix = camera.camera_from_world(
+        rng.uniform(0, 2 * math.pi), math.radians(rng.uniform(30, 85) if high else rng.uniform(-5, 30))
+    )
+    rotation = matrix[:3, :3]
+    fragments = rasterize(points, faces, rotation, matrix[:3, 3], camera)
+    on = fragments.face >= 0
+    face, weights = fragments.face[on], fragments.barycentric[on]
+    normals = np.concatenate([vertex_normals(mesh.vertices, mesh.faces) for mesh in meshes])
+    uv = np.concatenate([np.zeros((len(m.vertices), 2)) if m.uv is None else m.uv for m in meshes])
+    table = np.concatenate([normals @ rotation.T, uv], axis=1)
+    rows = np.add.reduce([weights[:, c, None] * table[faces[face, c]] for c in range(3)])
+    normal = rows[:, :3] / (np.linalg.norm(rows[:, :3], axis=1, keepdims=True) + 1e-9)
+    normal = np.where(normal[:, 2:] > 0, -normal, normal)
+    colour = np.empty((len(face), 3), np.float32)
+    shine = np.zeros((len(face), 1))
+    for number, (_, stuff) in enumerate(thing.parts):
+        mine = owner[face] == number
+        height, width = stuff.texture.shape[:2]
+        u, v = rows[mine, 3], 1 - rows[mine, 4]
+        colour[mine] = stuff.texture[(v * height).astype(int) % height, (u * width).astype(int) % width]
+        shine[mine] = 0.7 * (1 - stuff.roughness) ** 2
+    light = rng.normal(size=3) + [0, -0.9, -0.9]
+    light /= np.linalg.norm(light)
+    half = light - [0, 0, 1]
+    half /= np.linalg.norm(half)
+    lit = (
+        rng.uniform(0.2, 0.6) * (0.75 - 0.25 * normal[:, 1:2])
+        + rng.uniform(0.3, 0.9) * (normal @ light).clip(0)[:, None]
+    )
+    glint = (normal @ half).clip(0)[:, None] ** np.exp(rng.uniform(2, 5.5))
+    picture = np.zeros((size, size, 4), np.float32)
+    picture[on] = np.concatenate([colour * lit + shine * glint, np.ones_like(glint)], axis=1)
+    parts = [picture[i::SAMPLES, j::SAMPLES] for i in range(SAMPLES) for j in range(SAMPLES)]
+    mean = np.add.reduce(parts) / len(parts)
+    shown = srgb_from_linear((mean[..., :3] / np.maximum(mean[..., 3:], 1e-6)).clip(0, 1))
+    image = Image.fromarray((np.concatenate([shown, mean[..., 3:]], axis=2) * 255).round().astype(np.uint8))
+    return image.crop(image.getchannel("A").getbbox() or (0, 0, 1, 1))
+
+
+def _other(rng: np.random.Generator, stuff: Material) -> Material:
+    """A material in any colour or texture."""
+    if rng.random() < 0.5:
+        image = np.broadcast_to(any_colour(rng), (4, 4, 3))
+    else:
+        image = stock_texture(int(rng.integers(TEXTURES)))
+    return Material(image, stuff.kind, stuff.roughness)
+
+
+def _coat(rng: np.random.Generator) -> Material:
+    """A hide: of one colour, in patches of two, or of any texture."""
+    kind = rng.random()
+    if kind < 0.4:
+        return plain("cloth", rng, any_colour(rng))
+    if kind < 0.6:
+        return material("cloth", rng, "speckle", any_colour(rng))
+    y, x = np.mgrid[:64, :64] / 64 * 2 * math.pi
+    waves = rng.integers(-3, 4, (5, 2))
+    value = sum(np.sin(a * x + b * y + rng.uniform(0, 6.28)) for a, b in waves)
+    image = np.where((value > rng.uniform(-1, 1))[..., None], any_colour(rng), any_colour(rng))
+    return Material(image.astype(np.float32), "cloth", float(rng.uniform(0.3, 1.0)))
+
+
+def _limb(start: list[float], end: list[float], radius: float, taper: float) -> Mesh:
+    """A rounded, tapering limb between two points (3,)."""
+    t = np.linspace(0, 1, 7)[:, None]
+    path = np.array(start) * (1 - t) + np.array(end) * t
+    path = path + 1e-4 * np.sin(3 * t)  # never straight up, see `tube`
+    width = radius * (1 + (taper - 1) * t[:, 0]) * np.sqrt(1 - (2 * t[:, 0] - 1) ** 8 + 0.02)
+    return tube(path, width, 8, up=(0.0, 1.0, 0.0))
+
+
+def _animal(rng: np.random.Generator) -> Prop:
+    """A four-legged animal: cow, horse, dog, sheep, pig or the like, standing or lying, as a toy of it is."""
+    long, thick = 1.0, rng.uniform(0.16, 0.34)
+    leg = rng.uniform(0.15, 0.6) if rng.random() < 0.85 else 0.05
+    coat = _coat(rng)
+    other = _coat(rng) if rng.random() < 0.3 else coat
+    belly = leg + thick
+    parts: list[tuple[Mesh, Material]] = [
+        (moved(blob((long, 1.6 * thick, 2 * thick), 16, 10, rng.uniform(2.0, 3.0)), (0, 0, leg)), coat)
+    ]
+    for x in (-0.36, 0.36):
+        for y in (-0.5, 0.5):
+            foot = [x + rng.uniform(-0.12, 0.12), y * thick, 0.0]
+            limb = _limb([x, y * thick, belly], foot, rng.uniform(0.04, 0.08), rng.uniform(0.5, 1.0))
+            parts.append((limb, other))
+    rise, ahead = rng.uniform(-0.1, 0.5), rng.uniform(0.05, 0.3)
+    neck = [0.42, 0.0, belly + 0.3 * thick]
+    head = [0.45 + ahead, 0.0, belly + 0.3 * thick + rise]
+    parts.append((_limb(neck, head, rng.uniform(0.08, 0.16), rng.uniform(0.6, 1.0)), coat))
+    nose = [head[0] + rng.uniform(0.12, 0.3), 0.0, head[2] - rng.uniform(0.0, 0.2)]
+    parts.append((_limb(head, nose, rng.uniform(0.08, 0.14), rng.uniform(0.5, 0.9)), other))
+    for y in (-1, 1):
+        tip = [head[0] - 0.04, y * rng.uniform(0.08, 0.16), head[2] + rng.uniform(0.0, 0.22)]
+        parts.append((_limb([head[0], y * 0.05, head[2]], tip, 0.035, 0.4), other))
+    end = [-0.5 - rng.uniform(0.02, 0.25), 0.0, belly + rng.uniform(-0.4, 0.2)]
+    parts.append((_limb([-0.46, 0.0, belly + 0.4 * thick], end, rng.uniform(0.02, 0.06), 0.6), coat))
+    if rng.random() < 0.3:
+        parts.append((moved(box((1.2, 0.6, 0.03)), (0, 0, -0.03)), plain("plastic", rng, any_colour(rng))))
+    return prop("animal", *parts)
+
+
+def _vehicle(rng: np.random.Generator) -> Prop:
+    """A toy car, van or lorry."""
+    paint = plain("metal", rng, any_colour(rng))
+    glass, tyre = plain("glass", rng, [0.04, 0.05, 0.06]), plain("plastic", rng, [0.03, 0.03, 0.03])
+    wide, high = rng.uniform(0.36, 0.5), rng.uniform(0.14, 0.3)
+    low = rng.uniform(0.04, 0.1)
+    body = blob((1.0, wide, high), 24, 10, rng.uniform(3.5, 7.0))
+    cabin_long, cabin_high = rng.uniform(0.4, 0.85), rng.uniform(0.12, 0.3)
+    at = (rng.uniform(-0.15, 0.1), 0.0, low + 0.85 * high)
+    cabin = blob((cabin_long, 0.88 * wide, 1.15 * cabin_high), 24, 8, rng.uniform(2.5, 5.0))
+    roof = blob((0.8 * cabin_long, 0.8 * wide, 0.3 * cabin_high), 24, 6, 4.0)
+    parts = [
+        (moved(body, (0, 0, low)), paint),
+        (moved(cabin, at), glass),
+        (moved(roof, (at[0], 0.0, at[2] + 0.88 * cabin_high)), paint),
+    ]
+    radius = rng.uniform(0.08, 0.13)
+    profile = [[0, 0], [0.5 * radius, 0], [radius, 0.01], [radius, 0.09], [0.5 * radius, 0.1], [0, 0.1]]
+    wheel = revolve(profile, 16)
+    upright = Mesh(wheel.vertices[:, [0, 2, 1]] * [1, -1, 1], wheel.faces, wheel.uv)
+    hub = plain("metal", rng, any_colour(rng))
+    for x in (-0.3, 0.3):
+        for y in (-0.5 * wide + 0.07, 0.5 * wide + 0.03):
+            parts.append((moved(upright, (x, y, radius)), tyre if rng.random() < 0.9 else hub))
+    stripe = plain("plastic", rng, any_colour(rng))
+    if rng.random() < 0.5:
+        parts.append((moved(box((1.01, 1.01 * wide, 0.12 * high)), (0, 0, low + 0.5 * high)), stripe))
+    return prop("vehicle", *parts)

@@ -1,0 +1,94 @@
+"""Training examples in memory, and the images of rooms that are held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+
+from vig.scene import Latents
+from vig_train.training.targets import cell_shares, numbers_of
+from vig_world.dataset import Dataset
+
+HELD_SHARE = 1 / 16
+"""Of the images, at least, whose rooms are held out."""
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Images with what they show, in memory.
+
+    Attributes:
+        images: (N, H, W, 3) uint8, sRGB.
+        azimuth: (N,) radians.
+        numbers: (N, M), see `targets.numbers_of`.
+        roll: (N,) clockwise turn of the image, radians.
+        visible: (N, H, W) uint8, the share of each pixel in which the object is seen, of 255.
+        hidden: (N, H, W) uint8, the share in which something before it is.
+    """
+
+    images: torch.Tensor
+    azimuth: torch.Tensor
+    numbers: torch.Tensor
+    roll: torch.Tensor
+    visible: torch.Tensor
+    hidden: torch.Tensor
+
+    @staticmethod
+    def of(dataset: Dataset) -> Examples:
+        """Read a dataset, a few hundred images at a time."""
+        latents = Latents.from_vector(torch.from_numpy(dataset.latents))
+        images, visible, hidden = [], [], []
+        for some in np.array_split(np.arange(len(dataset)), max(1, len(dataset) // 256)):
+            images.append(torch.from_numpy(dataset.read("rgb", some)))
+            amodal, seen = dataset.read("mask", some), dataset.read("mask_visib", some)
+            visible.append(torch.from_numpy(seen.astype(np.uint8) * 255))
+            hidden.append(torch.from_numpy((amodal & ~seen).astype(np.uint8) * 255))
+        masks = torch.cat(visible), torch.cat(hidden)
+        roll = torch.tensor(dataset.roll).float()
+        return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), roll, *masks)
+
+    @staticmethod
+    def joined(parts: list[Examples]) -> Examples:
+        """Concatenate."""
+        names = [field.name for field in fields(Examples)]
+        return Examples(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+
+    def __len__(self) -> int:
+        return len(self.azimuth)
+
+    def pixels(self, device: torch.device | str = "cpu") -> torch.Tensor:
+        """Network input (N, 3, H, W), sRGB in [0, 1]."""
+        images = self.images.permute(0, 3, 1, 2).float().div(255).to(device)
+        return images.contiguous(memory_format=torch.channels_last)
+
+    def mask(self) -> torch.Tensor:
+        """Shares (N, 3, h, w) of the mask head's cells."""
+        return cell_shares(self.visible.float() / 255, self.hidden.float() / 255)
+
+    def present(self) -> torch.Tensor:
+        """Whether an image shows the object at all: (N,) float, 0 or 1."""
+        return (self.visible.flatten(1).amax(1) > 127).float()
+
+    def __getitem__(self, chosen: torch.Tensor | slice) -> Examples:
+        return Examples(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def hold_out(datasets: Sequence[Dataset], most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices to train on, and at most `most` to validate on, whose rooms no training image shows.
+
+    Indices run through all datasets in their order. Whole rooms are held out until they have `HELD_SHARE` of
+    the images; of a single room, its last tenth.
+    """
+    rooms = np.array([spec.room.layout for dataset in datasets for spec in dataset.specs()])
+    known, counts = np.unique(rooms, return_counts=True)
+    if len(known) == 1:
+        held = np.arange(len(rooms)) >= len(rooms) - max(1, len(rooms) // 10)
+    else:
+        order = np.random.default_rng(np.random.SeedSequence([len(rooms)])).permutation(len(known))
+        enough = int(np.searchsorted(counts[order].cumsum(), HELD_SHARE * len(rooms))) + 1
+        held = np.isin(rooms, known[order[: min(enough, len(known) - 1)]])
+    shown = np.flatnonzero(held)
+    return np.flatnonzero(~held), shown[np.linspace(0, len(shown) - 1, min(most, len(shown))).astype(int)]

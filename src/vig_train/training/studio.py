@@ -1,0 +1,303 @@
+"""A studio: training images drawn afresh, as wide as photographs are.
+
+Each holds the object of a class with any surface, in any light, on a plain, set or cluttered ground, with
+things beside and before it, through a camera of any lens, and what is true of it. All is a pure function of a
+seed and an index.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from vig.photo import Window
+from vig.renderer.explained import vertex_irradiance
+from vig.scene import (
+    EXPOSURE_L00,
+    IMAGE_SIZE,
+    Camera,
+    Latents,
+    ObjectClass,
+    ShapeModel,
+)
+from vig_train.training.environment import Environment
+from vig_train.training.grounds import draw_ground, shadowed
+from vig_train.training.layers import Layer, place_of
+from vig_train.training.snapshots import continued, photographed
+from vig_train.training.things import draw_lookalike, draw_thing
+from vig_world.assets.coats import any_colour, draw_coat
+from vig_world.assets.target import draw_shape, shape_vertices
+from vig_world.dataset.spec import Coat, Split
+from vig_world.mesh import vertex_normals
+from vig_world.raster.view import View
+from vig_world.renderers.coated import appearance_of
+
+SAMPLES = 2
+"""Points across a pixel at which the object is drawn."""
+MOST_THINGS = 5
+"""Before the object."""
+MOST_DRAWS = 8
+"""Of an image."""
+NOTHING, OTHER_VESSEL, PART, WHOLE = range(4)
+"""What images show in the object's place."""
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """Shares and spreads of what is drawn.
+
+    Attributes:
+        decorated: Share of objects that are painted.
+        metal: Share that are of metal.
+        glass: Share through which the ground shows.
+        occluded: Share with things before the object, which hide up to `most_hidden` of it.
+        absent: Share of images without the object; a third of these show part of one, such as a body alone,
+            a third another vessel.
+        level: Share of views from within 15 degrees of the horizon.
+        boxed: Share framed by a box about the object; others by the class's standard camera.
+        small: Share in which the object is small and away from the middle.
+        roll: Standard deviation of the camera's roll, radians.
+        rolled: Share in which the roll is uniform up to `most_roll`, radians, instead.
+        continued: Share in which the window reaches beyond its photo, whose border is continued.
+        warp: Standard deviation by which shapes leave the model, at most, as a share of the object's size.
+    """
+
+    decorated: float = 0.5
+    metal: float = 0.08
+    glass: float = 0.03
+    occluded: float = 0.6
+    most_hidden: float = 0.8
+    absent: float = 0.15
+    level: float = 0.6
+    boxed: float = 0.6
+    small: float = 0.1
+    roll: float = 0.07
+    rolled: float = 0.2
+    most_roll: float = 0.65
+    continued: float = 0.2
+    warp: float = 0.02
+
+
+@dataclass(frozen=True)
+class StudioImage:
+    """One image and what is true of it.
+
+    Attributes:
+        image: (H, W, 3) uint8 sRGB.
+        latents: (P,) float32, in the order of `vig.scene.Latents.to_vector`; the albedo is the mean of the
+            surface that is seen.
+        roll: Clockwise turn of the image, radians.
+        visible: (H, W) uint8, the share of each pixel in which the object is seen, of 255.
+        hidden: (H, W) uint8, the share in which something before it is.
+    """
+
+    image: np.ndarray
+    latents: np.ndarray
+    roll: float
+    visible: np.ndarray
+    hidden: np.ndarray
+
+
+class Studio:
+    """Draws images of a class."""
+
+    def __init__(
+        self,
+        object_class: ObjectClass,
+        settings: StudioSettings = StudioSettings(),
+        split: Split = "train",
+    ):
+        """Objects are of the class's designs of a split, see `draw_shape`."""
+        self.object_class, self.settings, self.split = object_class, settings, split
+        model = object_class.shape_model
+        self.size = float(np.ptp(model.mean, axis=0).max())
+        self.height = float(model.mean[:, 2].max())
+        self._body, self._others = separate_parts(model)
+        self._factor = np.linalg.cholesky(
+            object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
+        )
+
+    def draw(self, seed: int, index: int) -> StudioImage:
+        """Draw an image; one that fails is drawn anew from its next stream, `MOST_DRAWS` times at most."""
+        for number in range(MOST_DRAWS):
+            key = (number,) if number else ()
+            try:
+                return self._drawn(
+                    np.random.default_rng(np.random.SeedSequence([seed, index, 71], spawn_key=key))
+                )
+            except Exception as error:  # no image ends a training
+                failure = error
+            print(f"studio image {index} is drawn anew: {failure!r}", file=sys.stderr, flush=True)
+        raise failure
+
+    def _drawn(self, rng: np.random.Generator) -> StudioImage:
+        settings = self.settings
+        latents, vertices = self._shape(rng)
+        camera = self._camera(rng, vertices, latents)
+        parts = len(self.object_class.shape_model.part_names)
+        kinds = WHOLE if self._others else PART
+        coat = draw_coat(rng, parts, settings.decorated, settings.metal)
+        ground = draw_ground(rng, self.split, camera.roll)
+        environment = Environment.draw(rng)
+        absent = rng.random() < settings.absent
+        shown = int(rng.integers(kinds)) if absent else WHOLE
+        tint = 1 + rng.normal(0, 0.04, 3)
+        albedo = np.mean(coat.colours, axis=0)
+        if shown >= PART:
+            faces = self._part(rng) if shown == PART else self.object_class.shape_model.faces
+            layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
+            layer = replace(layer, colour=layer.colour * tint)
+        elif shown == OTHER_VESSEL:
+            layer = draw_lookalike(rng, self.split, self.object_class.name)
+        else:
+            layer = Layer(ground, np.zeros(ground.shape[:2], np.float32))
+        place = place_of(layer.cover)
+        picture = shadowed(rng, ground, layer.cover, place)
+        colours = [*map(np.array, coat.colours[:2]), any_colour(rng)]
+        for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.4, 0.3, 0.2, 0.1]))):
+            picture = draw_thing(rng, self.split, colours, place, before=False).over(picture)
+        picture = layer.over(picture)
+        visible = layer.cover.copy()
+        if rng.random() < settings.occluded:
+            picture, visible = self._hidden(rng, picture, layer.cover, colours, place)
+        hidden = layer.cover - visible
+        if absent:
+            visible, hidden = np.zeros_like(visible), np.zeros_like(hidden)
+        image = photographed(rng, picture)
+        if rng.random() < settings.continued:
+            image = continued(rng, image, layer.cover > 0)
+        vector = replace(latents, albedo=torch.from_numpy(albedo[None].astype(np.float32))).to_vector()
+        return StudioImage(
+            image,
+            vector[0].numpy(),
+            camera.roll,
+            *(np.round(255 * share).astype(np.uint8) for share in (visible, hidden)),
+        )
+
+    def _hidden(
+        self,
+        rng: np.random.Generator,
+        picture: np.ndarray,
+        cover: np.ndarray,
+        colours: list[np.ndarray],
+        place: tuple[float, float, float],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The picture (H, W, 3) with things before the object, and what is left of its cover (H, W)."""
+        visible, whole = cover, max(float(cover.sum()), 1e-6)
+        wanted = 1 - rng.uniform(0, self.settings.most_hidden)
+        for _ in range(MOST_THINGS):
+            thing = draw_thing(rng, self.split, colours, place, before=True)
+            left = visible * (1 - thing.cover)
+            if left.sum() < (1 - self.settings.most_hidden) * whole:
+                continue
+            picture, visible = thing.over(picture), left
+            if visible.sum() < wanted * whole:
+                break
+        return picture, visible
+
+    def _shape(self, rng: np.random.Generator) -> tuple[Latents, np.ndarray]:
+        """Latents but for the albedo, and vertices, a little off the model."""
+        settings = self.settings
+        shape, design = draw_shape(rng, self.object_class, self.split)
+        kind = rng.random()
+        if kind < settings.level:
+            elevation = math.radians(rng.uniform(-4, 15))
+        else:
+            low = kind < settings.level + 0.6 * (1 - settings.level)
+            elevation = math.radians(rng.uniform(15, 42) if low else rng.uniform(42, 89))
+        light = self._factor @ rng.standard_normal(9) * rng.uniform(0.3, 1.3)
+        light = light + rng.uniform(0.3, 1.0) * self.object_class.light_prior_mean
+        light[0] = EXPOSURE_L00  # as in datasets: at a set exposure
+        numbers = (shape, [rng.uniform(0, 2 * math.pi)], [elevation], np.full(3, 0.5), light)
+        tensors = [torch.from_numpy(np.asarray(each, np.float32))[None] for each in numbers]
+        latents = Latents(tensors[0], tensors[1][0], tensors[2][0], tensors[3], tensors[4])
+        vertices = shape_vertices(shape, design, self.object_class)
+        # A few long waves, as real ones are no members of the family; the mirror plane stays one.
+        warp = settings.warp * rng.random()
+        for _ in range(2):
+            wave = rng.normal(size=3) * [1, 0, 1] * 2 * math.pi / self.size
+            move = rng.normal(0, warp * self.size, 3) * [1, 0, 1]
+            vertices = vertices + np.sin(vertices @ wave + rng.uniform(0, 6.28))[:, None] * move
+        vertices = vertices * np.exp(rng.normal(0, 0.06, 3))
+        vertices[:, 2] -= vertices[:, 2].min()
+        return latents, vertices.astype(np.float32)
+
+    def _camera(self, rng: np.random.Generator, vertices: np.ndarray, latents: Latents) -> Camera:
+        """A camera whose image frames the object as boxes do, or as the paper's camera does, about."""
+        settings = self.settings
+        camera = self.object_class.camera()
+        farther = math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
+        wide = rng.random() < settings.rolled
+        roll = float(rng.uniform(-1, 1) * settings.most_roll if wide else rng.normal(0, settings.roll))
+        camera = replace(camera, distance=camera.distance * farther, focal=camera.focal * farther, roll=roll)
+        if rng.random() < settings.boxed:
+            matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+            seen = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+            x, y = (camera.focal * seen[:, :2] / seen[:, 2:]).T
+            box = (x.min(), y.min(), float(np.ptp(x)), float(np.ptp(y)))
+            window = Window.round_box(box)
+            scale = IMAGE_SIZE / window.side
+            camera = replace(
+                camera, focal=camera.focal * scale, cx=-window.left * scale, cy=-window.top * scale
+            )
+        scale, shift = math.exp(rng.normal(0, 0.11)), rng.normal(0, 0.05, 2)
+        if rng.random() < settings.small:
+            scale, shift = rng.uniform(0.35, 0.9), rng.uniform(-0.25, 0.25, 2)
+        middle = IMAGE_SIZE / 2
+        return replace(
+            camera,
+            focal=camera.focal * scale,
+            cx=middle + (camera.cx - middle) * scale + shift[0] * IMAGE_SIZE,
+            cy=middle + (camera.cy - middle) * scale + shift[1] * IMAGE_SIZE,
+        )
+
+    def _part(self, rng: np.random.Generator) -> np.ndarray:
+        """Faces of something like the object that is none: its body with one other part."""
+        model = self.object_class.shape_model
+        kept = [*self._body, self._others[rng.integers(len(self._others))]]
+        return model.faces[np.isin(model.parts[model.faces[:, 0]], kept)]
+
+    def _object(
+        self,
+        rng: np.random.Generator,
+        latents: Latents,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        camera: Camera,
+        coat: Coat,
+        environment: Environment,
+        ground: np.ndarray,
+    ) -> tuple[Layer, np.ndarray]:
+        """The object lit, and the mean albedo (3,) of what is seen of it."""
+        model = self.object_class.shape_model
+        normals = vertex_normals(vertices, model.faces)
+        light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
+        matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+        view = View(camera.scaled(SAMPLES), matrix[:3, :3], matrix[:3, 3])
+        reflectance = float(rng.uniform(0.5, 1.1))
+        look = appearance_of(
+            coat, model, vertices, faces, normals, light, view, environment.radiance_from, reflectance
+        )
+        if rng.random() < self.settings.glass:
+            row, column = np.nonzero(look.on)
+            bent = np.stack([row, column], 1) / SAMPLES + look.normal[:, 2:0:-1] * rng.uniform(3, 12)
+            bent = np.clip(bent.astype(int), 0, IMAGE_SIZE - 1)
+            through = ground[bent[:, 0], bent[:, 1]] * (0.3 + 0.7 * np.sqrt(look.albedo))
+            look = replace(look, colour=0.85 * through + 0.15 * look.colour)
+        mean = look.albedo.mean(0) if len(look.albedo) else np.mean(coat.colours, axis=0)
+        return Layer(*look.averaged(SAMPLES)), mean
+
+
+def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:
+    """The first part with all that share triangles with it; and the others, which can be taken off it."""
+    faces = model.parts[model.faces]
+    body = {0}
+    while True:
+        joined = {int(part) for part in faces[np.isin(faces, list(body)).any(1)].ravel()}
+        if joined <= body:
+            return sorted(body), sorted(set(range(len(model.part_names))) - body)
+        body |= joined

@@ -1,0 +1,404 @@
+"""Training of the recognition network on a dataset and fresh drawings, resumable from its last epoch."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from vig.io.checks import read_tensors, reading
+from vig.io.errors import UserError
+from vig.recognition.network import (
+    Heads,
+    NetworkSettings,
+    RecognitionNetwork,
+    bfloat16,
+    layout_of_numbers,
+)
+from vig.scene import Symmetry, angle_difference
+from vig_train.training.augmentation import Augmentation, Batch
+from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
+from vig_train.training.drawing import Drawing, drawn
+from vig_train.training.examples import Examples, hold_out
+from vig_train.training.targets import azimuth_labels
+from vig_world.dataset import Dataset
+from vig_world.generation.progress import Meter
+
+AVERAGING = 0.998
+"""Share of the averaged weights that a step keeps."""
+LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "presence": 0.3}
+"""Of the parts of the loss."""
+TRUNK = ("stem.", "stages.")
+"""What the names of the trunk's weights begin with."""
+TRUNK_RATE = 0.3
+"""Learning rate of a trunk that was trained before, over that of the rest."""
+MARGIN, ABOUT_WEIGHT = 9, 3.0
+"""Cells within this square about the object's weigh so much more than others in the mask's loss."""
+REPORTED = 300.0
+"""Seconds between lines on the time left, in a log."""
+ROLL_UNIT = math.radians(10.0)
+"""Of errors of roll in the loss."""
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How to train.
+
+    Attributes:
+        epochs: Passes over the datasets' training images, at most.
+        batch: Images of the datasets per step.
+        drawing: Of further images for each step, drawn afresh; None for the datasets alone.
+        start: Weights to begin with: a file of `vig train`, of which all that fits is taken.
+        trunk_only: Take only the trunk from it.
+        frozen: Of the trunk's stages, those that stay as they are in `start`, from the first on.
+        learning_rate: The highest; see `Schedule`.
+        weight_decay: Of AdamW.
+        validation: Most images of held-out rooms that are used.
+        patience: Epochs without a better validation loss after which training ends.
+        augmentation: Of the training images.
+        symmetry: Of the class, under which azimuths are the same.
+        mirror: Whether shapes of the class are their own mirror images; if not, no image is flipped.
+        network: Sizes; the number of shape components is the datasets'.
+        seed: Of weights, order, drawing and augmentation.
+        threads: Of the CPU, all by default.
+    """
+
+    epochs: int = 18
+    batch: int = 40
+    drawing: Drawing | None = None
+    start: Path | None = None
+    trunk_only: bool = False
+    frozen: int = 3
+    learning_rate: float = 2e-3
+    weight_decay: float = 2e-2
+    validation: int = 2000
+    patience: int = 6
+    augmentation: Augmentation = Augmentation()
+    symmetry: Symmetry = Symmetry.NONE
+    mirror: bool = True
+    network: NetworkSettings = NetworkSettings()
+    seed: int = 0
+    threads: int | None = None
+
+    def check(self, datasets: Sequence[Dataset]) -> None:
+        """Raise UserError when this trains nothing on datasets."""
+        for name, least in (("epochs", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise UserError(f"{name} must be at least {least}; got {getattr(self, name)}")
+        count = sum(map(len, datasets))
+        if count < 2 * self.batch:
+            named = ", ".join(f"'{dataset.folder}'" for dataset in datasets)
+            raise UserError(f"training needs at least {2 * self.batch} images; {named} has {count}")
+
+    def fingerprint(self, datasets: Sequence[Dataset]) -> str:
+        """Settings and data that a checkpoint must match to be resumed."""
+        data = 0
+        for dataset in datasets:
+            data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes(), data)
+        count = sum(map(len, datasets))
+        described = asdict(self) | {"count": count, "data": data, "start": str(self.start)}
+        described["drawing"] = None if self.drawing is None else self.drawing.described()
+        left_out = {"threads": self.threads, "symmetry": Symmetry.NONE, "mirror": True}
+        return json.dumps({k: value for k, value in described.items() if (k, value) not in left_out.items()})
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """What one pass over the training images came to.
+
+    Attributes:
+        number: From 1 on.
+        trained: Each part of the loss, mean over the pass.
+        validated: The same on the held-out images, of the averaged weights.
+        errors: Of these on the held-out images, in their own units.
+    """
+
+    number: int
+    trained: dict[str, float]
+    validated: dict[str, float]
+    errors: dict[str, float]
+
+
+def train(
+    datasets: Sequence[Dataset],
+    out: Path,
+    settings: TrainingSettings,
+    say: Callable[[str], None] = print,
+    record: Callable[[Epoch], None] = lambda epoch: None,
+    progress: bool = False,
+) -> Path:
+    """Train on datasets but for the rooms that are held out.
+
+    On a GPU where there is one, in bfloat16 where the processor has it. An interrupted run resumes from the
+    checkpoint that is written after each epoch.
+
+    Args:
+        datasets: To learn from, their images in one order.
+        out: Folder of the weights and the checkpoint.
+        settings: How to train.
+        say: Is called with a line after each epoch.
+        record: Is called after each epoch, before the checkpoint is written.
+        progress: Report the time left on standard error.
+
+    Returns:
+        The path of the weights: their exponential moving average after the epoch of least held-out loss.
+
+    Raises:
+        UserError: The datasets are too small, the settings train nothing, or `out` holds a checkpoint that is
+            damaged or of another run.
+    """
+    settings.check(datasets)
+    if settings.threads is not None:
+        torch.set_num_threads(settings.threads)
+    chosen, held = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
+    examples = Examples.joined([Examples.of(dataset) for dataset in datasets])
+    run = _Run.begin(settings, examples, chosen)
+    checkpoint, path = Path(out) / "checkpoint.safetensors", Path(out) / "recognition.safetensors"
+    fingerprint = settings.fingerprint(datasets)
+    first, best, best_at = 0, math.inf, 0
+    if checkpoint.exists():
+        state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
+        first, best, best_at = int(state["epoch"]), float(state["best"]), int(state["best_at"])
+    batches = run.batches(examples, chosen, first)
+    steps = len(chosen) // settings.batch
+    with Meter(settings.epochs * steps, first * steps, progress, "steps", REPORTED) as meter:
+        for epoch in range(first, settings.epochs):
+            if epoch - best_at >= settings.patience:
+                say(f"no better for {settings.patience} epochs; the weights are those after epoch {best_at}")
+                break
+            started = time.monotonic()
+            trained = run.epoch(batches, epoch, steps, meter.advance)
+            speed = len(chosen) / (time.monotonic() - started)
+            validated, errors = validate(
+                run.networks["average"], examples, held, run.scale, settings.symmetry
+            )
+            record(Epoch(epoch + 1, trained, validated, errors))
+            loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
+            if loss < best:
+                best, best_at = loss, epoch + 1
+                save_weights(run.networks["average"], run.scale, path)
+            state = {"epoch": str(epoch + 1), "run": fingerprint, "best": repr(best), "best_at": str(best_at)}
+            save_checkpoint(checkpoint, run.networks, run.optimizer, state)
+            listed = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
+            say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
+    return path
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A network in training, the average of its weights, and what moves them."""
+
+    settings: TrainingSettings
+    networks: dict[str, RecognitionNetwork]
+    optimizer: torch.optim.Optimizer
+    scale: Scale
+    device: torch.device
+
+    @staticmethod
+    def begin(settings: TrainingSettings, examples: Examples, chosen: torch.Tensor) -> _Run:
+        device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        numbers = examples.numbers[chosen]
+        scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
+        torch.manual_seed(settings.seed)
+        sizes = replace(settings.network, modes=layout_of_numbers(numbers.shape[1]).count("shape"))
+        network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
+        if settings.start is not None:
+            begin_with(network, settings.start, settings.trunk_only)
+            for part in _frozen_parts(network, settings.frozen):
+                part.requires_grad_(False)
+        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        average.load_state_dict(network.state_dict())
+        named = [(name, each) for name, each in network.named_parameters() if each.requires_grad]
+        trunk = [each for name, each in named if name.startswith(TRUNK)]
+        others = [each for name, each in named if not name.startswith(TRUNK)]
+        share = TRUNK_RATE if settings.start is not None else 1.0
+        groups = [{"params": others, "share": 1.0}, {"params": trunk, "share": share}]
+        optimizer = torch.optim.AdamW(
+            groups, settings.learning_rate, weight_decay=settings.weight_decay, fused=True
+        )
+        return _Run(settings, {"network": network, "average": average}, optimizer, scale, device)
+
+    def batches(self, examples: Examples, chosen: torch.Tensor, first: int) -> Iterator[Batch]:
+        """Augmented batches of all epochs from `first` on, in order."""
+        settings = self.settings
+        steps = len(chosen) // settings.batch
+
+        def some() -> Iterator[tuple[Examples, int]]:
+            for epoch in range(first, settings.epochs):
+                rng = np.random.default_rng(np.random.SeedSequence([settings.seed, epoch]))
+                order = chosen[torch.from_numpy(rng.permutation(len(chosen)))]
+                for step, part in enumerate(order[: steps * settings.batch].split(settings.batch)):
+                    yield examples[part], epoch * steps + step
+
+        given = ((part, step) for part, step in some())
+        made = drawn(given, settings.drawing, settings.seed) if settings.drawing else given
+        augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
+        for part, step in made:
+            yield augment(part, np.random.default_rng([settings.seed, step, 1]))
+
+    def epoch(
+        self, batches: Iterator[Batch], epoch: int, steps: int, advance: Callable[[int], None]
+    ) -> dict[str, float]:
+        """One pass over so many batches, each of which advances; returns each part of the loss, mean."""
+        settings, (network, average) = self.settings, self.networks.values()
+        torch.manual_seed(int(np.random.SeedSequence([settings.seed, epoch]).generate_state(1)[0] >> 1))
+        network.train()
+        if settings.start is not None:
+            for part in _frozen_parts(network, settings.frozen):
+                part.eval()
+        rate = Schedule(settings.learning_rate, settings.epochs * steps)
+        sums = dict.fromkeys(LOSS_WEIGHTS, 0.0)
+        for step in range(steps):
+            batch = next(batches).to(self.device)
+            scale = {name: value.to(self.device) for name, value in self.scale.items()}
+            numbers = (batch.numbers - scale["mean"]) / scale["deviation"]
+            with bfloat16(self.device):
+                heads = network(batch.images)
+            parts = losses(heads, replace(batch, numbers=numbers), settings.symmetry)
+            self.optimizer.zero_grad()
+            total(parts).backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+            done = epoch * steps + step
+            for group in self.optimizer.param_groups:
+                group["lr"] = rate(done) * group["share"]
+            self.optimizer.step()
+            _average_in(average, network, min(AVERAGING, (1 + done) / (10 + done)))
+            sums = {name: sums[name] + float(part.detach()) / steps for name, part in parts.items()}
+            advance(1)
+        return sums
+
+
+def begin_with(network: RecognitionNetwork, path: Path, trunk_only: bool) -> None:
+    """Give a network those weights of a file that fit it, or of these only the trunk's.
+
+    Raises UserError when the file is no weights file or its trunk has other sizes.
+    """
+    with reading(path, "recognition weights", "Take a file of `vig train`."):
+        tensors, _ = read_tensors(path, "pt")
+        own = network.state_dict()
+        found = {
+            name: value.to(own[name].dtype)
+            for name, value in ((k.removeprefix("network."), v) for k, v in tensors.items())
+            if name in own and own[name].shape == value.shape
+        }
+        if lacking := [name for name in own if name.startswith(TRUNK) and name not in found]:
+            raise ValueError(f"its trunk has other sizes than the network's, at '{lacking[0]}'")
+    kept = {name: value for name, value in found.items() if name.startswith(TRUNK) or not trunk_only}
+    network.load_state_dict(kept, strict=False)
+
+
+def _frozen_parts(network: RecognitionNetwork, stages: int) -> list[nn.Module]:
+    """The first stages of the trunk, with what comes before them."""
+    return [network.stem, *network.stages[:stages]] if stages else []
+
+
+def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> dict[str, torch.Tensor]:
+    """Each part of the loss: a distribution over azimuth, Gaussian likelihoods of numbers, a mask, others.
+
+    Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
+    are hard to predict continue to be learned. Cells on and about the object count more than others, for
+    its parts may be thin. Where the object is absent only presence and mask count.
+
+    Args:
+        heads: The network's outputs.
+        batch: What they should be; its numbers are in the heads' units.
+        symmetry: Of the class; where any turn looks the same azimuth does not count.
+    """
+    labels = azimuth_labels(batch.azimuth, heads.azimuth.shape[1], symmetry=symmetry)
+    azimuth = functional.cross_entropy(heads.azimuth, labels, reduction="none") * float(symmetry.fold > 0)
+    variance = heads.log_variance.exp()
+    likelihood = (heads.mean - batch.numbers) ** 2 / variance + heads.log_variance
+    there = batch.present / batch.present.sum().clamp_min(1.0)
+    about = functional.max_pool2d(1 - batch.mask[:, 2], MARGIN, stride=1, padding=MARGIN // 2)
+    weight = 1 + (ABOUT_WEIGHT - 1) * about
+    pixels = functional.cross_entropy(heads.mask, batch.mask, reduction="none")
+    off = angle_difference(heads.roll, batch.roll) / ROLL_UNIT
+    return {
+        "azimuth": (azimuth * there).sum(),
+        "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * there).sum(),
+        "mask": (pixels * weight).sum() / weight.sum(),
+        "roll": (functional.smooth_l1_loss(off, torch.zeros_like(off), reduction="none") * there).sum(),
+        "presence": functional.binary_cross_entropy_with_logits(heads.presence, batch.present),
+    }
+
+
+def total(parts: dict[str, torch.Tensor]) -> torch.Tensor:
+    """The weighted sum that is minimised."""
+    return sum((LOSS_WEIGHTS[name] * loss for name, loss in parts.items()), torch.zeros(()))
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Learning rate by step: a linear rise over a twentieth, then half a cosine down to a hundredth."""
+
+    highest: float
+    steps: int
+
+    def __call__(self, step: int) -> float:
+        rise = max(1, self.steps // 20)
+        if step < rise:
+            return self.highest * (step + 1) / rise
+        share = (step - rise) / max(1, self.steps - rise)
+        return self.highest * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(1.0, share))))
+
+
+@torch.inference_mode()
+def validate(
+    network: RecognitionNetwork,
+    examples: Examples,
+    chosen: torch.Tensor,
+    scale: Scale,
+    symmetry: Symmetry = Symmetry.NONE,
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Mean losses, and errors in their own units, on chosen examples as they are."""
+    network.eval()
+    device = next(network.parameters()).device
+    sums, azimuths, elevations, shapes = dict.fromkeys(LOSS_WEIGHTS, 0.0), [], [], []
+    hits = unions = 0.0
+    for part in chosen.split(128):
+        some = examples[part]
+        numbers = (some.numbers - scale["mean"]) / scale["deviation"]
+        mask = some.mask()
+        batch = Batch(some.pixels(), some.azimuth, numbers, some.roll, some.present(), mask).to(device)
+        with bfloat16(device):
+            heads = network(batch.images)
+        for name, loss in losses(heads, batch, symmetry).items():
+            sums[name] += float(loss) * len(part) / len(chosen)
+        bins = heads.azimuth.shape[1]
+        guess = (heads.azimuth.argmax(1).cpu() + 0.5) * (2 * math.pi / bins)
+        off = symmetry.difference(guess, some.azimuth)
+        azimuths.append(off.abs().rad2deg())
+        error = (heads.mean.cpu() - numbers).abs() * scale["deviation"]
+        parts = layout_of_numbers(error.shape[1]).split(error)
+        elevations.append(parts["elevation"][:, 0].rad2deg())
+        shapes.append(parts["shape"][:, :3].mean(1))
+        visible, predicted = mask[:, 0] > 0.5, heads.mask.argmax(1).cpu() == 0
+        hits += float((visible & predicted).sum())
+        unions += float((visible | predicted).sum())
+    azimuth = torch.cat(azimuths)
+    return sums, {
+        "azimuth_deg": float(azimuth.median()),
+        "wrong_view": float((azimuth > 30).float().mean()),
+        "elevation_deg": float(torch.cat(elevations).median()),
+        "shape_sd": float(torch.cat(shapes).mean()),
+        "mask_iou": hits / max(unions, 1.0),
+    }
+
+
+def _average_in(average: RecognitionNetwork, network: RecognitionNetwork, keep: float) -> None:
+    """Exponential moving average of weights and statistics."""
+    with torch.no_grad():
+        for kept, new in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
+            if kept.is_floating_point():
+                kept.lerp_(new, 1 - keep)
+            else:
+                kept.copy_(new)

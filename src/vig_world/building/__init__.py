@@ -1,5 +1,0 @@
-"""A class pack from a folder of meshes."""
-
-from vig_world.building.build import Builder, BuildSettings, Built
-
-__all__ = ["BuildSettings", "Builder", "Built"]

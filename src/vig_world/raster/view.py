@@ -1,0 +1,104 @@
+"""A posed camera, and the depth images that it sees, for layout and rendering."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import torch
+
+from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+from vig_world.dataset.spec import Lens, SceneSpec
+from vig_world.raster.rasterize import rasterize
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera with its pose: rotation (3, 3) and translation (3,) camera_from_world, metres."""
+
+    camera: Camera
+    rotation: np.ndarray
+    translation: np.ndarray
+
+    @staticmethod
+    def of(object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE) -> View:
+        """The standard camera of a class for a square image of `size` pixels, at angles in radians."""
+        return View.through(Lens(), object_class, azimuth, elevation, size)
+
+    @staticmethod
+    def of_scene(spec: SceneSpec, object_class: ObjectClass, size: int = IMAGE_SIZE) -> View:
+        """The camera of a scene, for an image of `size` pixels a side."""
+        return View.through(spec.lens, object_class, spec.azimuth, spec.elevation, size)
+
+    @staticmethod
+    def through(
+        lens: Lens, object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE
+    ) -> View:
+        """The camera of a class with a lens of its own."""
+        standard = object_class.camera(size, lens.farther)
+        camera = replace(
+            standard,
+            focal=standard.focal * lens.scale,
+            cx=standard.cx + lens.shift[0] * size,
+            cy=standard.cy + lens.shift[1] * size,
+            roll=lens.roll,
+        )
+        # Of any image: the pose is found once for all sizes.
+        pointed = replace(camera, width=1, height=1, focal=1.0, cx=0.0, cy=0.0)
+        return View(camera, *_pose(pointed, azimuth, elevation))
+
+    def widened(self, factor: int) -> View:
+        """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
+        c, aside = self.camera, (factor - 1) // 2
+        cx, cy = c.cx + aside * c.width, c.cy + aside * c.height
+        camera = Camera(factor * c.width, factor * c.height, c.focal, cx, cy)
+        return View(camera, self.rotation, self.translation)
+
+    def scaled(self, factor: float) -> View:
+        """The same view in an image `factor` times as wide and high."""
+        return View(self.camera.scaled(factor), self.rotation, self.translation)
+
+    @cached_property
+    def eye(self) -> np.ndarray:
+        """The camera's centre in the world (3,), metres."""
+        return -self.rotation.T @ self.translation
+
+    @property
+    def forward(self) -> np.ndarray:
+        """Unit vector (3,) in the world along which depth is counted."""
+        return self.rotation[2]
+
+    def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Depth (H, W) metres of a world mesh wholly in front of the camera; inf where nothing is seen."""
+        return rasterize(vertices, faces, self.rotation, self.translation, self.camera, cull=True).depth
+
+    def window(self, vertices: np.ndarray) -> tuple[slice, slice]:
+        """Rows and columns of the frame that can show world points (V, 3), all in front of the camera."""
+        top, bottom, left, right = (int(edge[0]) for edge in self.windows(vertices[None]))
+        return slice(top, bottom), slice(left, right)
+
+    def windows(self, clouds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """First and end row, first and end column, (N,) each, of the frame that can show clouds (N, P, 3)."""
+        points = clouds @ self.rotation.T + self.translation
+        camera = self.camera
+        scale = camera.focal / points[..., 2]
+        row, column = scale * points[..., 1] + camera.cy, scale * points[..., 0] + camera.cx
+        return (
+            row.min(1).clip(0, camera.height).astype(int),
+            (row.max(1) + 1).clip(0, camera.height).astype(int),
+            column.min(1).clip(0, camera.width).astype(int),
+            (column.max(1) + 1).clip(0, camera.width).astype(int),
+        )
+
+
+@lru_cache(maxsize=64)
+def _pose(camera: Camera, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) of a camera, read-only."""
+    rotation, translation = camera.pose(
+        torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
+    )
+    result = rotation[0].numpy(), translation[0].numpy()
+    for array in result:
+        array.setflags(write=False)
+    return result

@@ -1,0 +1,68 @@
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+
+
+def test_the_file_appears_only_when_the_block_ends_and_nothing_else_stays(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "result.json"
+    with atomic_write(path) as temporary:
+        temporary.write_text("{}")
+        assert not path.exists()
+        assert temporary.parent == path.parent and temporary.suffix == ".json"
+    assert path.read_text() == "{}"
+    assert os.listdir(path.parent) == ["result.json"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_interrupted_block_leaves_the_old_file_and_no_rubbish(
+    tmp_path: Path, error: type[BaseException]
+) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("old")
+    with pytest.raises(error), atomic_write(path) as temporary:
+        temporary.write_text("half")
+        raise error
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["result.json"]
+
+
+def test_a_full_disk_is_one_line_for_the_user(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"^cannot write .*result\.png: the disk is full; free .*\.$"):
+        with atomic_write(tmp_path / "result.png") as temporary:
+            temporary.write_bytes(b"half")
+            raise OSError(errno.ENOSPC, "No space left on device")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the always-full device of Linux")
+def test_the_operating_systems_own_full_disk_is_recognised(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="the disk is full"), atomic_write(tmp_path / "result.png"):
+        Path("/dev/full").write_bytes(b"anything")
+
+
+def test_a_parent_that_is_a_file_is_the_users_error(tmp_path: Path) -> None:
+    (tmp_path / "plain").write_text("")
+    with (
+        pytest.raises(UserError, match="a file, not a folder"),
+        atomic_write(tmp_path / "plain" / "out.json"),
+    ):
+        pytest.fail("the block must not run")
+    with pytest.raises(UserError, match="a file, not a folder"):
+        with atomic_write(tmp_path / "plain" / "deep" / "out.json"):
+            pytest.fail("the block must not run")
+
+
+def test_a_folder_in_the_way_is_the_users_error(tmp_path: Path) -> None:
+    (tmp_path / "out.json").mkdir()
+    with pytest.raises(UserError, match="a folder of that name"), atomic_write(tmp_path / "out.json"):
+        pytest.fail("the block must not run")
+
+
+def test_other_errors_of_the_block_pass_unchanged(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "out.json"):
+        (tmp_path / "missing.txt").read_text()

@@ -1,0 +1,86 @@
+"""The pictures of an explanation."""
+
+import numpy as np
+import pytest
+
+from vig.output import CloseUp, overlay, panels, part_colours
+from vig.output.pictures import HIDDEN, LABEL, OUTLINE
+from vig.photo import Window, outline_distance
+
+
+def half_hidden(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Distances for an object over the middle square of a window, its lower half hidden."""
+    covered = np.zeros((size, size), np.float32)
+    covered[size // 4 : 3 * size // 4, size // 4 : 3 * size // 4] = 1
+    seen = covered.copy()
+    seen[size // 2 :] = 0
+    return outline_distance(covered), outline_distance(seen)
+
+
+@pytest.mark.parametrize("ground", [0, 100, 255])
+def test_visible_pixels_keep_their_colour_hidden_are_tinted_and_the_rim_is_drawn(ground: int) -> None:
+    photo = np.full((400, 400, 3), ground, np.uint8)
+    picture = overlay(photo, Window.of(400, 400), *half_hidden(40))
+    assert (picture[110:190, 110:290] == ground).all()
+    np.testing.assert_array_equal(picture[250, 150], np.round(0.5 * ground + 0.5 * HIDDEN).astype(np.uint8))
+    rim = picture[150, 90:101].astype(int)
+    assert (np.abs(rim - OUTLINE).max(1) < 40).any()
+    assert (rim.max(1) < 60).any(), "a dark line beside it, on any ground"
+    assert (picture[:80] == ground).all()
+
+
+def test_the_outline_is_as_wide_in_a_large_photo_and_as_smooth() -> None:
+    """A disc of the map, enlarged twenty times: its outline is within a pixel or two of the circle."""
+    y, x = np.mgrid[:60, :60] + 0.5
+    disc = np.clip(20.5 - np.hypot(x - 30, y - 30), 0, 1).astype(np.float32)
+    distance = outline_distance(disc)
+    window = Window(100, 50, 1200)
+    inside = window.back(distance, slice(0, 1300), slice(0, 1400)) < 0
+    rows, columns = np.mgrid[:1300, :1400] + 0.5
+    radius = np.hypot(columns - 700, rows - 650)
+    assert inside[radius < 397].all() and not inside[(radius > 403) & (radius < 550)].any()
+
+
+def test_only_the_windows_part_of_a_photo_is_visited() -> None:
+    window = Window(700, 900, 200, roll=0.5)
+    tiles = list(window.tiles(2000, 3000))
+    rows = tiles[-1][0].stop - tiles[0][0].start
+    assert 200 <= rows <= 290 and all(columns.stop - columns.start <= 290 for _, columns in tiles)
+    assert not list(Window(-500, 0, 100).tiles(300, 300))
+
+
+def test_nothing_found_leaves_the_photo_as_it_is() -> None:
+    photo = np.random.default_rng(1).integers(0, 255, (30, 50, 3), np.uint8)
+    nothing = outline_distance(np.zeros((40, 40), np.float32))
+    assert np.array_equal(overlay(photo, Window.of(50, 30), nothing, nothing), photo)
+
+
+def close_up() -> CloseUp:
+    """A white rendering of two parts; the photo shows the left one at half, the right one hidden by black."""
+    covered = np.zeros((40, 40), bool)
+    covered[10:30, 5:35] = True
+    part = np.where(covered, np.arange(40) // 20, -1)
+    rendering = np.where(covered[..., None], 0.8, 0.0)
+    seen = covered & (part == 0)
+    photo = np.where(seen[..., None], [0.4, 0.2, 0.1], 0.0)
+    normals = np.where(covered[..., None], [0.0, 0.0, -1.0], 0.0)
+    return CloseUp(photo, rendering, covered.astype(np.float32), normals, part, seen)
+
+
+def test_a_part_has_the_colour_of_where_it_is_seen() -> None:
+    albedo = np.array([0.8, 0.8, 0.8])
+    np.testing.assert_allclose(
+        part_colours(close_up(), albedo, 2), [[0.4, 0.2, 0.1], [0.8, 0.8, 0.8]], rtol=1e-5
+    )
+
+
+def test_panels_stand_side_by_side() -> None:
+    sheet = panels(close_up())
+    assert sheet.shape == (40 + LABEL, 200, 3)
+    photo, drawn, residual, normals, mask = np.split(sheet[LABEL:], 5, axis=1)
+    assert photo[20, 10].argmax() == 0 and drawn[20, 10].min() > 220
+    assert residual[20, 10].argmax() == 2, "the photo is darker: blue"
+    assert len(np.unique(residual[20, 30])) == 1, "what is hidden has none"
+    assert tuple(normals[20, 10]) == (128, 128, 255), "towards the eye"
+    np.testing.assert_allclose(mask[20, 30], HIDDEN, atol=1)
+    assert tuple(mask[20, 10]) == (255, 255, 255) and mask[2, 2].max() < 60

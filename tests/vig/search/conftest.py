@@ -1,0 +1,359 @@
+"""A zoo of small problems with known answers, which every optimiser has to solve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from vig.inference import Objective
+from vig.likelihood import Likelihood, Photos, PixelModel
+from vig.likelihood.kernels.geometry import Geometry
+from vig.scene import Camera, Latents, ObjectClass
+from vig.search.optimizer import Problem
+
+INFINITY = math.inf
+Residuals = Callable[[torch.Tensor], torch.Tensor]
+
+PAPERS = PixelModel(0.03, 0.9)
+
+
+@dataclass(frozen=True)
+class Values:
+    """What a zoo problem says of B points; see `vig.search.optimizer.Valued`."""
+
+    value: torch.Tensor
+    gradient: torch.Tensor | None
+    normal: torch.Tensor | None
+
+
+class LeastSquares:
+    """-1/2 sum r(x)^2 / sigma^2 of residuals (..., P') -> (..., N), or with `inliers` < 1 the log of a
+    mixture, inliers exp(-1/2 r^2 / sigma^2) + 1 - inliers; `nothing` (NaN or -inf)
+    where `outside` holds of a point.
+
+    Derivatives by automatic differentiation, residuals weighed by their posteriors.
+    """
+
+    dtype, device = torch.float64, "cpu"
+
+    def __init__(
+        self,
+        residuals: Residuals,
+        lower: list[float],
+        upper: list[float],
+        inliers: float = 1.0,
+        outside: Callable[[torch.Tensor], torch.Tensor] | None = None,
+        nothing: float = math.nan,
+    ):
+        self.residuals, self.inliers, self.outside, self.nothing = residuals, inliers, outside, nothing
+        self.lower = torch.tensor(lower, dtype=torch.float64)
+        self.upper = torch.tensor(upper, dtype=torch.float64)
+
+    def __call__(
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+    ) -> Values:
+        residuals = self.residuals(points)
+        residuals = residuals / sigma[:, None]
+        agreement = self.inliers * torch.exp(-0.5 * residuals**2)
+        mixture = agreement + 1 - self.inliers
+        value = (mixture.log() if self.inliers < 1 else -0.5 * residuals**2).sum(1)
+        off = torch.zeros(len(points), dtype=torch.bool) if self.outside is None else self.outside(points)
+        value = torch.where(off, self.nothing, value)
+        if not derivatives:
+            return Values(value, None, None)
+        jacobian = self._jacobian(points, residuals.shape[1]) / sigma[:, None, None]
+        weights = agreement / mixture if self.inliers < 1 else torch.ones_like(residuals)
+        gradient = -torch.einsum("bn,bnp->bp", weights * residuals, jacobian)
+        normal = torch.einsum("bn,bnp,bnq->bpq", weights, jacobian, jacobian)
+        gradient = torch.where(off[:, None], math.nan, gradient)
+        normal = torch.where(off[:, None, None], math.nan, normal)
+        return Values(value, gradient, normal)
+
+    def _jacobian(self, points: torch.Tensor, count: int) -> torch.Tensor:
+        """d r_n / d x_p as (B, N, P'): each residual of its own copy of the points, one backward pass."""
+        copies = points.expand(count, -1, -1).clone().requires_grad_(True)
+        own = torch.diagonal(self.residuals(copies), dim1=0, dim2=2)
+        (jacobian,) = torch.autograd.grad(own.sum(), copies)
+        return jacobian.permute(1, 0, 2)
+
+
+class Watched:
+    """A problem that counts how often each photo's points were valued, and holds that all were allowed."""
+
+    def __init__(self, problem: Problem):
+        self.problem = problem
+        self.lower, self.upper = problem.lower, problem.upper
+        self.dtype, self.device = problem.dtype, problem.device
+        self.calls: list[torch.Tensor] = []
+        self.best: dict[int, float] = {}
+
+    def __call__(
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+    ) -> Values:
+        assert points.dtype == self.dtype and len(points) == len(photo) == len(sigma) > 0
+        assert torch.isfinite(points).all(), "a point that is no number"
+        assert ((points >= self.lower) & (points <= self.upper)).all(), "a point outside the bounds"
+        self.calls.append(photo.clone())
+        valued = self.problem(points, photo, sigma, derivatives)
+        for which, value in zip(photo.tolist(), valued.value.tolist(), strict=True):
+            if value > self.best.get(which, -INFINITY):
+                self.best[which] = value
+        return valued
+
+    def counted(self, searches: int) -> torch.Tensor:
+        """How often each photo was valued, (searches,)."""
+        return torch.bincount(torch.cat(self.calls).long(), minlength=searches)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem, starts (B, P'), noise, the highest value (B,) that each search should come near by, and
+    what more is known of the ends: `check(points)` asserts it.
+    """
+
+    problem: Problem
+    starts: torch.Tensor
+    answer: torch.Tensor
+    check: Callable[[torch.Tensor], None]
+    sigma: float = 1.0
+
+
+def near(target: list[float], within: float) -> Callable[[torch.Tensor], None]:
+    """All ends within a distance of a point, parameter by parameter."""
+
+    def check(points: torch.Tensor) -> None:
+        off = (points - torch.tensor(target, dtype=torch.float64)).abs().max().item()
+        assert off < within, f"off by {off:g}"
+
+    return check
+
+
+def free(size: int) -> tuple[list[float], list[float]]:
+    return [-INFINITY] * size, [INFINITY] * size
+
+
+def stack(*residuals: torch.Tensor) -> torch.Tensor:
+    return torch.stack(residuals, dim=-1)
+
+
+def rows(*points: list[float]) -> torch.Tensor:
+    return torch.tensor(points, dtype=torch.float64)
+
+
+def quadratic() -> Case:
+    matrix = torch.tensor([[2.0, 0.5, 0.0], [0.0, 1.5, -0.5], [0.3, 0.0, 1.0]], dtype=torch.float64)
+    target = torch.tensor([1.0, -2.0, 0.5], dtype=torch.float64)
+    problem = LeastSquares(lambda x: (x - target) @ matrix.T, *free(3))
+    starts = rows([10.0, 10.0, 10.0], [-3.0, 0.0, 40.0], [1.0, -2.0, 0.5])
+    return Case(problem, starts, torch.zeros(3), near(target.tolist(), 0.5))
+
+
+def ill_conditioned() -> Case:
+    """Curvatures from 1 to 1e4 along turned axes: scaling single parameters does not help."""
+    turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(5, 5)))
+    matrix = torch.from_numpy(np.diag([1.0, 3.0, 10.0, 30.0, 100.0]) @ turn)
+    problem = LeastSquares(lambda x: x @ matrix.T, *free(5))
+    along = np.array([[20.0, 5.0, 1.0, 1.0, 0.1], [-30.0, 5.0, 2.0, 0.0, 0.0]])
+    starts = torch.from_numpy(along @ turn)
+    return Case(problem, starts, torch.zeros(2), near([0.0] * 5, 1.5))
+
+
+def rosenbrock() -> Case:
+    problem = LeastSquares(lambda x: stack(10 * (x[..., 1] - x[..., 0] ** 2), 1 - x[..., 0]), *free(2))
+    return Case(problem, rows([-1.2, 1.0], [2.0, -1.0]), torch.zeros(2), near([1.0, 1.0], 0.3), sigma=0.1)
+
+
+def active_bounds() -> Case:
+    """-1/2 (x - m)' Q (x - m) in [0, 1]^3, its highest point at (1, 0.5, 0), not where m would be clamped to.
+
+    At it the gradient Q (m - x) is (2, 0, -3): outward at both bounds, none along the free parameter. The
+    value there is -1/2 (m - x)' Q (m - x) with m - x = Q^-1 (2, 0, -3).
+    """
+    root = torch.tensor([[1.0, 0.8, 0.0], [0.0, 1.0, 0.7], [0.0, 0.0, 0.5]], dtype=torch.float64)
+    outward = torch.tensor([2.0, 0.0, -3.0], dtype=torch.float64)
+    off = torch.linalg.solve(root.T @ root, outward)
+    mean = torch.tensor([1.0, 0.5, 0.0], dtype=torch.float64) + off
+    assert not 0.4 < mean[1] < 0.6
+    problem = LeastSquares(lambda x: (x - mean) @ root.T, [0.0] * 3, [1.0] * 3)
+    starts = rows([0.5, 0.5, 0.5], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0])
+    return Case(problem, starts, (-0.5 * off @ outward).expand(4), near([1.0, 0.5, 0.0], 0.2), sigma=1.0)
+
+
+def outliers() -> Case:
+    """A parabola through 60 points of which 20 lie: all by the same way, so that least squares is off."""
+    rng = np.random.default_rng(1)
+    x = torch.from_numpy(rng.uniform(-1, 1, 60))
+    truth = torch.tensor([0.5, -1.0, 0.8], dtype=torch.float64)
+    design = torch.stack([torch.ones_like(x), x, x * x], dim=1)
+    y = design @ truth + torch.from_numpy(rng.normal(0, 0.05, 60))
+    y[:20] += torch.from_numpy(rng.uniform(0.5, 3, 20))
+    problem = LeastSquares(lambda z: z @ design.T - y, *free(3), inliers=0.6)
+    sigma = 0.05
+    highest = problem(truth[None], torch.zeros(1), torch.full((1,), sigma), derivatives=False).value
+    starts = truth + rows([0.15, -0.1, -0.1], [-0.1, 0.1, 0.1])
+    return Case(problem, starts, highest.expand(2), near(truth.tolist(), 0.08), sigma)
+
+
+def bundle() -> Case:
+    """x^2 should be 1 and y 0: starts on either side find their own root, one on the saddle cannot move.
+
+    None may disturb the others. At x = 0 the slope is 0 and the residual 1: the value is -1/2 / s^2 = -50.
+    """
+    problem = LeastSquares(lambda x: stack(x[..., 0] ** 2 - 1, 0.1 * x[..., 1]), [-2.0, -5.0], [2.0, 5.0])
+    starts = rows([0.5, 1.0], [-0.3, 5.0], [0.0, 0.0], [1.0, 0.0], [2.0, -5.0])
+    answer = torch.tensor([0.0, 0.0, -50.0, 0.0, 0.0], dtype=torch.float64)
+
+    def check(points: torch.Tensor) -> None:
+        roots = torch.tensor([1.0, -1.0, 0.0, 1.0, 1.0], dtype=torch.float64)
+        torch.testing.assert_close(points[:, 0], roots, atol=0.05, rtol=0)
+        assert torch.equal(points[2], starts[2])
+
+    return Case(problem, starts, answer, check, sigma=0.1)
+
+
+def pose() -> Case:
+    """Azimuth (any), elevation in [0, pi/2] and scale of 12 points seen from afar; starts turns away."""
+    rng = np.random.default_rng(2)
+    solid = torch.from_numpy(rng.normal(size=(12, 3)))
+    truth = torch.tensor([2.5, 0.6, 1.3], dtype=torch.float64)
+
+    def seen(z: torch.Tensor) -> torch.Tensor:
+        cos, sin, scale = torch.cos(z)[..., None], torch.sin(z)[..., None], z[..., 2, None]
+        right = cos[..., 0, :] * solid[:, 0] + sin[..., 0, :] * solid[:, 1]
+        away = -sin[..., 0, :] * solid[:, 0] + cos[..., 0, :] * solid[:, 1]
+        return scale * torch.cat([right, cos[..., 1, :] * solid[:, 2] - sin[..., 1, :] * away], dim=-1)
+
+    photo = seen(truth)
+    problem = LeastSquares(lambda z: seen(z) - photo, [-INFINITY, 0.0, 0.1], [INFINITY, math.pi / 2, 3.0])
+    starts = truth + rows([0.5, -0.6, -1.0], [-0.5 + 4 * math.pi, 0.5, 0.7], [0.4 - 2 * math.pi, 0.0, 0.0])
+
+    def check(points: torch.Tensor) -> None:
+        turned = torch.remainder(points[:, 0] - truth[0] + math.pi, 2 * math.pi) - math.pi
+        assert turned.abs().max() < 0.02
+        assert (points[:, 1:] - truth[1:]).abs().max() < 0.05
+
+    return Case(problem, starts, torch.zeros(3), check, sigma=0.05)
+
+
+def flat() -> Case:
+    """Three parameters of which only the sum of the first two is seen: a singular normal matrix."""
+    one_two = torch.tensor([1.0, 2.0], dtype=torch.float64)
+    problem = LeastSquares(lambda x: (x[..., 0] + x[..., 1] - 3)[..., None] * one_two, *free(3))
+
+    def check(points: torch.Tensor) -> None:
+        assert (points[:, :2].sum(1) - 3).abs().max() < 0.5
+        assert torch.equal(points[:, 2], torch.tensor([7.0, -7.0], dtype=torch.float64))
+        assert points.abs().max() < 50
+
+    return Case(problem, rows([10.0, -2.0, 7.0], [0.0, 0.0, -7.0]), torch.zeros(2), check)
+
+
+def cliff(nothing: float) -> Case:
+    """log x should be 0 and y 1: there is no value for x <= 0, where a Gauss-Newton step, -x log x, leads."""
+    problem = LeastSquares(
+        lambda x: stack(x[..., 0].clamp_min(1e-9).log(), x[..., 1] - 1),
+        *free(2),
+        outside=lambda x: x[:, 0] <= 0,
+        nothing=nothing,
+    )
+    return Case(
+        problem, rows([8.0, 3.0], [20.0, -3.0], [0.3, 0.0]), torch.zeros(3), near([1.0, 1.0], 0.2), 0.3
+    )
+
+
+@dataclass(frozen=True)
+class Zoo:
+    """The problems that need no class, and a small photo of a teapot behind coloured blocks."""
+
+    teapot: ObjectClass
+    geometry: Geometry
+
+    def __call__(self, name: str) -> Case:
+        return self.photo() if name == "photo" else PROBLEMS[name]()
+
+    def photo(self) -> Case:
+        """50 x 50 pixels, a block in front; starts 3 degrees and 0.2 deviations of shape off."""
+        rng = np.random.default_rng(5)
+        camera = Camera.standard(50, self.teapot.target_height)
+        light = np.array([2.36, 0.3, 1.0, -0.4, 0.2, -0.1, 0.1, 0.2, -0.2])
+        vector = np.concatenate([rng.normal(size=10).clip(-1.5, 1.5), [0.9, 0.5], [0.7, 0.4, 0.3], light])
+        truth = Latents.from_vector(torch.from_numpy(vector)[None])
+
+        def likelihood(photos: torch.Tensor) -> Likelihood:
+            return Likelihood(self.geometry, camera, Photos(photos, PAPERS.log_prior(50, 50)[None]))
+
+        none, one = torch.zeros(1, dtype=torch.int32), torch.full((1,), PAPERS.sigma, dtype=torch.float64)
+        blank, framing = torch.zeros(1, 50, 50, 3, dtype=torch.float64), torch.zeros(1, 4)
+        shown = likelihood(blank)(truth, framing, none, one, derivatives=False)
+        cells = torch.from_numpy(np.kron(rng.uniform(0.1, 0.9, (10, 10, 3)), np.ones((5, 5, 1))))
+        colour = shown.irradiance[..., None] * truth.albedo
+        photo = torch.where(shown.coverage[..., None] > 0.5, colour, cells)
+        photo[:, 15:40, 10:22] = cells.flip(0)[15:40, 10:22]
+        photo = (photo + torch.from_numpy(rng.normal(0, 0.01, photo.shape))).clamp(0, 1)
+        objective = Objective(likelihood(photo), self.teapot)
+        sizes = torch.tensor([0.2] * 10 + [math.radians(3)] * 2 + [0.03] * 3 + [0.0] + [0.1] * 8)
+        signs = torch.from_numpy(rng.choice([-1.0, 1.0], (2, 24)))
+        starts = objective.point(Latents.from_vector(truth.to_vector() + signs * sizes))
+        answer = objective(objective.point(truth), none, one, derivatives=False).value
+        objective_of_two = _OnePhoto(objective)
+
+        def check(points: torch.Tensor) -> None:
+            off = (points[:, 10:12] - torch.from_numpy(vector[10:12])).abs()
+            assert torch.rad2deg(off).max() < 4, torch.rad2deg(off)
+
+        return Case(objective_of_two, starts, answer.expand(2), check, PAPERS.sigma)
+
+
+class _OnePhoto:
+    """An objective of one photo, asked as if each search had its own."""
+
+    def __init__(self, objective: Objective):
+        self.objective = objective
+        self.lower, self.upper = objective.lower, objective.upper
+        self.dtype, self.device = objective.dtype, objective.device
+
+    def __call__(
+        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+    ) -> Values:
+        valued = self.objective(points, torch.zeros_like(photo), sigma, derivatives)
+        return Values(valued.value, valued.gradient, valued.normal)
+
+
+PROBLEMS: dict[str, Callable[[], Case]] = {
+    "quadratic": quadratic,
+    "ill_conditioned": ill_conditioned,
+    "rosenbrock": rosenbrock,
+    "active_bounds": active_bounds,
+    "outliers": outliers,
+    "bundle": bundle,
+    "pose": pose,
+    "flat": flat,
+    "cliff_nan": lambda: cliff(math.nan),
+    "cliff_infinite": lambda: cliff(-INFINITY),
+}
+
+
+@pytest.fixture(scope="session")
+def zoo(teapot: ObjectClass) -> Zoo:
+    return Zoo(teapot, Geometry(teapot.shape_model, torch.float64))
+
+
+@pytest.fixture(params=[*PROBLEMS, "photo"])
+def case(request: pytest.FixtureRequest, zoo: Zoo) -> tuple[str, Case]:
+    """Each problem in turn, with its name."""
+    return request.param, zoo(request.param)
+
+
+@pytest.fixture
+def watch() -> Callable[[Problem], Watched]:
+    return Watched
+
+
+@pytest.fixture
+def least_squares() -> type[LeastSquares]:
+    return LeastSquares

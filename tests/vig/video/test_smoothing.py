@@ -1,0 +1,111 @@
+"""The likeliest views of a turning object, and the smoothing of what frames measure."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vig.video.smoothing import BINS, TAILS, _smoothed, likeliest_path, smoothed
+
+TURN = math.radians(7.0)
+
+
+def seen_at(azimuths: np.ndarray, weight: float = 3.0, spread: float = 0.1) -> np.ndarray:
+    """Log evidence (T, A) of one view in each frame."""
+    centres = (np.arange(BINS) + 0.5) * (2 * math.pi / BINS)
+    off = (azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
+    return weight * np.exp(-0.5 * (off / spread) ** 2)
+
+
+def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.abs((a - b + math.pi) % (2 * math.pi) - math.pi)
+
+
+@pytest.mark.parametrize("turn", [TURN, -TURN, 0.0])
+def test_views_from_the_other_side_are_corrected_by_their_neighbours(turn: float) -> None:
+    truth = 1.0 + turn * np.arange(40)
+    seen = truth.copy()
+    seen[[3, 11, 12, 13, 25]] += math.pi
+    path = likeliest_path(seen_at(seen))
+    assert difference(path, truth).max() < math.radians(5)
+    assert np.abs(np.diff(path)).max() <= math.radians(30)  # unwrapped: no jump where the circle closes
+
+
+def test_most_frames_decide_not_the_first() -> None:
+    truth = TURN * np.arange(20)
+    seen = truth.copy()
+    seen[:6] += math.pi
+    assert difference(likeliest_path(seen_at(seen)), truth)[6:].max() < math.radians(5)
+
+
+def test_frames_without_evidence_go_on_turning() -> None:
+    truth = 2.0 + TURN * np.arange(30)
+    evidence = seen_at(truth)
+    evidence[10:18] = 0.0
+    assert difference(likeliest_path(evidence), truth).max() < math.radians(10)  # speeds are whole bins
+
+
+def test_the_path_is_the_best_of_all() -> None:
+    """Against an exhaustive search where the object stands: the best bin of the summed evidence."""
+    rng = np.random.default_rng(1)
+    evidence = np.repeat(rng.normal(0, 5, (1, BINS)), 6, axis=0)
+    path = likeliest_path(evidence)
+    best = (evidence[0].argmax() + 0.5) * (2 * math.pi / BINS)
+    assert difference(path, np.full(6, best)).max() < 1e-9
+
+
+def test_smoothing_is_the_mean_of_the_gaussian_posterior() -> None:
+    """Of all places and speeds at once, by one dense system."""
+    rng, count, change = np.random.default_rng(2), 7, 0.3
+    values, variance = rng.normal(size=count), rng.uniform(0.5, 2.0, count)
+    variance[3] = math.inf
+    precision, right = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+    for frame in range(count):
+        if math.isfinite(variance[frame]):
+            precision[2 * frame, 2 * frame] += 1 / variance[frame]
+            right[2 * frame] += values[frame] / variance[frame]
+    first = np.linalg.inv(np.diag([1e6 * variance[0], 1e4 * change**2]))
+    precision[:2, :2] += first
+    right[:2] += first @ [values[0], 0.0]
+    noise = np.linalg.inv(change**2 * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]]))
+    step = np.hstack([-np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2)])
+    for frame in range(count - 1):
+        at = slice(2 * frame, 2 * frame + 4)
+        precision[at, at] += step.T @ noise @ step
+    covariance = np.linalg.inv(precision)
+    mean, deviation = _smoothed(values, variance, change)
+    assert np.allclose(mean, (covariance @ right)[::2], atol=1e-6)
+    assert np.allclose(deviation, np.sqrt(covariance.diagonal()[::2]), atol=1e-6)
+
+
+def test_an_outlier_hardly_counts() -> None:
+    values, deviation = 0.5 * np.arange(30.0), np.full(30, 0.2)
+    values[15] += 20.0
+    mean, spread = smoothed(values, deviation, 0.02)
+    assert np.abs(mean - 0.5 * np.arange(30)).max() < 0.1
+    plain = _smoothed(values, deviation**2, 0.02)[0]
+    assert abs(plain[15] - 7.5) > 1.0  # what Student's tails are for
+    assert (spread < 0.2).all() and TAILS > 2
+
+
+def test_what_was_never_measured_is_unknown() -> None:
+    mean, spread = smoothed(np.ones(4), np.full(4, math.inf), 0.1)
+    assert (mean == 0).all() and np.isinf(spread).all()
+
+
+def test_frames_before_the_first_measurement_are_extrapolated() -> None:
+    values, deviation = 2.0 * np.arange(12), np.full(12, 0.1)
+    deviation[:4] = math.inf
+    mean, spread = smoothed(values, deviation, 0.01)
+    assert np.abs(mean - values).max() < 0.3
+    assert spread[0] > spread[4]
+
+
+def test_a_few_frames_do_not_tell_a_speed_that_is_unlikely() -> None:
+    """What they show is their mean, and stays so where nothing is seen."""
+    values, deviation = np.zeros(20), np.full(20, math.inf)
+    values[:4], deviation[:4] = [0.0, 0.4, 0.8, 1.2], 1.0
+    assert abs(smoothed(values, deviation, 0.01, speed=0.01)[0][-1] - 0.6) < 0.3
+    assert smoothed(values, deviation, 0.01)[0][-1] > 2.0

@@ -1,0 +1,183 @@
+"""A teapot through the frames of a video: no other pot, no view from the other side."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vig
+from tests.vig.video.conftest import Video
+from vig.io.errors import UserError
+from vig.photo import Window
+from vig.scene import Camera
+from vig.video.course import FAR, Course, views_of
+from vig.video.following import Follower, Sighting, window_at
+
+
+def sighting(azimuth: float, probability: float = 0.8, **changed: Any) -> Sighting:
+    """Of a pot in the middle of a frame of 150 x 150; azimuth in degrees; the other side is another view."""
+    given = math.radians(azimuth)
+    fields: dict[str, Any] = {
+        "window": Window(0, 0, 150),
+        "camera": Camera.standard(),
+        "azimuths": np.array([given, given + math.pi]),
+        "probabilities": np.array([probability, 0.9 - probability]),
+        "azimuth_deviation": 0.2,
+        "elevation": 0.3,
+        "elevation_deviation": 0.1,
+        "place": np.array([75.0, 75.0, math.log(100)]),
+        "hidden": 0.0,
+        "albedo": np.full(3, 0.5),
+        "shape": np.zeros(4),
+        "lost": False,
+    }
+    return Sighting(**fields | changed)
+
+
+def off(a: Any, b: Any) -> Any:
+    return np.abs((np.asarray(a) - np.asarray(b) + 180) % 360 - 180)
+
+
+def test_a_view_from_the_other_side_is_taken_back() -> None:
+    truth = 5.0 * np.arange(20)
+    seen = [sighting(angle) for angle in truth]
+    seen[7] = sighting(truth[7] + 180)
+    assert off(np.degrees(views_of(seen)), truth).max() < 5
+    course = Course.of(seen, views_of(seen))
+    assert off(np.degrees(course.azimuth[0]), truth).max() < 3
+    assert [number for number, each in enumerate(seen) if course.contradicts(number, each, 1)] == [7]
+
+
+def test_sure_frames_outvote_unsure_ones() -> None:
+    truth = 5.0 * np.arange(20)
+    seen = [
+        sighting(angle + 180, 0.5) if number < 12 else sighting(angle, 0.9)
+        for number, angle in enumerate(truth)
+    ]
+    assert off(np.degrees(views_of(seen)), truth).max() < 6
+
+
+def test_lost_frames_and_outliers_do_not_move_the_place() -> None:
+    seen = [sighting(5.0 * number, place=np.array([50.0 + 2 * number, 70.0, 4.6])) for number in range(20)]
+    seen[9] = sighting(45.0, lost=True, place=np.array([140.0, 10.0, 3.0]))
+    seen[14] = sighting(70.0, place=np.array([120.0, 70.0, 4.6]))
+    place = Course.of(seen, views_of(seen)).place
+    assert np.abs(place[:, 0] - (50 + 2 * np.arange(20))).max() < 2
+    assert np.abs(place[:, 2] - 4.6).max() < 0.01
+
+
+def test_views_that_look_the_same_are_one() -> None:
+    """Of a class that is the same after half a turn."""
+    truth = 5.0 * np.arange(40)
+    seen = [sighting(angle % 180, 0.9) for angle in truth]
+    path = np.degrees(views_of(seen, 2))
+    assert np.abs((path - truth + 90) % 180 - 90).max() < 5
+    assert np.abs(np.diff(path)).max() < 30
+    assert FAR < math.pi / 2
+
+
+def test_the_window_of_a_place_is_that_of_its_box() -> None:
+    assert window_at(np.array([60.0, 50.0, math.log(40)]), 0.0) == Window.round_box((40, 30, 40, 40))
+
+
+def test_a_pot_that_turns_behind_a_jug(video: Video, explainer: vig.Explainer) -> None:
+    calls: list[int] = []
+    found = vig.track(video.frames, explainer, video.box, seen=lambda number, _: calls.append(number))
+    frames = found.frames
+    assert found.shape.shape == (explainer.object_class.shape_model.modes,)
+    assert found.albedo.shape == (3,) and (found.albedo > 0).all()
+    azimuth = np.array([frame.azimuth_deg for frame in frames])
+    alone = np.array([frame.alone_azimuth_deg for frame in frames])
+    assert video.hidden.max() > 0.7
+    assert off(alone, video.azimuths).max() > 90  # what tracking is for
+    assert off(azimuth, video.azimuths).max() < 25
+    assert [frame.number for frame in frames] == list(range(len(video.frames)))
+    refitted = [frame.number for frame in frames if frame.refitted]
+    assert calls == list(range(len(frames))) + refitted and refitted
+    for frame in frames:
+        assert 0 <= frame.azimuth_deg < 360 and frame.azimuth_deviation_deg > 0
+        pose = frame.camera_from_object
+        assert np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-6)
+        assert frame.camera.focal == frames[0].camera.focal
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_track_does_not_jump_to_another_pot(video: Video, explainer: vig.Explainer, side: str) -> None:
+    """Two pots move apart slowly; a board hides the tracked one wholly, and the other is in plain sight."""
+    other = np.flip(video.frames[0][:, :120], axis=1)
+    frames = []
+    for number in range(8):
+        wide = np.full((150, 330, 3), 128, np.uint8)
+        left, right = 20 - 2 * number, 190 + 2 * number
+        tracked_at, other_at = (left, right) if side == "left" else (right, left)
+        wide[:, max(0, other_at) : other_at + 120] = other[:, max(0, -other_at) :]
+        at = max(0, tracked_at)
+        wide[:, at : tracked_at + 120] = video.frames[number % 3][:, at - tracked_at : 120]
+        if number in (3, 4, 5):
+            wide[:, at : tracked_at + 130] = (40, 90, 60)
+        frames.append(wide)
+    start = 20 if side == "left" else 190
+    x, y, w, h = video.box
+    found = vig.track(frames, explainer, (x + start, y, w, h)).frames
+    middle = np.array([frame.camera.cx for frame in found])
+    expected = x + w / 2 + start + (-2 if side == "left" else 2) * np.arange(8)
+    assert np.abs(middle - expected).max() < 0.25 * w
+    assert [frame.lost for frame in found][3:6] == [True] * 3
+    assert not any(frame.lost for frame in found[:3] + found[6:])
+    alone = explainer.explain(frames[4])
+    assert abs(alone.camera.cx - expected[4]) > w  # by itself this frame shows the other pot
+
+
+def test_an_object_that_is_hidden_at_first_is_awaited_in_its_box(
+    video: Video, explainer: vig.Explainer
+) -> None:
+    hidden = np.full((150, 150, 3), (40, 90, 60), np.uint8)
+    x, y, w, h = video.box
+    follower = Follower(explainer)
+    follower.explain(hidden, video.box)
+    assert follower.place is not None and follower.albedo is None
+    assert follower.place.tolist() == [x + w / 2, y + h / 2, math.log(max(w, h))]
+    assert not follower.explain(video.frames[0])[1].lost
+
+
+@pytest.mark.parametrize(
+    ("frames", "words"),
+    [
+        ([], "two or more frames of a video; got none"),
+        ([np.zeros((50, 50, 3), np.uint8)], "got one"),
+        (np.zeros((50, 50, 3), np.uint8), "got one"),
+        ("video.mp4", "got one"),
+        (np.zeros((1, 50, 50, 3), np.uint8), "got one"),
+        (iter([]), "got none"),
+        (None, "expected the frames of a video; got None"),
+        (12, "expected the frames of a video; got 12"),
+    ],
+)
+def test_too_few_frames_are_refused(frames: Any, words: str, explainer: vig.Explainer) -> None:
+    with pytest.raises(UserError, match=words):
+        vig.track(frames, explainer)
+
+
+def test_frames_are_taken_from_an_iterator_or_an_array_as_from_a_list(
+    video: Video, explainer: vig.Explainer
+) -> None:
+    several = video.frames[:3]
+    tracks = [
+        vig.track(frames, explainer, video.box)
+        for frames in (several, iter(several), (frame for frame in several), np.stack(several))
+    ]
+    azimuths = [[frame.azimuth_deg for frame in track.frames] for track in tracks]
+    assert len(azimuths[0]) == 3 and azimuths.count(azimuths[0]) == len(tracks)
+
+
+def test_frames_of_two_sizes_are_refused(video: Video, explainer: vig.Explainer) -> None:
+    with pytest.raises(UserError, match="frames of one size, 150 x 150; got 140 x 150 in frame 1"):
+        vig.track([video.frames[0], video.frames[0][:, :140]], explainer, video.box)
+
+
+def test_frames_without_the_object_are_refused(explainer: vig.Explainer) -> None:
+    with pytest.raises(UserError, match="a teapot in the frames; found none"):
+        vig.track([np.full((60, 60, 3), 120, np.uint8)] * 2, explainer)

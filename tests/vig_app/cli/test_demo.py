@@ -1,0 +1,74 @@
+"""`vig demo` as its user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from vig_app.cli.demo import has_screen
+from vig_app.cli.main import main
+from vig_app.examples import example_photos
+
+pytestmark = pytest.mark.slow
+FILES = {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb", "report.html"}
+FILES |= {"thumbnail.jpg"}
+
+
+def run(capsys, *arguments: object) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(["demo", *(str(argument) for argument in arguments)])
+    assert ended.value.code == 0
+    return capsys.readouterr().out
+
+
+def test_every_example_is_explained_and_the_folder_printed_last(capsys, tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    lines = run(capsys, "--out", out).splitlines()
+    names = [example.name for example in example_photos()]
+    assert lines[-1] == str(out)
+    assert {path.name for path in out.iterdir()} == {*names, "overview.png", "report.html"}
+    for example in example_photos():
+        assert {path.name for path in (out / example.name).iterdir()} == FILES
+        with Image.open(out / example.name / "overlay.png") as overlay, Image.open(example.photo) as photo:
+            assert overlay.size == photo.size
+    table = [line.split()[1] for line in lines if line.startswith("│")]
+    assert table == names  # one line a photo, nothing cut off
+    told = [line.split()[:2] for line in lines[lines.index("Try next:") + 1 : -1]]
+    assert told == [["vig", "fit"], ["vig", "fit"], ["vig", "class"]]
+
+    before = (out / names[0] / "explanation.json").read_bytes()
+    said = json.loads(run(capsys, "--out", out, "--json"))  # again into the same folder
+    assert said["folder"] == str(out) and [row["photo"] for row in said["photos"]] == names
+    assert (out / names[0] / "explanation.json").read_bytes() == before
+    for row in said["photos"]:
+        assert row["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
+        assert 0 <= row["segmentation_iou"] <= 1 and 0 <= row["azimuth_error_deg"] <= 180
+    found = sorted(row["azimuth_error_deg"] for row in said["photos"])
+    assert found[5] < 15  # six of the eight examples, path-traced and cluttered
+    masks = sorted(row["segmentation_iou"] for row in said["photos"])
+    assert masks[2] > 0.8
+
+
+def test_a_file_in_the_way_is_told(capsys, tmp_path: Path) -> None:
+    (tmp_path / "demo").write_text("mine")
+    with pytest.raises(SystemExit) as ended:
+        main(["demo", "--out", str(tmp_path / "demo")])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "is a file" in error
+
+
+@pytest.mark.parametrize(
+    ("terminal", "display", "opens"), [(True, ":0", True), (True, "", False), (False, ":0", False)]
+)
+def test_the_page_opens_where_somebody_sits(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, display: str, opens: bool
+) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal, raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", display)
+    assert has_screen() is opens

@@ -1,0 +1,64 @@
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import vig
+import vig.renderer
+from vig.scene.object_class import PACKAGED
+from vig_app.cli import doctor as module
+from vig_app.cli.common import Doctor
+from vig_app.cli.doctor import doctor, report_lines, run_doctor
+
+
+def test_the_report_is_ready_for_json_and_the_kernels_draw_the_triangle() -> None:
+    report = doctor()
+    assert json.loads(json.dumps(report)) == report
+    assert report["vig"] == vig.__version__ and report["packages"]["torch"] and report["cpus"] >= 1
+    assert report["kernels"]["detail"].startswith("171 of 171 pixels")
+    assert report["ok"] is True
+
+
+def test_text_and_json_say_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_doctor(Doctor(json=True)) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert run_doctor(Doctor()) == 0
+    text = capsys.readouterr().out
+    for value in (report["python"], report["packages"]["numpy"], "kernels", "ok: 171 of 171"):
+        assert value in text
+
+
+def test_kernels_that_fail_are_a_line_and_an_exit_code(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*arguments):
+        raise RuntimeError("no kernel\nfor this machine")
+
+    monkeypatch.setattr(vig.renderer, "render", broken)
+    assert run_doctor(Doctor()) == 1
+    assert "NOT OK: failed: RuntimeError: no kernel for this machine" in capsys.readouterr().out
+
+
+def test_a_broken_driver_and_a_missing_package_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> list[str]:
+        raise OSError("driver too old")
+
+    monkeypatch.setattr(module, "_torch_devices", broken)
+    monkeypatch.setattr(module, "PACKAGES", ("torch", "no-such-package"))
+    report = doctor()
+    assert report["cuda"]["torch"] == ["failed: OSError: driver too old"]
+    assert report["packages"]["no-such-package"] is None
+    assert "not installed" in report_lines(report)
+
+
+def test_missing_weights_are_a_line_and_an_exit_code(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert module.check_classes() == {"mug": "ok", "teapot": "ok"}
+    shutil.copytree(PACKAGED / "teapot", tmp_path / "teapot")
+    (tmp_path / "teapot" / "recognition.safetensors").unlink()
+    monkeypatch.setattr("vig.scene.object_class.PACKAGED", tmp_path)
+    assert run_doctor(Doctor()) == 1
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("class teapot")]
+    assert "failed: UserError" in line and "recognition.safetensors" in line

@@ -1,0 +1,72 @@
+"""What files and folders say of photos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from vig.io.errors import UserError
+from vig_app.cli.common import Fit
+from vig_app.cli.fit import photos_of
+from vig_app.cli.hints import mask_of
+from vig_app.cli.naming import by_photo
+
+
+def test_entries_are_of_photos_by_name_or_by_the_end_of_their_path(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a, b = tmp_path / "s1" / "rgb" / "0.png", tmp_path / "s2" / "rgb" / "0.png"
+    c = tmp_path / "c.png"
+    path = Path("boxes.json")
+    assert by_photo({"c.png": 1}, [c], "boxes", path) == {c: 1}
+    assert by_photo({str(c): 1}, [c], "boxes", path) == {c: 1}
+    both = {"s1/rgb/0.png": 1, "./s2\\rgb\\0.png": 2}
+    assert by_photo(both, [a, b, c], "boxes", path) == {a: 1, b: 2}
+    assert by_photo({"0.png": 1, "rgb/0.png": 2}, [a], "boxes", path) == {a: 2}, "the longer name counts"
+    with pytest.raises(UserError, match="got '0.png', which is the name of 2.* such as 's1/rgb/0.png'"):
+        by_photo({"0.png": 1}, [a, b], "boxes", path)
+    assert by_photo({"0.png": 1}, [a, a], "boxes", path) == {a: 1}, "one photo given twice"
+    capsys.readouterr()
+    assert by_photo({"c.png": 1, "d.png": 2, "e.png": 3}, [c], "boxes", path) == {c: 1}
+    assert capsys.readouterr().err == "vig: boxes of 2 other photos passed over: d.png, e.png\n"
+    with pytest.raises(UserError, match="got one of 'd.png'"):
+        by_photo({"d.png": 1}, [c], "boxes", path)
+
+
+def test_one_mask_is_not_that_of_two_photos(tmp_path: Path) -> None:
+    photos = [tmp_path / scene / "0.png" for scene in ("s1", "s2")]
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    (masks / "0.png").write_bytes(b"")
+    with pytest.raises(UserError, match="expected a mask for each photo; got '.*0.png' for .*s1.* and .*s2"):
+        mask_of(Fit(tuple(photos), mask=masks), photos)
+    for scene in ("s1", "s2"):
+        (masks / scene).mkdir()
+        (masks / scene / "0.png").write_bytes(b"")
+    of = mask_of(Fit(tuple(photos), mask=masks), photos)
+    assert [of(photo) for photo in photos] == [masks / "s1" / "0.png", masks / "s2" / "0.png"]
+
+
+def test_what_a_folder_holds_beside_photos_is_named_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "photos"
+    (folder / "more").mkdir(parents=True)
+    Image.fromarray(np.zeros((20, 20, 3), np.uint8)).save(folder / "b.png")
+    Image.fromarray(np.zeros((20, 20, 3), np.uint8)).save(folder / "a.jpg")
+    for name in ("clip.mp4", "paper.pdf", "._b.png", ".DS_Store", "Thumbs.db"):
+        (folder / name).write_bytes(b"%PDF-1.7" if name == "paper.pdf" else b"\0\5\x16\7")
+    assert photos_of((folder,), tmp_path / "out") == [folder / "a.jpg", folder / "b.png"]
+    assert capsys.readouterr().err == (
+        f"vig: 3 files of '{folder}' not taken: clip.mp4 (a video; name it itself), more (a folder),"
+        " paper.pdf (a PDF document)\n"
+    )
+    with pytest.raises(UserError, match="expected photos in .*more'; got none"):
+        photos_of((folder / "more",), tmp_path / "out")
+    (folder / "a.jpg").unlink()
+    (folder / "b.png").unlink()
+    with pytest.raises(UserError, match="got 3 of other kinds, clip.mp4"):
+        photos_of((folder,), tmp_path / "out")

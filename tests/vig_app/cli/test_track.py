@@ -1,0 +1,99 @@
+"""`vig fit` of videos, and with `--track`."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+from PIL import Image
+
+from tests.vig.photo.test_video import write_video
+from vig_app.cli.main import main
+from vig_app.examples import example_photos
+from vig_app.runs.results import TRACK_COLUMNS
+
+
+def fitted(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main(["fit", *map(str, arguments)])
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    """A folder of three frames that show the same."""
+    folder = tmp_path / "pot"
+    folder.mkdir()
+    with Image.open(example_photos()[0].photo) as photo:
+        for number in range(3):
+            photo.convert("RGB").save(folder / f"{number}.png")
+    return folder
+
+
+def test_a_folder_of_frames_is_tracked(
+    frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert fitted(frames, "--track", "--out", out) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(out)
+    with open(out / "track.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == TRACK_COLUMNS and [row["frame"] for row in rows] == ["0", "1", "2"]
+    table = parquet.read_table(out / "track.parquet")
+    assert table.column_names == list(TRACK_COLUMNS) and table.num_rows == 3
+    assert str(table.schema.field("lost").type) == "bool"
+    for row in rows:
+        assert (out / row["folder"] / "explanation.json").exists() and row["lost"] == "False"
+        off = float(row["azimuth_deg"]) - float(row["alone_azimuth_deg"])
+        assert abs((off + 180) % 360 - 180) < 3
+    pose = np.array([float(rows[0][f"camera_from_object_{r}{c}"]) for r in range(3) for c in range(4)])
+    turn = pose.reshape(3, 4)[:, :3]
+    assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+    told = json.loads((out / "track.json").read_text())
+    assert told["class"] == "teapot" and len(told["albedo"]) == 3
+    assert (out / "results.csv").exists() and (out / "report.html").exists()
+
+
+def test_a_video_is_taken_as_its_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Alone; grey ones show no pot, but each is said."""
+    video, out = write_video(tmp_path / "grey.avi", count=2), tmp_path / "out"
+    assert fitted(video, "--out", out) == 0
+    assert "grey-000000.png" in capsys.readouterr().out
+    assert (out / "frames" / "grey" / "grey-000001.png").exists()
+    assert (out / "grey-000001" / "explanation.json").exists()
+    assert fitted(video, "--out", out) == 0
+    assert capsys.readouterr().out.count("done before") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["pot", "pot"], "expected one folder of frames or one video with --track; got 2 names"),
+        (["pot/0.png"], "one folder of frames or one video with --track; got 'pot/0.png'"),
+        (["pot", "--cluster", "auto"], "expected --track without --cluster"),
+        (["pot", "--boxes", "b.json"], "expected --track without --boxes"),
+        (["pot", "--azimuth", "30"], "expected --track without --azimuth"),
+        (["pot", "--workers", "2"], "expected --track with one worker"),
+        (["empty"], "expected photos in 'empty'; got none"),
+        (["one"], "expected two or more frames of a video; got one"),
+        (["no.mp4"], "expected an image file; got"),
+    ],
+)
+def test_what_cannot_be_tracked_is_refused_in_one_line(
+    arguments: list[str],
+    words: str,
+    frames: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(frames.parent)
+    Path("empty").mkdir()
+    Path("one").mkdir()
+    Path("one/0.png").write_bytes((frames / "0.png").read_bytes())
+    assert fitted(*arguments, "--track") == 2
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1

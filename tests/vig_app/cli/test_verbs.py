@@ -1,0 +1,292 @@
+"""The command line as its user meets it: one clear line and exit code 2 for a mistake."""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import vig
+from vig.likelihood import LIKELIHOODS
+from vig.search import OPTIMIZERS
+from vig_app.cli.cameras import cameras_of
+from vig_app.cli.common import Fit
+from vig_app.cli.main import main
+from vig_app.corrections import State
+from vig_app.examples import example_photos
+from vig_app.runs.results import bop_csv
+
+
+def refused(capsys, *arguments: object, code: int = 2) -> str:
+    """What is said of arguments that cannot be used; with a code of 1, of some photos among others."""
+    with pytest.raises(SystemExit) as caught:
+        main([str(argument) for argument in arguments])
+    assert caught.value.code == code
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    return error
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "photo.png"
+    Image.fromarray(np.full((120, 160, 3), 128, np.uint8)).save(path)
+    return path
+
+
+def test_missing_photo(capsys, tmp_path):
+    error = refused(capsys, "fit", tmp_path / "nothing.png", "--out", tmp_path / "out")
+    assert error.count("\n") == 1
+    assert "nothing.png" in error
+    assert not (tmp_path / "out" / "nothing").exists()
+
+
+@pytest.mark.parametrize("box", ["1,2,3", "a,b,c,d", "0,0,1000,1000", "-45,0,50,50"])
+def test_bad_box(capsys, photo, tmp_path, box):
+    assert "box" in refused(capsys, "fit", photo, f"--box={box}", "--out", tmp_path / "out")
+
+
+def test_unknown_class(capsys, photo, tmp_path):
+    assert "teapot" in refused(capsys, "fit", photo, "--class", "spaceship", "--out", tmp_path / "out")
+
+
+def test_no_photo_at_all(capsys, tmp_path):
+    assert "photo" in refused(capsys, "fit", "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize("option, known", [("optimizer", OPTIMIZERS), ("likelihood", LIKELIHOODS)])
+def test_help_offers_what_there_is(option, known):
+    assert get_args(get_type_hints(Fit)[option]) == tuple(known)
+
+
+def test_an_unknown_optimizer_is_refused(capsys, photo, tmp_path):
+    error = refused(capsys, "fit", photo, "--optimizer", "no-such", "--out", tmp_path / "out")
+    assert "lbfgs" in error
+
+
+def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
+    bad = tmp_path / "bad.png"
+    bad.write_bytes(b"not a picture")
+    error = refused(capsys, "fit", bad, photo, "--out", tmp_path / "out", code=1)
+    assert "bad.png" in error
+    names = {path.name for path in (tmp_path / "out" / "photo").iterdir()}
+    pictures = {"overlay.png", "mask.png", "render.png", "thumbnail.jpg"}
+    assert names == pictures | {"explanation.json", "corrections.json", "object.glb", "report.html", ".key"}
+
+
+def test_a_log_has_a_line_for_each_photo_whatever_is_printed(capsys, photo, tmp_path):
+    bad, log = tmp_path / "bad\n.png", tmp_path / "log.txt"
+    bad.write_bytes(b"not a picture")
+    refused(capsys, "fit", bad, photo, "--quiet", "--log", log, "--out", tmp_path / "out", code=1)
+    begun, error, verdict = (line.partition(" ")[2] for line in log.read_text().splitlines())
+    assert begun.startswith("vig ") and "2 photos" in begun
+    assert error.startswith("error: ") and "bad" in error
+    assert (
+        verdict.split(":")[0] in ("trusted", "reverted", "ambiguous", "failed", "absent")
+        and "photo.png" in verdict
+    )
+    error = refused(capsys, "fit", photo, "--log", tmp_path, "--out", tmp_path / "other")
+    assert "--log FILE" in error and not (tmp_path / "other").exists()
+
+
+def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
+    with pytest.raises(SystemExit) as caught:
+        main(["fit", str(photo), "--box", "40,30,60,50", "--out", str(tmp_path / "out"), "--json"])
+    assert caught.value.code == 0
+    said = json.loads(capsys.readouterr().out)
+    folder = Path(said["results"][str(photo)]["folder"])
+    assert Image.open(folder / "overlay.png").size == (160, 120)
+    assert Image.open(folder / "mask.png").size == (160, 120)
+    stored = json.loads((folder / "explanation.json").read_text())
+    assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed", "absent")
+    assert len(stored["shape"]) == 16
+    assert 0 <= stored["azimuth_deg"] < 360
+
+
+def fitted(capsys, out: Path, *options: str) -> tuple[dict[str, Any], np.ndarray]:
+    """What `vig fit` says of a photo with a third hidden, under options, and its mask."""
+    photo = min(example_photos(), key=lambda example: abs(example.occlusion - 0.3)).photo
+    with pytest.raises(SystemExit) as caught:
+        main(["fit", str(photo), "--out", str(out), "--json", *options])
+    assert caught.value.code == 0
+    said = json.loads(capsys.readouterr().out)["results"][str(photo)]
+    return said, np.asarray(Image.open(Path(said["folder"]) / "mask.png"))
+
+
+def test_options_of_a_fit_are_heeded(capsys, tmp_path):
+    """Each changes what it should, and nothing that was said before a fit."""
+    plain, mask = fitted(capsys, tmp_path / "plain")
+    assert plain["framing"]["magnification"] != 1 and (mask == 128).any()
+    fixed, _ = fitted(capsys, tmp_path / "fixed", "--framing", "fixed")
+    assert fixed["framing"] == {"shift": [0, 0], "magnification": 1, "roll_deg": 0}
+    assert fixed["start_evidence_nats"] == plain["start_evidence_nats"]
+    unshaded, _ = fitted(capsys, tmp_path / "unshaded", "--no-self-shadow")
+    assert unshaded["start_evidence_nats"] != plain["start_evidence_nats"]
+    robust, by_pixel = fitted(capsys, tmp_path / "robust", "--likelihood", "robust")
+    assert robust["evidence_nats"] == plain["evidence_nats"] and (mask != by_pixel).any()
+    gaussian, _ = fitted(capsys, tmp_path / "gaussian", "--likelihood", "gaussian")
+    assert gaussian["hidden_fraction"] < 0.01 < plain["hidden_fraction"]
+    other, _ = fitted(capsys, tmp_path / "other", "--optimizer", "dogleg")
+    assert other["start_evidence_nats"] == plain["start_evidence_nats"]
+    assert other["evidence_nats"] != plain["evidence_nats"]
+
+
+def test_evaluating_what_is_no_dataset(capsys, tmp_path):
+    assert str(tmp_path) in refused(capsys, "evaluate", "--dataset", tmp_path, "--out", tmp_path / "r")
+
+
+def test_dataset_of_nothing(capsys, tmp_path):
+    assert "count" in refused(capsys, "dataset", "make", "--out", tmp_path / "d", "--count", 0)
+
+
+def test_fit_without_a_photo(capsys, tmp_path):
+    assert "at least one photo" in refused(capsys, "fit", "--out", tmp_path / "out")
+
+
+def test_unknown_verb(capsys):
+    refused(capsys, "paint")
+
+
+def test_help_loads_nothing_heavy():
+    """`vig --help` must not import torch or warp: it is to answer at once."""
+    code = "import sys; sys.argv = ['vig', '--help']\nfrom vig_app.cli.main import main\ntry:\n main()\n"
+    code += "except SystemExit:\n pass\nassert not {'torch', 'warp', 'scipy'} & set(sys.modules)"
+    started = time.monotonic()
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    assert time.monotonic() - started < 20  # a hang, not a speed
+
+
+def test_boxes_by_name_and_a_folder_of_photos(capsys, tmp_path):
+    """Two photos in a folder, one with a box of its own; a file that is no photo fails, the others go on."""
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    example = Image.open(example_photos()[0].photo).convert("RGB")
+    example.save(folder / "a.png")
+    wide = Image.new("RGB", (300, 200), (90, 90, 90))
+    wide.paste(example, (100, 30))
+    wide.save(folder / "b.png")
+    (folder / "c.png").write_bytes(b"no photo")
+    (folder / "notes.txt").write_text("not looked at")
+    (tmp_path / "boxes.json").write_text('{"b.png": [110, 50, 130, 110]}')
+    with pytest.raises(SystemExit, match="^1$"):
+        main(
+            [
+                "fit",
+                str(folder),
+                "--boxes",
+                str(tmp_path / "boxes.json"),
+                "--out",
+                str(tmp_path / "o"),
+                "--json",
+            ]
+        )
+    said = capsys.readouterr()
+    results = json.loads(said.out)["results"]
+    assert [Path(name).name for name in results] == ["a.png", "b.png"]
+    x, y, w, h = results[str(folder / "b.png")]["box"]
+    assert 80 < x < 150 and 20 < y < 90 and w < 170 and h < 160
+    passed_over, wrong = said.err.splitlines()
+    assert "c.png" in wrong and passed_over.endswith("not taken: notes.txt (no photo)")
+
+
+@pytest.mark.parametrize(
+    ("written", "why"),
+    [
+        ('{"other.png": [1, 2, 30, 40]}', "got one of 'other.png'"),
+        ('{"a.png": [1, 2, 30]}', "boxes by the photos' file names"),
+        ("[1, 2", "boxes by the photos' file names"),
+    ],
+)
+def test_boxes_that_cannot_be_used_are_refused(written, why, capsys, tmp_path):
+    Image.new("RGB", (60, 60)).save(tmp_path / "a.png")
+    (tmp_path / "boxes.json").write_text(written)
+    boxes = tmp_path / "boxes.json"
+    assert why in refused(capsys, "fit", tmp_path / "a.png", "--boxes", boxes, "--out", tmp_path / "out")
+    both = refused(
+        capsys, "fit", tmp_path / "a.png", "--boxes", boxes, "--box", "1,2,30,40", "--out", tmp_path / "out"
+    )
+    assert "got both" in both
+
+
+def test_a_folder_without_photos_is_refused(capsys, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert "got none" in refused(capsys, "fit", tmp_path / "empty", "--out", tmp_path / "out")
+
+
+def test_the_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--version"])
+    assert not ended.value.code and capsys.readouterr().out == f"vig {vig.__version__}\n"
+
+
+def test_a_quiet_fit_prints_its_folder_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["fit", str(example_photos()[0].photo), "--quiet", "--out", str(tmp_path / "out")])
+    assert capsys.readouterr().out == f"{tmp_path / 'out'}\n"
+
+
+def cameras_given(folder: Path, photos: list[Path], **settings: Any) -> list[Any]:
+    return cameras_of(Fit(tuple(photos), out=folder, **settings), photos)
+
+
+def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path) -> None:
+    names = ("000003.png", "000012.png")
+    photos = [tmp_path / scene / "rgb" / name for scene in ("1", "2") for name in names]
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"1/rgb/000003.png": [1], "2/rgb/000003.png": [2], "000012.png": [3]}))
+    with pytest.raises(vig.UserError, match="got '000012.png', which is the name of 2.* '1/rgb/000012.png'"):
+        cameras_given(tmp_path, photos, cameras=file)
+    assert cameras_given(tmp_path, photos[:2], cameras=file) == [[1], [3]]
+    file.write_text(json.dumps({"3": {"cam_K": [4]}, "12": {"cam_K": [5]}, "7": {}}))
+    assert cameras_given(tmp_path, photos[:2], cameras=file) == [{"cam_K": [4]}, {"cam_K": [5]}]
+    with pytest.raises(vig.UserError, match="one scene .* got 2 scenes"):
+        cameras_given(tmp_path, photos, cameras=file)
+    with pytest.raises(vig.UserError, match="expected a camera of .*000004.png"):
+        cameras_given(tmp_path, [tmp_path / "000004.png"], cameras=file)
+    for one in (
+        [9.0, 9, 1, 1],
+        {"fx": 9, "fy": 9, "cx": 1, "cy": 1},
+        {"K": [[9, 0, 1]]},
+    ):
+        file.write_text(json.dumps(one))
+        assert cameras_given(tmp_path, photos, cameras=file) == [one] * 4
+    assert cameras_given(tmp_path, photos, intrinsics="9, 8,1,2.5") == [(9.0, 8.0, 1.0, 2.5)] * 4
+    assert cameras_given(tmp_path, photos) == [None] * 4
+
+
+@pytest.mark.parametrize(
+    "wrong", [("--K", "1,2,3"), ("--K", "a,b,c,d"), ("--K", "900,900,75,75", "--focal", "900")]
+)
+def test_a_camera_of_no_use_is_refused_before_anything_is_written(
+    capsys, photo: Path, tmp_path: Path, wrong: tuple[str, ...]
+) -> None:
+    error = refused(capsys, "fit", photo, *wrong, "--out", tmp_path / "out")
+    assert error.count("\n") == 1 and "--K" in error and not (tmp_path / "out").exists()
+
+
+def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) -> None:
+    """K, the pose before it, and what `vig view` resumes from; its BOP file has the same pose."""
+    photo = tmp_path / "7.png"
+    shutil.copy(example_photos()[1].photo, photo)
+    (tmp_path / "cameras.json").write_text(json.dumps({"7": {"cam_K": [300, 0, 90, 0, 310, 70, 0, 0, 1]}}))
+    out = tmp_path / "out"
+    given = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
+    with pytest.raises(SystemExit, match="^0$"):
+        main(["fit", str(photo), str(photo), *given])
+    said = json.loads((out / "7" / "explanation.json").read_text())
+    assert (
+        said["camera"]["K"] == [[300, 0, 90], [0, 310, 70], [0, 0, 1]]
+        and said["camera"]["focal_from"] == "given"
+    )
+    assert said["pinhole"]["camera_from_object"] == said["camera"]["camera_from_object"]
+    _, _, state = State.read(out / "7")
+    assert state.camera == (300, 310, 90, 70)
+    lines = bop_csv(out, tmp_path / "bop.csv").read_text().splitlines()
+    place = [float(number) / 1000 for number in lines[1].split(",")[5].split()]
+    assert place == pytest.approx([row[3] for row in said["camera"]["camera_from_object"][:3]], abs=1e-6)

@@ -1,0 +1,249 @@
+"""report.html: what it holds, and that a browser shows it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+import vig
+from tests.support import LOW_CONTRAST
+from vig.inference import View
+from vig_app.cli.main import main
+from vig_app.examples import example_photos
+from vig_app.report.page import Entry, folder_html, thumbnail
+
+HOSTILE = '</script><script>window.hacked=1</script><img src=x onerror="window.hacked=1">.png'
+CHROMIUM = shutil.which("chromium")
+
+
+@pytest.fixture(scope="module")
+def explanation() -> vig.Explanation:
+    """A fit with another view beside it."""
+    found = vig.Explainer("teapot").explain(example_photos()[1].photo)
+    turned = replace(found.latents, azimuth=found.latents.azimuth + 1.0)
+    return replace(found, fit=replace(found.fit, alternatives=(View(turned, found.fit.framing, 0.25),)))
+
+
+def data_of(page: str) -> Any:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    return json.loads(found.group(1))
+
+
+def test_the_page_holds_what_the_json_says(explanation: vig.Explanation) -> None:
+    data, said = data_of(explanation.report("egg cup.png")), explanation.to_dict()
+    assert (data["name"], data["verdict"], data["reason"]) == ("egg cup.png", said["verdict"], said["reason"])
+    rows = {name: words for name, words, _ in data["rows"]}
+    assert rows["azimuth of the eye"].startswith(f"{said['azimuth_deg']:.0f}°, 90 % interval ±")
+    assert rows["hidden"] == f"{said['hidden_fraction']:.0%} of the object"
+    assert data["views"][1]["words"].endswith(", 25%") and len(data["views"]) == 2
+    assert data["model"]["count"] == 3 * len(explanation.object_class.shape_model.faces)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "mask", "badge"),
+    [
+        (vig.Verdict.TRUSTED, True, "trusted"),
+        (vig.Verdict.TRUSTED, False, "view trusted, mask not"),
+        (vig.Verdict.AMBIGUOUS, True, "view ambiguous, mask trusted"),
+        (vig.Verdict.AMBIGUOUS, False, "ambiguous"),
+    ],
+)
+def test_the_badge_says_of_what_the_verdict_is(
+    explanation: vig.Explanation, verdict: vig.Verdict, mask: bool, badge: str
+) -> None:
+    fit = replace(explanation.fit, verdict=verdict, mask_trusted=mask)
+    assert data_of(replace(explanation, fit=fit).report())["badge"] == badge
+
+
+def test_nothing_of_a_name_is_markup(explanation: vig.Explanation) -> None:
+    page = explanation.report(HOSTILE)
+    assert data_of(page)["name"] == HOSTILE
+    assert page.count("<script") == 2 and "<img src=x" not in page
+
+
+def test_an_azimuth_that_is_known_of_the_right_view_alone_is_said_so(explanation: vig.Explanation) -> None:
+    layout = vig.scene.latent_layout(explanation.object_class.shape_model.modes)
+    deviation = explanation.fit.deviation.clone()
+    deviation[layout["azimuth"]] = math.pi
+    wide = replace(explanation, fit=replace(explanation.fit, deviation=deviation))
+    rows = {name: words for name, words, _ in data_of(wide.report())["rows"]}
+    assert rows["azimuth of the eye"].endswith("°, if this is the right view")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    api = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    flags = [
+        "--no-sandbox",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--no-first-run",
+    ]
+    flags += ["--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with api.sync_playwright() as play:
+        started = play.chromium.launch(executable_path=CHROMIUM, args=flags)
+        yield started
+        started.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [(390, 844), (1100, 800), (1920, 1080)])
+def test_a_browser_draws_it_without_errors_or_requests(
+    browser: Any, explanation: vig.Explanation, tmp_path: Path, size: tuple[int, int], scheme: str
+) -> None:
+    """Phone, laptop and wide: drawn, clicked, turned by hand and by keys; nothing asked for, nothing run."""
+    (tmp_path / "report.html").write_text(explanation.report(HOSTILE), encoding="utf-8")
+    shown = browser.new_context(
+        viewport={"width": size[0], "height": size[1]}, color_scheme=scheme
+    ).new_page()
+    errors: list[str] = []
+    asked: list[str] = []
+    shown.on("console", lambda message: errors.append(message.text))
+    shown.on("pageerror", lambda error: errors.append(str(error)))
+    shown.on("request", lambda request: asked.append(request.url))
+    address = (tmp_path / "report.html").as_uri()
+    shown.goto(address)
+
+    assert shown.locator("#name").inner_text() == HOSTILE and shown.evaluate("window.hacked") is None
+    assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    for picture in shown.locator("img:visible").all():
+        assert picture.evaluate("image => image.complete && image.naturalWidth > 0")
+    assert shown.locator("#outline").is_hidden()
+    shown.locator("#outlines").check()
+    assert shown.locator("#outline").is_visible()
+    shown.locator("#slider").focus()
+    shown.keyboard.press("Home")
+    assert (
+        shown.evaluate("getComputedStyle(document.getElementById('whole')).clipPath")
+        == "inset(0px 0px 0px 100%)"
+    )
+
+    canvas = shown.locator("#model")
+
+    def colours() -> set[str]:
+        found: set[str] = set(canvas.evaluate(
+            """canvas => { const flat = document.createElement("canvas").getContext("2d");
+            flat.canvas.width = flat.canvas.height = 64; flat.drawImage(canvas, 0, 0, 64, 64);
+            const bytes = flat.getImageData(0, 0, 64, 64).data, found = [];
+            for (let i = 0; i < bytes.length; i += 4) found.push(bytes.slice(i, i + 3).join());
+            return found; }"""
+        ))  # fmt: skip
+        return found
+
+    def picture() -> str:
+        url: str = canvas.evaluate("canvas => canvas.toDataURL()")
+        return url
+
+    assert len(colours()) > 20, "the object is drawn, shaded"
+    first = picture()
+    canvas.focus()
+    shown.keyboard.press("ArrowLeft")
+    turned = picture()
+    assert turned != first
+    shown.get_by_role("button", name="as in the photo").click()
+    assert picture() == first
+    shown.get_by_role("button", name="drag turns the light").click()
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    shown.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    shown.mouse.down()
+    shown.mouse.move(box["x"] + box["width"] / 2 + 90, box["y"] + box["height"] / 2, steps=4)
+    shown.mouse.up()
+    assert picture() not in (first, turned)
+    shown.get_by_role("button", name="as in the photo").click()
+    shown.get_by_role("button", name="show in 3-D").nth(1).click()
+    assert picture() != first
+    shown.get_by_role("button", name="replay").click()
+    shown.get_by_text("step 0 of").wait_for()
+    begun = picture()
+    last = data_of(explanation.report())["steps"][-1]["words"]
+    shown.get_by_text(last).wait_for(timeout=10000)
+    assert picture() != begun, "the object in 3-D turns along"
+    shown.locator("#steps").press("Home")
+    shown.get_by_text("step 0 of").wait_for()
+    assert shown.evaluate(LOW_CONTRAST) == []
+    assert not errors and [url for url in asked if not url.startswith("data:")] == [address]
+
+
+def test_the_object_is_drawn_as_the_photo_shows_it(
+    browser: Any, explanation: vig.Explanation, tmp_path: Path
+) -> None:
+    """Not mirrored, upright: the page's silhouette, mirrored or not, beside that of the renderer."""
+    latents = explanation.fit.latents  # from the side, and nearly black before the page's grey
+    latents = replace(latents, azimuth=torch.tensor([0.2]), light=1e-3 * latents.light)
+    explanation = replace(explanation, fit=replace(explanation.fit, latents=latents))
+    (tmp_path / "report.html").write_text(explanation.report(), encoding="utf-8")
+    shown = browser.new_page()
+    shown.goto((tmp_path / "report.html").as_uri())
+    drawn = shown.locator("#model").evaluate(
+        """canvas => { const flat = document.createElement("canvas").getContext("2d");
+        flat.canvas.width = flat.canvas.height = 90; flat.drawImage(canvas, 0, 0, 90, 90);
+        const bytes = flat.getImageData(0, 0, 90, 90).data, found = [];
+        for (let i = 0; i < bytes.length; i += 4)
+          found.push(Math.hypot(bytes[i] - 138, bytes[i + 1] - 144, bytes[i + 2] - 153) > 8);
+        return found; }"""
+    )
+    page = torch.tensor(drawn).view(90, 90)
+    spread = explanation.vertices.max(0) - explanation.vertices.min(0)
+    middle = explanation.vertices.min(0) + spread / 2
+    # The page's camera: six sizes away, looking at the middle of the object's box. Ours looks at its axis.
+    focal, away = 6 * 0.8 * 90, 6 * float(spread.max())
+    beside = focal * float(middle[0] * math.cos(0.2) + middle[1] * math.sin(0.2)) / away
+    camera = vig.Camera(90, 90, focal, 45 - beside, 45, away, float(middle[2]))
+    expected = torch.from_numpy(explanation.render(camera=camera)[..., 3] > 0.5)
+
+    def iou(other: torch.Tensor) -> float:
+        return float((page & other).sum() / (page | other).sum())
+
+    assert iou(expected) > 0.9 > iou(expected.flip(1)) and iou(expected) > iou(expected.flip(0))
+
+
+def test_a_folders_page_lists_what_is_strangest_first(
+    browser: Any, explanation: vig.Explanation, tmp_path: Path
+) -> None:
+    said, picture = explanation.to_dict(), thumbnail(explanation.overlay())
+    doubtful = said | {"verdict": "ambiguous", "confidence": 0.4, "azimuth_deg": 350.0}
+    entries = [Entry("sure.png", "sure", said, picture), Entry(HOSTILE, "a b", doubtful, picture)]
+    (tmp_path / "report.html").write_text(folder_html(entries, 3, [HOSTILE]), encoding="utf-8")
+    shown = browser.new_page()
+    errors: list[str] = []
+    shown.on("console", lambda message: errors.append(message.text))
+    shown.on("pageerror", lambda error: errors.append(str(error)))
+    shown.goto((tmp_path / "report.html").as_uri())
+    assert shown.locator("strong").all_inner_texts() == [HOSTILE, "sure.png"]
+    assert shown.locator("a").first.get_attribute("href") == "a%20b/report.html"
+    shown.get_by_text("as a table").click()
+    shown.get_by_role("button", name="azimuth").click()
+    assert shown.locator("#table td:first-child").all_inner_texts() == ["sure.png", HOSTILE]
+    shown.get_by_role("button", name="azimuth").click()
+    assert shown.locator("#table td:first-child").all_inner_texts() == [HOSTILE, "sure.png"]
+    shown.get_by_text("1 could not be explained").click()
+    assert shown.locator("#errors li").all_inner_texts() == [HOSTILE]
+    assert shown.get_by_text("Here are the 2 that are strangest").is_visible()
+    shown.locator("#order").select_option("azimuth")
+    assert shown.locator("strong").all_inner_texts() == ["sure.png", HOSTILE]
+    assert shown.evaluate("window.hacked") is None and not errors
+    for scheme in ("light", "dark"):
+        shown.emulate_media(color_scheme=scheme)
+        assert shown.evaluate(LOW_CONTRAST) == []
+
+
+def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    photos = [str(each.photo) for each in example_photos()[:2]]
+    with pytest.raises(SystemExit):
+        main(["fit", *photos, "--out", str(tmp_path)])
+    listed = data_of((tmp_path / "report.html").read_text())["entries"]
+    assert {one["folder"] for one in listed} == {each.photo.stem for each in example_photos()[:2]}
+    assert all((tmp_path / one["folder"] / "report.html").is_file() for one in listed)

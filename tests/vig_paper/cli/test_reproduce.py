@@ -1,0 +1,33 @@
+"""`vig reproduce` as its user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from vig_app.cli.main import main
+from vig_paper.cli.reproduce import command_line
+from vig_train.cli.settings import Reproduce
+
+
+def test_the_command_tells_all_that_changes_numbers() -> None:
+    chosen = Reproduce("tiny", Path("my run"), epochs=3, methods=("rm", "robust"), no_cycles=True, workers=2)
+    expected = "vig reproduce --scale tiny --out 'my run' --epochs 3 --methods rm robust --no-cycles"
+    assert command_line(chosen) == expected
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--scale", "huge"], "tiny"),
+        (["--scale", "tiny", "--test-images", "0"], "--test-images of at least 1; got 0"),
+        (["--scale", "tiny", "--stages", "paint"], "figures"),
+        (["--scale", "tiny", "--workers", "0"], "--workers of at least 1; got 0"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_written(capsys, tmp_path: Path, more, said: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["reproduce", "--out", str(tmp_path / "r"), *more])
+    assert ended.value.code == 2 and said in capsys.readouterr().err
+    assert not (tmp_path / "r").exists()

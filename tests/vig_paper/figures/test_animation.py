@@ -1,0 +1,89 @@
+"""A fit that is watched is the fit that it would have been."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from vig.inference import ExplainSettings, Stage, Valuation, explain_one
+from vig.recognition import Recognizer
+from vig.scene import ObjectClass, linear_from_srgb
+from vig.search.levenberg_marquardt import LevenbergMarquardt
+from vig.search.optimizer import Budget
+from vig_paper.figures import animation, fit_animation
+from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
+from vig_paper.optimizers.quasi_newton import BFGS
+from vig_world.dataset import Dataset
+
+
+class Bowl:
+    """-|point|^2, highest at 0."""
+
+    lower, upper = torch.full((18,), -9.0), torch.full((18,), 9.0)
+    dtype, device = torch.float32, "cpu"
+
+    def __call__(self, points, photo, sigma, derivatives=True) -> Valuation:
+        normal = 2 * torch.eye(18).expand(len(points), -1, -1)
+        return Valuation(-(points**2).sum(1).double(), -2 * points, normal, None)
+
+
+def test_the_recorder_changes_nothing_and_keeps_the_best_so_far() -> None:
+    starts, photo = torch.linspace(-3, 3, 36).view(2, 18), torch.zeros(2, dtype=torch.int32)
+    for optimizer in (LevenbergMarquardt(), BFGS(), ConjugateGradient()):
+        alone = optimizer(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
+        recorder = animation.Recorder(optimizer)
+        watched = recorder(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
+        torch.testing.assert_close(watched.points, alone.points)
+        values = [-float((point**2).sum()) for point in recorder.best]
+        assert values == sorted(values) and len(values) >= 3
+        assert abs(values[-1] - float(watched.value.max())) < 1e-4
+
+
+def test_a_stage_begins_with_its_own_best() -> None:
+    recorder = animation.Recorder(LevenbergMarquardt())
+    photo = torch.zeros(1, dtype=torch.int32)
+    recorder(Bowl(), torch.ones(1, 18), photo, 1.0, Budget(5, 1e-3))
+    ended = len(recorder.best)
+    recorder(Bowl(), torch.full((1, 18), 3.0), photo, 1.0, Budget(0, 1e-3))
+    torch.testing.assert_close(recorder.best[ended], torch.full((18,), 3.0))
+
+
+def test_the_animation_ends_with_the_answer(
+    dataset: Dataset, weights: Path, teapot: ObjectClass, tmp_path: Path, monkeypatch
+) -> None:
+    photo = torch.from_numpy(linear_from_srgb(dataset.images[0] / 255.0)).float()
+    prediction = Recognizer(weights)(photo[None])
+    settings = ExplainSettings(stages=(Stage(3, 20, scale=0.5), Stage(2, 30, tolerance=0.0)))
+    words: list[str] = []
+    drawn: list[np.ndarray] = []
+    frame = animation._frame
+
+    def watched(linear, colour, coverage, said):
+        words.append(said)
+        drawn.append(coverage >= 0.5)
+        return frame(linear, colour, coverage, said)
+
+    monkeypatch.setattr(animation, "_frame", watched)
+    path = fit_animation(photo, prediction, teapot, settings, tmp_path / "fit.webp")
+    answer = explain_one(photo, prediction, teapot, replace(settings))
+    assert words[0] == "recognition model" and words[-1] == answer.verdict.name.lower()
+    assert words[1].startswith("evaluation 1 of ")
+    assert (drawn[-1] == answer.amodal.numpy()).mean() > 0.999
+    with Image.open(path) as image:
+        assert image.format == "WEBP" and 10 < image.n_frames <= len(words) <= animation.MOST_FRAMES
+        assert image.size == (2 * animation.SIDE + 4, animation.SIDE + 22)
+    assert path.stat().st_size < animation.MOST_BYTES
+
+
+def test_a_large_animation_is_made_smaller(tmp_path: Path, monkeypatch) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3), dtype=np.uint8)
+    frames = [Image.fromarray(each) for each in noise]
+    animation._write(tmp_path / "best.webp", frames, [100] * 3)
+    best = (tmp_path / "best.webp").stat().st_size
+    monkeypatch.setattr(animation, "MOST_BYTES", best)
+    animation._write(tmp_path / "small.webp", frames, [100] * 3)
+    assert (tmp_path / "small.webp").stat().st_size < best

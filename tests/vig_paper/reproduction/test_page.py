@@ -1,0 +1,68 @@
+"""The page of a run whose tables are made up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vig.io.errors import UserError
+from vig.photo.images import write_png
+from vig_paper.reproduction import Record, RunFolder, Settings
+from vig_paper.reproduction.page import write_page
+from vig_train.evaluation import build_table, save_table
+
+from .test_html import counted
+
+METRICS = ("azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    """A run with a figure and tables of the raster tier: the robust fit is better than the paper's, the
+    recognition model is not."""
+    folder = RunFolder(tmp_path)
+    command = "vig reproduce --scale tiny --out <here>"
+    record = Record.open(folder.record, Settings.of("tiny"), {"cpus": 2, "processor": "slow"}, command)
+    for step in ("data train", "evaluate raster"):
+        with record.timed(step):
+            pass
+    sizes = {"baseline": 100.0, "rm": 90.0, "robust": 0.001}
+    results = {method: {metric: np.full(8, size) for metric in METRICS} for method, size in sizes.items()}
+    for name, limits in (("table", (0.0, 0.75)), ("table_75_90", (0.75, 0.9))):
+        middle = np.full(8, sum(limits) / 2)
+        table = build_table(
+            results, middle, "raster", np.random.default_rng(0), limits[1], 10, min_occlusion=limits[0]
+        )
+        save_table(folder.tables("raster") / f"{name}.json", table)
+    write_png(folder.figures("raster") / "figure3.png", np.zeros((4, 4, 3), np.uint8))
+    return folder
+
+
+def test_the_page_has_what_the_run_has_and_nothing_else(folder: RunFolder) -> None:
+    assert write_page(folder.root) == folder.page
+    text = folder.page.read_text()
+    assert counted(text)["img"] == 1
+    assert "Rasterised photos" in text and "This run has no path-traced photos." in text
+    assert "75% to 90% hidden" in text
+    for absent in ("Ablations", "Training", "worst first"):
+        assert absent not in text
+    assert "vig reproduce --scale tiny --out &lt;here&gt;" in text and "2 x slow" in text
+    assert "evaluate raster" in text and "figures raster" not in text
+
+
+def test_passing_cells_are_counted_and_failing_ones_named(folder: RunFolder) -> None:
+    """Five metrics of the paper for each of two methods: all of the robust fit pass, none of the other."""
+    write_page(folder.root)
+    text = folder.page.read_text()
+    assert "Rasterised photos: 5 of 10 cells pass." in text
+    named = ("azimuth", "elevation", "appearance", "illumination", "shape / mean shape")
+    assert f"Not passed: {'; '.join(f'{metric} (rm)' for metric in named)}." in text
+    assert text.count("<b>pass</b>") == text.count("<b>fail</b>") == 5
+
+
+def test_a_folder_without_a_run_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"expected the record of a run at .*run\.json"):
+        write_page(tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.vig_train.building.conftest import SETTINGS
+from tests.vig_train.building.things import finned
+from vig.io.errors import UserError
+from vig.scene import ObjectClass, Symmetry
+from vig_train.building import Builder, BuildSettings, Built
+from vig_train.cli.classes import build
+from vig_world.assets.held_out import held_out_designs_of
+from vig_world.cli.settings import Build
+
+
+def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[Built, Path]) -> None:
+    result, _ = built
+    assert len(result.splits) == 6
+    assert set(result.refused) == {"ball.off", "notes.obj"}
+    assert "far" in result.refused["ball.off"] or "template" in result.refused["ball.off"]
+    assert "triangles" in result.refused["notes.obj"]
+
+
+def test_lying_and_tilted_meshes_stand_with_the_fin_to_the_front(built: tuple[Built, Path]) -> None:
+    result, pack = built
+    model = ObjectClass.load(pack).shape_model
+    assert result.stood.shape.symmetry == "none" and result.stood.shape.mirror
+    designs = held_out_designs_of(ObjectClass.load(pack))
+    assert designs is not None
+    for vertices in (model.mean, *designs.vertices):
+        assert vertices[:, 2].min() == pytest.approx(0, abs=2e-3)
+        length, width, height = np.ptp(vertices, axis=0)
+        assert min(height, length) > 1.3 * width  # 1.5 by 1.45 by 0.7
+        fin = vertices[vertices[:, 0] > vertices[:, 0].min() + 0.8 * length]
+        assert np.ptp(fin[:, 1]) < 0.3 * width
+
+
+def test_the_pack_says_what_it_was_told_and_found(built: tuple[Built, Path]) -> None:
+    _, pack = built
+    made = ObjectClass.load(pack)
+    assert made.name == "finned" and made.front == "the fin" and made.symmetry is Symmetry.NONE
+    assert np.ptp(made.shape_model.mean, axis=0).max() == pytest.approx(0.3, rel=0.02)
+    assert made.transfer is not None and made.transfer.shape[1] == len(made.shape_model.mean)
+    assert made.shape_model.mean[made.points["front"], 0] == made.shape_model.mean[:, 0].max()
+    card = (pack / "card.md").read_text(encoding="utf-8")
+    assert "ball.off" in card and "notes.obj" in card and "leave" not in card.split("## Meshes")[0]
+    for named in ("1-as-they-are", "2-upright", "3-template", "4-registered", "5-refused", "6-components"):
+        assert (pack / "build" / f"{named}.png").is_file()
+
+
+def test_a_mesh_left_out_is_met_better_by_components_than_by_the_mean(built: tuple[Built, Path]) -> None:
+    errors = built[0].components.errors
+    assert min(errors) < 0.5 * errors[0] and min(errors) < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stage", ["template", "leave-one-out"])
+def test_a_build_that_was_interrupted_gives_the_same_pack(
+    folder: Path, built: tuple[Built, Path], tmp_path: Path, stage: str
+) -> None:
+    whole = built[1]
+    pack = tmp_path / "pack"
+    # What earlier stages kept is as if they had run here, so that the test is quick.
+    shutil.copytree(whole / "build" / "kept", pack / "build" / "kept")
+    for kept in (pack / "build" / "kept").glob("holes-*"):
+        kept.unlink()
+
+    def interrupt(line: str) -> None:
+        if stage in line:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Builder(folder, pack, SETTINGS, interrupt).build()
+    assert not (pack / "class.json").exists()
+    Builder(folder, pack, SETTINGS, lambda line: None).build()
+    files = [path for path in whole.rglob("*") if path.is_file() and "kept" not in path.parts]
+    assert len(files) >= 12
+    for path in files:
+        assert (pack / path.relative_to(whole)).read_bytes() == path.read_bytes(), path.name
+
+
+@pytest.mark.slow
+def test_one_mesh_makes_a_class(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    finned(1.0, 1.5, 0.45).export(tmp_path / "meshes" / "only.ply")
+    settings = BuildSettings("only", up="z", vertices=300)
+    made = Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()
+    model = made.object_class.shape_model
+    assert len(made.splits) == 1 and model.modes == 16
+    assert np.linalg.norm(model.basis, axis=2).max() < 0.3 * np.ptp(model.mean, axis=0).max()
+    weights = tmp_path / "pack" / "recognition.safetensors"
+    weights.write_bytes(b"of the shapes so far")
+    Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()
+    assert weights.exists()
+    other = replace(settings, length=0.3)
+    Builder(tmp_path / "meshes", tmp_path / "pack", other, lambda line: None).build()
+    assert not weights.exists(), "weights of other shapes explain nothing"
+    assert (tmp_path / "pack" / "build" / "outdated" / weights.name).read_bytes() == b"of the shapes so far"
+
+
+def test_round_things_stand_by_their_axis_and_become_round(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vig_train.building.build.write_transfer", lambda built, folder: None)
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    for number, (wide, tall) in enumerate(((0.5, 1.0), (0.45, 1.2), (0.55, 1.1))):
+        profile = [[0, 0], [0.6 * wide, 0], [wide, 0.5 * tall], [0.3, 0.8 * tall], [0.35, tall], [0, tall]]
+        mesh = trimesh.creation.revolve(profile)
+        if number == 1:  # it lies, and has a handle
+            handle = trimesh.creation.box((0.3, 0.06, 0.06))
+            handle.apply_translation((wide + 0.1, 0, 0.5 * tall))
+            mesh = trimesh.util.concatenate([mesh, handle])
+            mesh.apply_transform(trimesh.transformations.rotation_matrix(1.5, (0.8, 0.6, 0)))
+        mesh.export(folder / f"{number}.ply")
+    settings = BuildSettings("bottle", up="z", symmetry="any-turn", vertices=500)
+    made = Builder(folder, tmp_path / "pack", settings, lambda line: None).build()
+    assert len(made.splits) == 3 and not made.object_class.families
+    for shape in (made.components.mean, *(made.components.mean + 2 * made.components.basis)):
+        radius, height = np.linalg.norm(shape[:, :2], axis=1), shape[:, 2]
+        ring = np.abs(height - 0.5 * height.max()) < 0.04 * height.max()
+        assert np.ptp(radius[ring]) < 0.15 * radius[ring].mean(), "the handle is no part of the shape"
+
+
+@pytest.mark.parametrize(
+    "told, expected",
+    [
+        ({"up": "w"}, "axis"),
+        ({"front": "+q"}, "axis"),
+        ({"length": 0.0}, "length"),
+        ({"vertices": 3}, "vertices"),
+        ({"symmetry": "quarter"}, "symmetry"),
+        ({"places": {"moon": 1.0}}, "places"),
+        ({"drops": (9,)}, "numbers of meshes"),
+        ({"turns": {0: 90.0}}, "numbers of meshes"),
+        ({"up": "z", "front": "z"}, "front"),
+    ],
+)
+def test_wrong_settings_get_one_line(
+    folder: Path, tmp_path: Path, told: dict[str, object], expected: str
+) -> None:
+    settings = BuildSettings("finned", **told)  # type: ignore[arg-type]
+    with pytest.raises(UserError, match=expected):
+        Builder(folder, tmp_path / "pack", settings, lambda line: None).build()
+    assert not (tmp_path / "pack" / "class.json").exists()
+
+
+def test_a_folder_of_broken_files_gets_one_line(tmp_path: Path) -> None:
+    folder = tmp_path / "broken"
+    folder.mkdir()
+    triangle = "3 1 0\n{}\n0 1 0\n0 0 1\n3 0 1 2\n"
+    (folder / "empty.off").write_bytes(b"")
+    (folder / "text.obj").write_text("not a mesh\n")
+    (folder / "nan.off").write_text("OFF\n" + triangle.format("nan 0 0"))
+    (folder / "flat.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n")
+    (folder / "point.off").write_text("OFF\n3 1 0\n1 1 1\n1 1 1\n1 1 1\n3 0 1 2\n")
+    (folder / "cloud.ply").write_bytes(trimesh.PointCloud(np.eye(3)).export(file_type="ply"))
+    (folder / "huge.off").write_text("OFF\n9000000 9000000 0\n")
+    (folder / "cut.glb").write_bytes(finned(1, 1, 1).export(file_type="glb")[:300])
+    with pytest.raises(UserError) as caught:
+        Builder(folder, tmp_path / "pack", BuildSettings("broken"), lambda line: None).build()
+    assert "\n" not in str(caught.value) and "usable" in str(caught.value)
+    assert not (tmp_path / "pack").exists()
+
+
+def test_what_was_made_otherwise_is_not_overwritten(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "card.md").write_text("precious")
+    (tmp_path / "file").write_text("precious")
+    for out in (folder, tmp_path / "mine", tmp_path / "file"):
+        with pytest.raises(UserError, match="did not make"):
+            Builder(folder, out, SETTINGS)
+    assert (tmp_path / "mine" / "card.md").read_text() == "precious"
+    (tmp_path / "empty").mkdir()
+    Builder(folder, tmp_path / "empty", SETTINGS)
+
+
+@pytest.mark.parametrize("told", [{"name": ""}, {"name": "a\nb"}, {"name": "x" * 101}, {"shows": "a\tb"}])
+def test_a_text_that_no_class_can_have_is_told_at_once(told: dict[str, str]) -> None:
+    with pytest.raises(UserError, match="1 to 100 printable characters"):
+        replace(SETTINGS, **told).check()
+
+
+def test_a_mesh_is_turned_once(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="two for one"):
+        build(Build(folder, tmp_path / "pack", turn=("1:90", "1:180")))

@@ -1,0 +1,73 @@
+"""The packaged mug class: found by name, made of the code's designs, near designs it has not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from vig.scene import ObjectClass
+from vig.scene.symmetry import Symmetry
+from vig_train.packs.mug import DRAWN, EXEMPLARS, MODES, held_out_designs, vertices_of
+from vig_train.packs.shapes import of_size
+from vig_world.assets.designs.crossings import crossings
+from vig_world.assets.held_out import held_out_designs_of
+from vig_world.assets.mugs import HELD_OUT_MUGS, MUG_FACES, MUG_PARTS, PART_NAMES, VALIDATION_MUGS
+from vig_world.assets.target import draw_shape, shape_vertices
+from vig_world.composition.place import zone_weights
+
+
+@pytest.fixture(scope="module")
+def mug() -> ObjectClass:
+    return ObjectClass.load("mug")
+
+
+def test_the_pack_is_found_by_its_name(mug: ObjectClass) -> None:
+    assert (mug.name, mug.front, mug.symmetry, mug.mirror) == ("mug", "the handle", Symmetry.NONE, True)
+    assert mug.shape_model.modes == MODES <= 16 and mug.shape_model.part_names == PART_NAMES
+    np.testing.assert_array_equal(mug.shape_model.faces, MUG_FACES)
+    np.testing.assert_array_equal(mug.shape_model.parts, MUG_PARTS)
+    assert mug.transfer is not None and mug.transfer.shape == (MODES + 1, len(MUG_PARTS), 9)
+    assert set(mug.points) == {"handle", "rim", "base"} and zone_weights(mug)
+    assert np.ptp(mug.shape_model.mean[:, 2]) == pytest.approx(2 * mug.target_height, rel=0.15)
+    longest = np.ptp(mug.shape_model.mean, axis=0).max()
+    assert mug.viewing_distance == pytest.approx(1.5 * longest, rel=0.1)
+
+
+def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
+    held = held_out_designs_of(mug)
+    assert held is not None and EXEMPLARS <= DRAWN
+    assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * (112 + EXEMPLARS)
+    named = vertices_of(HELD_OUT_MUGS + VALIDATION_MUGS)
+    np.testing.assert_allclose(held.vertices[: len(named)], named, atol=1e-6)
+    assert held.names[:2] == ("harvest", "cottage") and held.names[-1] == f"drawn 0.{EXEMPLARS - 1}"
+
+
+@pytest.mark.slow
+def test_the_designs_are_those_that_the_builder_makes(mug: ObjectClass) -> None:
+    held, built = held_out_designs_of(mug), held_out_designs()
+    assert held is not None and (held.names, held.splits) == (built.names, built.splits)
+    np.testing.assert_allclose(held.vertices, built.vertices, atol=1e-6)
+
+
+@pytest.mark.parametrize("designs", [HELD_OUT_MUGS, VALIDATION_MUGS], ids=["test", "validation"])
+def test_designs_beyond_training_are_within_a_hundredth_of_their_size(mug: ObjectClass, designs) -> None:
+    errors = [of_size(mug.shape_model, vertices_of(designs), count) for count in (4, 8, MODES)]
+    assert errors[0] > errors[1] > errors[2] and errors[2] < 0.01
+
+
+def test_shapes_of_scenes_stand_and_rarely_cut_into_themselves(mug: ObjectClass) -> None:
+    rng = np.random.default_rng(0)
+    shapes = [shape_vertices(*draw_shape(rng, mug, "train"), mug) for _ in range(12)]
+    assert all(shape[:, 2].min() == pytest.approx(0.0, abs=1e-6) for shape in shapes)
+    assert sum(crossings(shape, MUG_FACES) > 0 for shape in shapes) <= 2
+
+
+def test_extremes_of_every_component_keep_a_wall(mug: ObjectClass) -> None:
+    """Two deviations each way the volume of the walls stays positive, and below that of a filled mug."""
+    model = mug.shape_model
+    ends = 2.0 * torch.cat([torch.eye(model.modes), -torch.eye(model.modes)])
+    for shape in model.vertices(ends).numpy().astype(np.float64):
+        a, b, c = (shape[MUG_FACES[:, k]] for k in range(3))
+        filled = np.pi / 4.0 * np.ptp(shape[:, 1]) ** 2 * shape[:, 2].max()
+        assert 0.03 < np.sum(a * np.cross(b, c)) / 6.0 / filled < 0.6
