@@ -1,7 +1,7 @@
 """Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
 
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
-from vig.likelihood.kernels.assembly import load_kernels
+from vig.likelihood.kernels.load import load_kernels
 from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, log_colour_density, mixture
 from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
 

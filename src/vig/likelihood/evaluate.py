@@ -11,8 +11,8 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.assembly import likelihood_kernels, load_kernels
 from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.kernels.load import likelihood_kernels, load_kernels
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import on_one_core, run_on_threads, thread_count
 from vig.renderer import warp_array
