@@ -47,9 +47,9 @@ class Pass:
     def __init__(self, likelihood: Likelihood, count: int):
         geometry, camera = likelihood.geometry, likelihood.camera
         self.geometry, self.count, self.silhouette = geometry, count, likelihood.silhouette
-        self.kind = count, camera, likelihood.silhouette, likelihood.stride
+        self.kind = count, camera, likelihood.silhouette, likelihood.stride, likelihood.density
         self.layout, modes = geometry.layout, geometry.rows.modes
-        self._kernels = k = likelihood_kernels(geometry.dtype, modes)
+        self._kernels = k = likelihood_kernels(geometry.dtype, modes, likelihood.density)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
         width, height, stride = camera.width, camera.height, likelihood.stride
         self._shared = {"vertices": vertices, "faces": faces, "edges": edges, "lines": height}

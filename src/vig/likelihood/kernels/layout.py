@@ -7,6 +7,7 @@ from pathlib import Path
 
 import torch
 
+from vig.likelihood import densities
 from vig.renderer.device import native_code, scalar_type
 from vig.scene import Block, LatentLayout, point_layout
 
@@ -79,3 +80,8 @@ class RowLayout:
 def native_file(dtype: torch.dtype, file: str, **constants: int | float) -> str:
     """The code of a .cc file of the templates; see `native_code`."""
     return native_code(Path(__file__).parent / "templates", file, real=scalar_type(dtype), **constants)
+
+
+def density_code(name: str) -> str:
+    """The two macros of a density; see `vig.likelihood.densities`."""
+    return (densities.FOLDER / f"{name}.cc").read_text(encoding="utf-8")

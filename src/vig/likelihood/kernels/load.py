@@ -34,20 +34,23 @@ PARTS, CUDA_PARTS = 32, 256
 
 
 @functools.cache
-def likelihood_kernels(dtype: torch.dtype, modes: int) -> Any:
+def likelihood_kernels(dtype: torch.dtype, modes: int, density: str = "gaussian") -> Any:
     """A module with all kernels, types and structs; kernels are compiled at first use.
+
+    density: see `vig.likelihood.densities`.
 
     One module of Warp holds them all, as most of the time of compiling goes into Warp's own headers.
     """
     rows = RowLayout(modes)
     types = vector_types(dtype)
     real = types["real"]
-    module = kernel_module(f"fit{modes}", dtype)
+    module = kernel_module(f"fit{modes}_{density}", dtype)
     kernels = instantiate(
         [Path(__file__).parent / "templates" / f"{name}.py" for name in TEMPLATES],
         module,
         dtype=dtype,
         modes=modes,
+        density=density,
         shape_row=wp.types.vector(rows.shape, real),
         rest_row=wp.types.vector(rows.rest, real),
         lobe_vector=wp.types.vector(L_COUNT, real),
@@ -59,6 +62,6 @@ def likelihood_kernels(dtype: torch.dtype, modes: int) -> Any:
 
 
 @functools.cache
-def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu") -> None:
+def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu", density: str = "gaussian") -> None:
     """Compile or load all kernels of a fit, once: threads must not do it."""
-    wp.force_load(device, modules=[likelihood_kernels(dtype, modes).place.module])
+    wp.force_load(device, modules=[likelihood_kernels(dtype, modes, density).place.module])

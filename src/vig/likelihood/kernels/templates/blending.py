@@ -116,6 +116,7 @@ def pull_colours(
     precision = real(2.0) * noise.half_precision
     error = blend.observed - colour * blend.front_irradiance
     strength = blend.taken * blend.front_fit[1] * precision
+    strength = strength * pull(wp.dot(error, error) * noise.half_precision)
     painted += error * (strength * blend.front_irradiance)
     on_edge = strength * wp.dot(colour, error)
     if blend.gives:
@@ -124,6 +125,7 @@ def pull_colours(
     if sides.has_behind:
         error = blend.observed - colour * sides.behind_seen[0]
         strength = -blend.taken * blend.back_fit[1] * precision
+        strength = strength * pull(wp.dot(error, error) * noise.half_precision)
         painted += error * (strength * sides.behind_seen[0])
         on_behind = strength * wp.dot(colour, error)
         pull_pixel(image, sides.behind, c.outer_pixel, sides.behind_seen, on_behind, vertices, cotangents)

@@ -5,16 +5,26 @@ import math
 import torch
 import warp as wp
 
-from vig.likelihood.pixel import LOG_UNIT
+from vig.likelihood import densities
+from vig.renderer.device import native_code
 
-log_unit = real(LOG_UNIT)
+snippet = native_code(densities.FOLDER, f"{density}.cc", real=real)
+log_unit = real(densities.density_of(density).LOG_UNIT)
 # Beyond it the less likely of two components is lost in rounding.
 clear = real(-math.log(torch.finfo(dtype).eps))
 
 
+@wp.func_native(snippet=snippet + "return LOG_DENSITY(s);")
+def log_density(s: real) -> real: ...
+
+
+@wp.func_native(snippet=snippet + "return PULL(s);")
+def pull(s: real) -> real: ...
+
+
 @wp.struct
 class Noise:
-    """The Gaussian of a covered pixel: one over twice its variance, and its log normaliser."""
+    """The density of a visible pixel: one over twice its variance, and its log normaliser."""
 
     half_precision: real
     log_normaliser: real
@@ -32,7 +42,7 @@ def noise_of(sigma: real):
 def explained(observed: vec3, rendered: vec3, log_prior: vec3, noise: Noise):
     """(log-likelihood of a covered pixel, posterior of its being visible), Eq. 3."""
     error = observed - rendered
-    inlier = log_prior[0] + noise.log_normaliser - wp.dot(error, error) * noise.half_precision
+    inlier = log_prior[0] + noise.log_normaliser + log_density(wp.dot(error, error) * noise.half_precision)
     gap = inlier - log_prior[1]
     if gap > clear:
         return vec2(inlier, real(1.0))

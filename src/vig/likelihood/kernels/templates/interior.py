@@ -3,8 +3,8 @@
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.layout import LANES, native_file
-from vig.likelihood.pixel import LOG_UNIT
+from vig.likelihood.densities import density_of
+from vig.likelihood.kernels.layout import LANES, density_code, native_file
 from vig.renderer.raster import FACE_MASK, NOTHING
 
 NEGLIGIBLE = 1e-9
@@ -14,12 +14,12 @@ FARTHEST = 80.0
 """Nats between the two components beyond which exp(-gap) is as good as 0: float32 ends at 87."""
 
 negligible = real(NEGLIGIBLE)
-code = native_file(
+code = density_code(density) + native_file(
     dtype,
     "explain_lines.cc",
     LANES=LANES,
     SINGLE=dtype == torch.float32,
-    LOG_UNIT=LOG_UNIT,
+    LOG_UNIT=density_of(density).LOG_UNIT,
     FARTHEST=FARTHEST,
     NEGLIGIBLE=NEGLIGIBLE,
     FACE_MASK=FACE_MASK,
@@ -97,6 +97,7 @@ def interior_rows(
     eye = eye_of(image, view)
     back = wp.transpose(eye.rotation)
     per_row = real(stride) / photos.sigma[image]
+    half_precision = noise_of(photos.sigma[image]).half_precision
     for column in range((view.width + stride - 1) / stride):
         x = column * stride
         at = y * view.width + x
@@ -110,7 +111,9 @@ def interior_rows(
             pixel = vec2(real(x) + real(0.5), real(y) + real(0.5))
             seen = seen_at(surface, pixel)
             off = pixel - surface.origin
-            size = per_row * wp.sqrt(visible)
+            error = photos.observed[photos.photo[image], at] - photos.albedo[image] * seen[0]
+            weight = visible * pull(wp.dot(error, error) * half_precision)
+            size = per_row * wp.sqrt(weight)
             inverse = size / seen[1]
             v = wp.dot(surface.by_second, off) * vertices.screen[image, surface.j][2] * inverse
             w = wp.dot(surface.by_third, off) * vertices.screen[image, surface.k][2] * inverse
