@@ -148,7 +148,7 @@ def sample_texture(
     mean square size in texels. Differentiable in texels, uv and footprint. Raises ValueError for other shapes
     and types and for textures that are not there.
     """
-    look_up: Callable[..., Any] = _Texture.apply
+    look_up: Callable[..., torch.Tensor] = _Texture.apply
     return look_up(
         textures.texels.contiguous(),
         textures.levels,
