@@ -16,7 +16,7 @@ from PIL import Image
 
 from vig.explanation import Explanation
 from vig.hints import Hints
-from vig.inference import ExplainSettings, Fit, Verdict, View, explain
+from vig.inference import ExplainSettings, Fit, Verdict, View, explain, resolve
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
@@ -151,7 +151,7 @@ class Explainer:
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
         seen, (height, width) = Halved(coded), coded.shape[:2]
-        settings, found = self.settings.filled(photo=window is None or not framed), 1.0
+        settings, found = resolve(self.settings, self.object_class, photo=window is None or not framed), 1.0
         hints = hints.checked(width, height, self.object_class) if hints else None
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
@@ -180,7 +180,7 @@ class Explainer:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if found < 1.0:
             fit = _doubted(fit, found, self.object_class.name)
-        return Explanation(coded, window, fit, self.object_class, settings.farther or 1.0, focal_from, hints)
+        return Explanation(coded, window, fit, self.object_class, settings.farther, focal_from, hints)
 
     def explain_many(
         self,

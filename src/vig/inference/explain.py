@@ -14,7 +14,7 @@ from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import refine, select
-from vig.inference.settings import ExplainSettings, Fit
+from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.likelihood import load_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
@@ -34,7 +34,7 @@ def explain(
     photos: torch.Tensor,
     object_class: ObjectClass,
     recognizer: Recognizer,
-    settings: ExplainSettings | None = None,
+    settings: ExplainSettings | FitSettings | None = None,
     valid: torch.Tensor | None = None,
     hints: WindowHints | None = None,
 ) -> Iterator[Fit]:
@@ -43,7 +43,7 @@ def explain(
     Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. Searches
     run on the recognizer's device; photos and fits are on the host.
     """
-    chosen = settings or ExplainSettings()
+    chosen = resolve(settings or ExplainSettings(), object_class)
     prediction = recognizer(photos)
     load_fit_kernels(object_class.shape_model.modes, recognizer.device, chosen.likelihood.density)
 
@@ -59,7 +59,7 @@ def explain_one(
     photo: torch.Tensor,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings,
+    settings: ExplainSettings | FitSettings,
     valid: torch.Tensor | None = None,
     device: str = "cpu",
     hints: WindowHints | None = None,
@@ -69,18 +69,19 @@ def explain_one(
 
     judge: by which confidence is told in place of that prediction, where views were ruled out in it.
     """
+    chosen = resolve(settings, object_class)
     if hints is not None:
-        unit, farther = object_class.at_unit_scale, settings.filled().farther
-        prediction = hints.corrected(prediction, unit, unit.camera(photo.shape[1], farther or 1.0))
+        unit = object_class.at_unit_scale
+        prediction = hints.corrected(prediction, unit, unit.camera(photo.shape[1], chosen.farther))
 
     def fit() -> Fit:
-        scales = {stage.scale for stage in settings.stages} | {1.0}
-        objectives = objectives_of(photo, prediction, object_class, settings, scales, valid, device, hints)
-        ends = refine(objectives, prediction, settings)
-        selection = select(objectives[1.0], ends, prediction.best(), settings.likelihood.sigma)
+        scales = {stage.scale for stage in chosen.stages} | {1.0}
+        objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, device, hints)
+        ends = refine(objectives, prediction, chosen)
+        selection = select(objectives[1.0], ends, prediction.best(), chosen.likelihood.sigma)
         # Learned from fits with an outlier model: without one the evidence has another scale.
-        calibrated = settings.calibrated and settings.likelihood.alpha < 1
-        calibration = (settings.calibration or calibration_of(object_class)) if calibrated else None
-        return assess(objectives[1.0], selection, judge or prediction, settings, calibration)
+        calibrated = chosen.calibrated and chosen.likelihood.alpha < 1
+        calibration = (chosen.calibration or calibration_of(object_class)) if calibrated else None
+        return assess(objectives[1.0], selection, judge or prediction, chosen, calibration)
 
     return on_one_core(fit)

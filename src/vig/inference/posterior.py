@@ -12,7 +12,7 @@ from vig.inference.families import shape_deviation
 from vig.inference.hints import PointTerm, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.refinement import AZIMUTH_SPREAD, PEAKS
-from vig.inference.settings import ExplainSettings
+from vig.inference.settings import ExplainSettings, FitSettings, resolve
 from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
@@ -33,7 +33,7 @@ def objective_of(
     photo: torch.Tensor,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings,
+    settings: ExplainSettings | FitSettings,
     valid: torch.Tensor | None = None,
 ) -> Objective:
     """The log posterior of one photo (150, 150, 3); `valid` as in `explain`."""
@@ -44,7 +44,7 @@ def objectives_of(
     photo: torch.Tensor,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings,
+    settings: ExplainSettings | FitSettings,
     scales: Iterable[float],
     valid: torch.Tensor | None = None,
     device: str = "cpu",
@@ -55,8 +55,7 @@ def objectives_of(
     With hints the prediction is the one that they corrected. It is valued on `device`; photo and prediction
     are on the host, where its pixels' prior is made.
     """
-    settings = settings.filled()
-    assert settings.farther is not None and settings.prior_weight is not None
+    settings = resolve(settings, object_class)
     object_class = object_class.at_unit_scale
     camera = object_class.camera(photo.shape[1], settings.farther)
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid, hints)
@@ -76,18 +75,17 @@ def objectives_of(
             settings.silhouette,
             density=settings.likelihood.density,
         )
-        free = bool(settings.free_framing)
         points, held = None, {} if hints is None else hints.held
         if hints is not None and len(hints.vertices):
             points = PointTerm(hints, object_class, likelihood.camera, likelihood.layout)
         objectives[scale] = Objective(
-            likelihood, object_class, free, predicted, settings.prior_weight, decorated, points, held
+            likelihood, object_class, settings.free_framing, predicted, settings.prior_weight, decorated, points, held
         )
     return objectives
 
 
 def prior_of(
-    prediction: Prediction, settings: ExplainSettings, object_class: ObjectClass
+    prediction: Prediction, settings: FitSettings, object_class: ObjectClass
 ) -> RecognitionPrior | None:
     """One photo's predicted Gaussians as a factor of the prior; of azimuth one for each peak."""
     if settings.recognition_weight == 0:
@@ -99,9 +97,7 @@ def prior_of(
     deviation = prediction.deviation[0].clone()
     deviation[prediction.layout["shape"]] = shape_deviation(prediction, object_class)
     precision[places] = settings.recognition_weight / deviation**2
-    appearance = settings.filled().appearance_weight
-    assert appearance is not None
-    precision[layout.indices("albedo", "light")] *= appearance
+    precision[layout.indices("albedo", "light")] *= settings.appearance_weight
     _, azimuths = prediction.modes(PEAKS)
     return RecognitionPrior(mean, precision, azimuths[0], settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
@@ -117,7 +113,7 @@ def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
 def pixel_prior(
     photo: torch.Tensor,
     mask: torch.Tensor,
-    settings: ExplainSettings,
+    settings: FitSettings,
     valid: torch.Tensor | None = None,
     hints: WindowHints | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
@@ -144,7 +140,7 @@ def pixel_prior(
     prior[..., 1:] += settings.surroundings * outside[..., None]
     if hints is not None:
         hints.exclude(prior)
-    if share := settings.filled().decoration:
+    if share := settings.decoration:
         own = prior[..., 0] + math.log(share) + inside
         both = torch.logaddexp(prior[..., 1], own)
         decorated = (own - both).exp()

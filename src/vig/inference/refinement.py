@@ -11,7 +11,7 @@ import torch
 
 from vig.inference.families import LEAST_SHARE, family_shapes
 from vig.inference.objective import Objective
-from vig.inference.settings import ExplainSettings
+from vig.inference.settings import FitSettings
 from vig.recognition import Prediction, box_in_window
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, Symmetry
@@ -129,10 +129,8 @@ class Ends:
     paths: torch.Tensor
 
 
-def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: ExplainSettings) -> Ends:
+def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: FitSettings) -> Ends:
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
-    settings = settings.filled()
-    assert settings.view_weight is not None
     objective, count = objectives[1.0], settings.stages[0].starts
     symmetry = objective.object_class.symmetry
     begin = starts(prediction, count, objective.object_class)

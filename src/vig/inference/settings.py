@@ -147,6 +147,8 @@ PICTURE: dict[str, Any] = {
     "prior_weight": 10.0,
     "view_weight": 1000.0,
 }
+"""What settings that are left open are for pictures by the standard camera."""
+
 PHOTO: dict[str, Any] = {
     "free_framing": True,
     "farther": 1.4,
@@ -155,40 +157,16 @@ PHOTO: dict[str, Any] = {
     "prior_weight": 20.0,
     "view_weight": 3000.0,
 }
-"""What `ExplainSettings` that say nothing of these take: for pictures by the standard camera; and for
-photographs, where surfaces are painted and glazed, shading says less of shape, and what the network says of
-albedo and light of things like none that it has seen would bend the shape."""
+"""And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network predicts
+of albedo and light of things like none that it has seen would bend the shape."""
+
+OPEN = tuple(PICTURE)
+"""Settings that a user may leave open, and that a class may set in its class.json."""
 
 
 @dataclass(frozen=True)
-class ExplainSettings:
-    """How to fit.
-
-    Attributes:
-        likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
-        stages: In turn; the last one's evidence decides.
-        mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
-            paper's constant alpha, 1 takes them fully.
-        surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
-        decoration: Probability in [0, 1) that a visible pixel shows another of the object's own colours than
-            the rendered one: painted decoration, a highlight; None leaves it to `filled`.
-        recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
-            these and azimuth's out.
-        appearance_weight: Power of those of albedo and light beside that; None leaves it to `filled`.
-        prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
-            independent, which they are not; None leaves it to `filled`.
-        azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
-        view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
-            same reason; None leaves it to `filled`.
-        self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
-        free_framing: Also fit shift, magnification and roll, for photos cropped by hand; None leaves it to
-            `filled`.
-        farther: Distance of the eye and focal length, of the standard camera's; None leaves it to `filled`.
-        optimizer: Runs the stages, within their budgets.
-        silhouette: "exact", or "paper" for the authors' constant mask.
-        calibrated: Whether verdict and deviations follow from a calibration.
-        calibration: In place of the class's own.
-    """
+class _Settings:
+    """What is the same for every class and kind of photo; see `ExplainSettings`."""
 
     likelihood: PixelModel = SPATIAL
     stages: tuple[Stage, ...] = (
@@ -199,15 +177,9 @@ class ExplainSettings:
     )
     mask_weight: float = 1.0
     surroundings: float = 1.0
-    decoration: float | None = None
     recognition_weight: float = 1.0
-    appearance_weight: float | None = None
-    prior_weight: float | None = None
     azimuth_weight: float = 100.0
-    view_weight: float | None = None
     self_shadow: bool = True
-    free_framing: bool | None = None
-    farther: float | None = None
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
     calibrated: bool = True
@@ -228,13 +200,87 @@ class ExplainSettings:
         weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
         for name in (*shares, *weights):
             most = shares.get(name, math.inf)
-            given = getattr(self, name)
+            given = getattr(self, name, None)
             if given is not None and (not 0 <= given <= most or given == math.inf):
                 raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
         if self.silhouette not in ("exact", "paper"):
             raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
 
-    def filled(self, photo: bool = False) -> ExplainSettings:
-        """The same with what is None taken from `PICTURE`, or from `PHOTO`."""
-        chosen = PHOTO if photo else PICTURE
-        return replace(self, **{name: value for name, value in chosen.items() if getattr(self, name) is None})
+
+@dataclass(frozen=True)
+class ExplainSettings(_Settings):
+    """How to fit. What is None follows from the class and the kind of photo, see `resolve`.
+
+    Attributes:
+        likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
+        stages: In turn; the last one's evidence decides.
+        mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
+            paper's constant alpha, 1 takes them fully.
+        surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
+        decoration: Probability in [0, 1) that a visible pixel shows another of the object's own colours than
+            the rendered one: painted decoration, a highlight.
+        recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
+            these and azimuth's out.
+        appearance_weight: Power of those of albedo and light beside that.
+        prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
+            independent, which they are not.
+        azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
+        view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
+            same reason.
+        self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
+        free_framing: Also fit shift, magnification and roll, for photos cropped by hand.
+        farther: Distance of the eye and focal length, of the standard camera's.
+        optimizer: Runs the stages, within their budgets.
+        silhouette: "exact", or "paper" for the authors' constant mask.
+        calibrated: Whether verdict and deviations follow from a calibration.
+        calibration: In place of the class's own.
+    """
+
+    decoration: float | None = None
+    appearance_weight: float | None = None
+    prior_weight: float | None = None
+    view_weight: float | None = None
+    free_framing: bool | None = None
+    farther: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings(_Settings):
+    """`ExplainSettings` of which nothing is left open."""
+
+    decoration: float
+    appearance_weight: float
+    prior_weight: float
+    view_weight: float
+    free_framing: bool
+    farther: float
+
+
+def resolve(
+    settings: ExplainSettings | FitSettings, object_class: ObjectClass, photo: bool = False
+) -> FitSettings:
+    """Settings of which nothing is left open: the user's, else the class's, else those of the kind of photo.
+
+    Args:
+        settings: The user's; those that have been resolved stay as they are.
+        object_class: Its `fit_settings` are those that class.json states.
+        photo: A photograph, or a picture by the standard camera.
+
+    Raises:
+        UserError: The class states a setting that there is none of, or a value out of its range.
+    """
+    if isinstance(settings, FitSettings):
+        return settings
+    unknown = object_class.fit_settings.keys() - set(OPEN)
+    if unknown:
+        raise UserError(
+            f"expected fit settings of class '{object_class.name}' among {', '.join(OPEN)}; got"
+            f" '{min(unknown)}'. Correct its class.json."
+        )
+    own = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    given = {name: value for name, value in own.items() if value is not None}
+    defaults: dict[str, Any] = PHOTO if photo else PICTURE
+    try:
+        return FitSettings(**{**defaults, **object_class.fit_settings, **given})
+    except ValueError as error:
+        raise UserError(f"in the settings of class '{object_class.name}': {error}") from error

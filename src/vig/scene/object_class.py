@@ -76,6 +76,7 @@ class _Description:
     viewing_distance_m: float = DISTANCE
     places: dict[str, float] = field(default_factory=dict)
     self_shadow: bool = False
+    fit: dict[str, bool | float] = field(default_factory=dict)
     held_out_designs: tuple[Any, ...] = ()
 
 

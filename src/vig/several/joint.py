@@ -150,8 +150,7 @@ class _Refit:
             likeliest, own = prediction.log_mass(asked).tolist()
             view = asked[0] if likeliest - own > SURER else view
         farther = found.window.farther(found.window.focal or _focal_of(self.alone))
-        settings = replace(explainer.settings.filled(photo=True), farther=farther)
-        assert settings.appearance_weight is not None
+        settings = replace(resolve(explainer.settings, explainer.object_class, photo=True), farther=farther)
         prediction = self._level(self._lit(prediction, settings.appearance_weight))
         said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
         said[torch.from_numpy(elsewhere)] = Said.NOTHING

@@ -39,7 +39,7 @@ def framed(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.nda
 
 def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings:
     """Settings of the fits of such images."""
-    return settings.filled(photo=dataset.world == "photo")
+    return resolve(settings, object_class, photo=dataset.world == "photo")
 
 
 def box_of_silhouette(whole: np.ndarray) -> tuple[float, float, float, float] | None:
