@@ -39,7 +39,7 @@ def build(settings: Build) -> int:
                     "meshes": len(built.scans),
                     "taken": {built.scans[number].name: split for number, split in built.splits.items()},
                     "refused": built.refused,
-                    "symmetry": built.stood.shape.symmetry,
+                    "symmetry": built.upright.symmetries.symmetry,
                     "components": len(built.components.basis),
                     "leave_one_out": errors[len(built.components.basis)] if errors else None,
                 },
