@@ -15,7 +15,7 @@ from vig_paper.network.network import networks_from
 
 
 class PaperRecognizer(Recognizer):
-    """The paper's four networks, from the weights of `vig train --net paper`."""
+    """The paper's four networks, from the weights of `vig reproduce --net paper`."""
 
     kind = "paper"
 

@@ -14,8 +14,8 @@ from vig.io.errors import UserError
 from vig.scene import ObjectClass, Symmetry
 from vig_train.building import Builder, BuildResult, BuildSettings
 from vig_train.cli.classes import build
+from vig_train.cli.settings import Build
 from vig_world.assets.held_out import held_out_designs_of
-from vig_world.cli.settings import Build
 
 
 def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[BuildResult, Path]) -> None:

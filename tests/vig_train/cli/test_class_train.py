@@ -13,7 +13,7 @@ from tests.toys import toy
 from vig import Explainer
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_paper.cli import class_train
+from vig_train.cli import class_train
 from vig_train.cli.class_train import DEPENDS, ClassTraining, train_class
 from vig_train.cli.settings import TrainClass
 from vig_world.dataset import read_dataset

@@ -248,14 +248,6 @@ def test_the_command_takes_some_images_and_says_it_in_json(
     assert sum(table["bins"]["counts"]) == 3  # whatever the limits
 
 
-def test_the_command_draws_what_it_can(capsys, made: Path, weights: Path, tmp_path: Path) -> None:
-    arguments = ("--dataset", made, "--out", tmp_path / "r", "--weights", weights, "--methods", "rm")
-    code, _, _ = run(capsys, *arguments, "--limit", 2, "--max-occlusion", 1, "--figures")
-    drawn = {path.name for path in (tmp_path / "r").iterdir() if path.suffix in (".png", ".webp")}
-    figures = {"figure3.png", "figure3_bins.png", "figure4.png", "figure4_worst.png", "figure5.png"}
-    assert code == 0 and drawn == figures | {"reliability.png"}
-
-
 @pytest.mark.parametrize("wrong", ["occlusion", "range", "none", "limit", "out", "split", "weights", "modes"])
 def test_mistakes_are_told_in_a_line_before_any_work(
     capsys, wrong: str, made: Path, weights: Path, untrained: Any, tmp_path: Path
