@@ -21,10 +21,16 @@ from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
 from vig_paper.optimizers.dogleg import Dogleg
 from vig_paper.optimizers.gradient_descent import GradientDescent
 from vig_paper.optimizers.quasi_newton import BFGS, LBFGS
-from vig_train.evaluation.presentation import Block
+from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.protocol import evaluate
 from vig_train.evaluation.results import MethodResult
-from vig_train.evaluation.statistics import FAR_DEG, failure, paired, resampled, summary
+from vig_train.evaluation.statistics import (
+    FAR_DEG,
+    bootstrap_indices,
+    failure_rate,
+    paired_difference,
+    summary,
+)
 from vig_train.evaluation.table import METRICS
 from vig_world.dataset import Dataset
 from vig_world.threads import one_thread
@@ -143,7 +149,7 @@ def run_ablations(
         found = evaluate(dataset, object_class, recognizer, (method,), each, workers, advance, folder)
         results[name] = found[method]
     milliseconds = timed(dataset, object_class, recognizer, chosen)
-    drawn = resampled(len(dataset), np.random.default_rng(0))
+    drawn = bootstrap_indices(len(dataset), np.random.default_rng(0))
     metrics = [metric for metric in METRICS if metric in results[DEFAULT].errors]
     default = results[DEFAULT].errors
     rows: dict[str, Any] = {}
@@ -151,11 +157,13 @@ def run_ablations(
         rows[name] = {
             "title": name if name == DEFAULT else ABLATIONS[name].title,
             "metrics": {metric: summary(result.errors[metric], drawn) for metric in metrics},
-            "failure": failure(result.errors["azimuth_deg"], drawn),
+            "failure": failure_rate(result.errors["azimuth_deg"], drawn),
             "milliseconds": milliseconds[name],
         }
         if name != DEFAULT:
-            compared = {metric: paired(result.errors[metric], default[metric], drawn) for metric in metrics}
+            compared = {
+                metric: paired_difference(result.errors[metric], default[metric], drawn) for metric in metrics
+            }
             rows[name]["against_default"] = compared
     return {"count": len(dataset), "max_occlusion": float(dataset.occlusion.max()), "variants": rows}
 
@@ -192,7 +200,7 @@ def ablation_markdown(table: Mapping[str, Any]) -> str:
     return "\n".join(block.markdown() for block in ablation_blocks(table))
 
 
-def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
+def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     """The table of `run_ablations`: a block of errors, and one of differences to the default."""
     rows = table["variants"]
     metrics = list(rows[DEFAULT]["metrics"])
@@ -213,10 +221,10 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
     ]
     images = f"{table['count']} images, at most {table['max_occlusion']:.0%} hidden"
     header = ["", *titles, f"azimuth off by > {FAR_DEG:.0f}", "ms per fit"]
-    blocks = [Block(f"The default fit and its ablations: {images}; median (mean)", header, errors)]
+    blocks = [TableBlock(f"The default fit and its ablations: {images}; median (mean)", header, errors)]
     if differences:
         title = "Less the default: difference of medians, its paired 95 % interval; p of Wilcoxon's test"
-        blocks.append(Block(title, ["", *titles], differences))
+        blocks.append(TableBlock(title, ["", *titles], differences))
     return blocks
 
 

@@ -11,7 +11,13 @@ import numpy as np
 from vig_paper.figures.style import COLOURS, FAINT, INK, NAMES, SOFT, bare, new_figure, save
 from vig_train.evaluation.paper import MAX_OCCLUSION, paper_median
 from vig_train.evaluation.results import MethodResult
-from vig_train.evaluation.statistics import BINS, LEVELS, by_occlusion, coverage, standardised
+from vig_train.evaluation.statistics import (
+    OCCLUSION_BINS,
+    OCCLUSION_LEVELS,
+    by_occlusion,
+    coverage,
+    standardised_errors,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,8 +60,8 @@ def figure3(
         cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
             75 % are crosses; otherwise over separate bins.
     """
-    ranges = [(0.0, level) for level in LEVELS] if cumulative else list(BINS)
-    places = 100 * np.array(LEVELS if cumulative else [sum(each) / 2 for each in BINS])
+    ranges = [(0.0, level) for level in OCCLUSION_LEVELS] if cumulative else list(OCCLUSION_BINS)
+    places = 100 * np.array(OCCLUSION_LEVELS if cumulative else [sum(each) / 2 for each in OCCLUSION_BINS])
     figure = new_figure(12, 7)
     panels = figure.subplots(2, 3)
     for axes, (metric, title) in zip(panels.flat, PANELS.items(), strict=True):
@@ -102,7 +108,7 @@ def reliability_figure(
     figure = new_figure(3.3 * max(len(uncertain), 1) + 0.4, 3.9)
     panels = figure.subplots(1, max(len(uncertain), 1), squeeze=False, sharey=True)[0]
     for axes, (method, result) in zip(panels, uncertain.items(), strict=False):
-        standard = standardised(result, truth_vector)
+        standard = standardised_errors(result, truth_vector)
         held = [coverage(standard, nominal) for nominal in NOMINAL]
         axes.plot([0, 100], [0, 100], color=SOFT, linewidth=0.8, linestyle=(0, (2, 2)))
         axes.fill_between([88, 92], *AIM, color=FAINT, linewidth=0, label="aim at 90 %")

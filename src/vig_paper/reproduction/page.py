@@ -14,8 +14,8 @@ from vig_paper.reproduction.run import duration
 from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, read_json
 from vig_paper.reproduction.work import LIMITS
 from vig_train.evaluation import METRICS
-from vig_train.evaluation.paper import Entry, compare, comparison, comparison_title
-from vig_train.evaluation.presentation import Block, blocks
+from vig_train.evaluation.paper import ComparisonCell, compare, comparison, comparison_title
+from vig_train.evaluation.presentation import TableBlock, blocks
 from vig_train.record import read_record
 from vig_world.dataset.format import read_info
 
@@ -100,14 +100,14 @@ def _results(folder: RunFolder, renderer: str, found: Mapping[str, Any]) -> str:
     return html + "".join(picture(folder.figures(renderer) / name, text) for name, text in PICTURES.items())
 
 
-def _cell(entry: Entry | None) -> Cell:
+def _cell(entry: ComparisonCell | None) -> Cell:
     if entry is None:
         return Cell("\u2013")
     below = f"{entry.interval}\npaper {entry.paper}" if entry.paper else entry.interval
     return Cell(entry.median, below, entry.passed)
 
 
-def _block(block: Block) -> str:
+def _block(block: TableBlock) -> str:
     """A table of the evaluation; the second line of a cell is set smaller below the first."""
     rows = [(row[0], [_two_lines(cell) for cell in row[1:]]) for row in block.rows]
     return table(block.title, [name.replace("\n", " ") for name in block.header], rows)

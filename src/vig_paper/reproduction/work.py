@@ -21,15 +21,15 @@ from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
 from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, Settings
-from vig_train.calibration import calibrate_fits, describe, fits_of
+from vig_train.calibration import calibrate_fits, describe, fit_count
 from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
 from vig_train.evaluation.paper import comparison_block
-from vig_train.evaluation.protocol import fitted
-from vig_train.evaluation.statistics import within
+from vig_train.evaluation.protocol import fitted_likelihoods
+from vig_train.evaluation.statistics import within_occlusion
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.plots import train_and_plot as train_network
-from vig_train.training.calibration import LEAST_IMAGES as LEAST
+from vig_train.training.calibration import MIN_IMAGES
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import complete_split, read_info
@@ -173,15 +173,15 @@ def calibrate(run: Run) -> None:
     """Calibrate uncertainties on the validation photos: the network's, then those of the fits.
 
     The network's are written into its weights' file, the fits' into calibration.json beside it. With fewer
-    than `LEAST` photos nothing is calibrated.
+    than `MIN_IMAGES` photos nothing is calibrated.
     """
     dataset = run.dataset("validation")
-    if len(dataset) < LEAST:
+    if len(dataset) < MIN_IMAGES:
         run.report(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are predicted")
         return
     if run.settings.net == "vig":  # the paper's networks predict what was measured on held-out photos
         calibrate_network(run.folder.weights, [dataset], run.report)
-    with Meter(fits_of(dataset), 0, run.progress, "fits") as meter:
+    with Meter(fit_count(dataset), 0, run.progress, "fits") as meter:
         learned, samples = calibrate_fits(
             [dataset],
             run.object_class,
@@ -203,7 +203,7 @@ def evaluate(run: Run, renderer: str) -> None:
     folder = run.folder.tables(renderer)
     write_csv(folder / "errors.csv", dataset, results)
     for name, (least, most) in LIMITS.items():
-        if not within(dataset.occlusion, least, most).any():
+        if not within_occlusion(dataset.occlusion, least, most).any():
             run.report(f"evaluate {renderer}: no photo has {least:.0%} to {most:.0%} of the object hidden")
             continue
         table = summarise(results, dataset, renderer, least, most, run.settings.seed)
@@ -247,7 +247,9 @@ def draw_figures(run: Run, renderer: str) -> None:
 
 def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResult]:
     """Results of the methods on a renderer's photos; fits made before are read from their folder."""
-    with Meter(len(dataset) * len(fitted(run.settings.methods)), 0, run.progress, "fits") as meter:
+    with Meter(
+        len(dataset) * len(fitted_likelihoods(run.settings.methods)), 0, run.progress, "fits"
+    ) as meter:
         return run_methods(
             dataset,
             run.object_class,

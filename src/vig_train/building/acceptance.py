@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import Surface, face_edges, sample_surface
+from vig_train.building.surface import SurfaceSample, face_edges, sample_surface
 from vig_world.mesh import face_normals
 
 TEMPLATE_SAMPLES = 20_000
@@ -64,7 +64,9 @@ class Quality:
         return ""
 
 
-def quality_of(template: np.ndarray, registered: np.ndarray, faces: np.ndarray, target: Surface) -> Quality:
+def quality_of(
+    template: np.ndarray, registered: np.ndarray, faces: np.ndarray, target: SurfaceSample
+) -> Quality:
     """Compare a registered template (V, 3) with the surface it was carried onto."""
     size = target.size
     face, weights = sample_surface(registered, faces, TEMPLATE_SAMPLES)

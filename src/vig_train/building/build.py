@@ -45,7 +45,7 @@ from vig_train.building.pose import (
 )
 from vig_train.building.reading import Scan, read_scans
 from vig_train.building.registration import Registration
-from vig_train.building.surface import Surface, vertex_areas, visible_surface
+from vig_train.building.surface import SurfaceSample, vertex_areas, visible_surface
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
 from vig_train.building.template import TEMPLATE_VERTICES, closed_template
 from vig_train.packs.lights import light_prior
@@ -235,7 +235,7 @@ class Builder:
         return self._read[1]
 
     @cached_property
-    def surfaces(self) -> list[Surface]:
+    def surfaces(self) -> list[SurfaceSample]:
         """The visible surface of each mesh, in its file's axes."""
         surfaces = []
         for scan in self.scans:
@@ -244,7 +244,7 @@ class Builder:
                 return vars(visible_surface(scan.vertices, scan.faces))
 
             arrays = self._cached("surface", [scan.content_hash], compute)
-            surfaces.append(Surface(arrays["points"], arrays["normals"]))
+            surfaces.append(SurfaceSample(arrays["points"], arrays["normals"]))
         return surfaces
 
     @cached_property
@@ -330,7 +330,7 @@ class Builder:
         return scan.vertices @ linear.T + offset, scan.faces
 
     @cached_property
-    def surfaces_in_frame(self) -> list[Surface]:
+    def surfaces_in_frame(self) -> list[SurfaceSample]:
         """The surfaces in the class's frame."""
         return [s.transformed(*self._frame(n)) for n, s in enumerate(self.surfaces)]
 
@@ -371,7 +371,7 @@ class Builder:
         for number in self.used:
             scan, target = self.scans[number], self.surfaces_in_frame[number]
 
-            def compute(target: Surface = target) -> dict[str, np.ndarray]:
+            def compute(target: SurfaceSample = target) -> dict[str, np.ndarray]:
                 nonlocal registration
                 registration = registration or Registration(vertices, faces)
                 return {"vertices": registration.onto(target)}
@@ -550,7 +550,7 @@ def _source(setting: str | None) -> str:
     return "found" if setting is None else "told"
 
 
-def _upright_by_axis(surface: Surface, upright: np.ndarray, usual_up: np.ndarray) -> np.ndarray:
+def _upright_by_axis(surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray) -> np.ndarray:
     """Return the rotation (3, 3) that puts the axis of a surface of revolution upright.
 
     Which end is up is decided by the up axis `usual_up` (3,) of most files where it is within about 26

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from vig.scene import Family, ShapeModel
-from vig_train.building.surface import Surface
+from vig_train.building.surface import SurfaceSample
 from vig_train.building.template import outer_surface
 from vig_world.assets.target import nearest_coefficients
 
@@ -18,7 +18,7 @@ MIN_DEVIATION = 0.1
 """Least standard deviation of a component within a family, in those of the class."""
 
 
-def genus(vertices: np.ndarray, faces: np.ndarray, visible: Surface) -> int:
+def genus(vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample) -> int:
     """Return the genus of a mesh's outer surface: the number of holes through it."""
     surface = trimesh.Trimesh(*outer_surface(vertices, faces, visible), process=False)
     return max(0, 1 - int(surface.euler_number) // 2)

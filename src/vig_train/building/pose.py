@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.transform import Rotation
 
-from vig_train.building.surface import Surface
+from vig_train.building.surface import SurfaceSample
 from vig_world.rotations import about_z
 
 CLOUD_POINTS = 2000
@@ -56,7 +56,7 @@ class PointCloud:
     spacing: float
 
     @staticmethod
-    def from_surface(surface: Surface) -> PointCloud:
+    def from_surface(surface: SurfaceSample) -> PointCloud:
         """Centred at the mean of its points; the unit is their root mean square distance from it."""
         some = surface.some(CLOUD_POINTS)
         points = some.points - some.points.mean(0)
@@ -175,7 +175,7 @@ def usual_axes(rotations: list[np.ndarray]) -> np.ndarray:
     return np.asarray(turns[np.bincount(nearest).argmax()])
 
 
-def up_axis(surfaces: list[Surface], rotations: list[np.ndarray]) -> np.ndarray:
+def up_axis(surfaces: list[SurfaceSample], rotations: list[np.ndarray]) -> np.ndarray:
     """The axis (3,) of the common pose that points up: Y or Z of most files, where they stand broader."""
     usual = usual_axes(rotations)
     broad = [
@@ -185,7 +185,7 @@ def up_axis(surfaces: list[Surface], rotations: list[np.ndarray]) -> np.ndarray:
     return np.asarray(usual[:, 1 + int(np.argmax(broad))])
 
 
-def stance_breadth(surface: Surface, rotation: np.ndarray, up: np.ndarray) -> float:
+def stance_breadth(surface: SurfaceSample, rotation: np.ndarray, up: np.ndarray) -> float:
     """Return the area of the foot's convex hull over that of the whole surface, both seen along an axis."""
     points = surface.points @ rotation.T
     height = points @ up
@@ -231,7 +231,7 @@ def axis_of_revolution(cloud: PointCloud, file_axis: np.ndarray) -> np.ndarray:
     return best
 
 
-def levelling_rotation(surface: Surface) -> np.ndarray:
+def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
     """The small rotation (3, 3) that puts the foot of an about upright surface level."""
     try:
         hull = ConvexHull(surface.points)

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import Surface, face_edges, vertex_areas
+from vig_train.building.surface import SurfaceSample, face_edges, vertex_areas
 from vig_world.mesh import vertex_normals
 
 
@@ -240,9 +240,9 @@ class Registration:
         area = vertex_areas(self.vertices, faces)
         self.area = area / area.sum()
 
-    def onto(self, target: Surface) -> np.ndarray:
+    def onto(self, target: SurfaceSample) -> np.ndarray:
         """Return the template's vertices (V, 3) on a surface in its pose and of about its size."""
-        scaled_target = Surface((target.points - self.middle) / self.size, target.normals)
+        scaled_target = SurfaceSample((target.points - self.middle) / self.size, target.normals)
         tree = cKDTree(scaled_target.features(NORMAL_WEIGHT))
         moved = self.vertices
         for level, rig in self.stages:
@@ -258,14 +258,14 @@ class Registration:
         return moved * self.size + self.middle
 
     def _pairs(
-        self, moved: np.ndarray, target: Surface, tree: cKDTree, reach: float, reverse_weight: float
+        self, moved: np.ndarray, target: SurfaceSample, tree: cKDTree, reach: float, reverse_weight: float
     ) -> _Correspondences:
         """Pair vertices with the target's points, both ways.
 
         A pair at distance d, relative to the reach r, with cosine c >= 0 between its normals has the weight
         c / (1 + (d / r)^2)^2.
         """
-        moved_surface = Surface(moved, vertex_normals(moved, self.faces))
+        moved_surface = SurfaceSample(moved, vertex_normals(moved, self.faces))
         _, index = tree.query(moved_surface.features(NORMAL_WEIGHT))
         gap, normal = target.points[index] - moved, target.normals[index]
         agree = np.clip((normal * moved_surface.normals).sum(1), 0, 1)

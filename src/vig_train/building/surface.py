@@ -26,7 +26,7 @@ SURFACE_POINTS = 24_000
 
 
 @dataclass(frozen=True)
-class Surface:
+class SurfaceSample:
     """Points all over the outside of a mesh, about equally dense.
 
     Attributes:
@@ -37,10 +37,10 @@ class Surface:
     points: np.ndarray
     normals: np.ndarray
 
-    def transformed(self, linear: np.ndarray, offset: np.ndarray) -> Surface:
+    def transformed(self, linear: np.ndarray, offset: np.ndarray) -> SurfaceSample:
         """Moved by a linear map (3, 3) and an offset (3,)."""
         normals = self.normals @ np.linalg.inv(linear)
-        return Surface(
+        return SurfaceSample(
             self.points @ linear.T + offset, normals / np.linalg.norm(normals, axis=1, keepdims=True)
         )
 
@@ -53,10 +53,10 @@ class Surface:
         """Places and directions (N, 6): a difference of normals of one counts as a distance of `weight`."""
         return np.concatenate([self.points, weight * self.normals], axis=1)
 
-    def some(self, count: int) -> Surface:
+    def some(self, count: int) -> SurfaceSample:
         """Return at most `count` of the points, at even steps."""
         chosen = np.linspace(0, len(self.points) - 1, min(count, len(self.points))).astype(int)
-        return Surface(self.points[chosen], self.normals[chosen])
+        return SurfaceSample(self.points[chosen], self.normals[chosen])
 
 
 def sphere_directions(count: int) -> np.ndarray:
@@ -75,7 +75,7 @@ def camera_rotation(direction: np.ndarray) -> np.ndarray:
     return np.stack([aside, np.cross(forward, aside), forward])
 
 
-def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = SURFACE_POINTS) -> Surface:
+def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = SURFACE_POINTS) -> SurfaceSample:
     """The surface of a mesh (V, 3), (F, 3) that is seen from outside, both sides of open sheets included.
 
     Inner walls, nested shells and doubled faces do not count, and the order of a face's corners does not
@@ -103,7 +103,7 @@ def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = SURFAC
     step = max(1, sum(map(len, points)) // MAX_VISIBLE_PIXELS)
     cloud, towards = np.concatenate(points)[::step], np.concatenate(normals)[::step]
     chosen = thin_indices(cloud, towards, count)
-    return Surface(cloud[chosen] * radius + middle, towards[chosen])
+    return SurfaceSample(cloud[chosen] * radius + middle, towards[chosen])
 
 
 def thin_indices(points: np.ndarray, normals: np.ndarray, count: int) -> np.ndarray:

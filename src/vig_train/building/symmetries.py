@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import Surface, sample_surface
+from vig_train.building.surface import SurfaceSample, sample_surface
 from vig_world.mesh import vertex_normals
 from vig_world.rotations import about_z
 
@@ -34,13 +34,13 @@ class SurfaceLookup:
             np.einsum("nk,nkd->nd", self.weights, values[self.corners]) for values in (vertices, self.normals)
         )
         self.scale = NORMAL_WEIGHT * float(np.ptp(vertices, axis=0).max())
-        self.tree = cKDTree(Surface(*sampled).features(self.scale))
+        self.tree = cKDTree(SurfaceSample(*sampled).features(self.scale))
 
     def resampling(self, linear: np.ndarray) -> sp.csr_matrix:
         """Return sparse (V, V); times a vertex attribute it is that attribute at the images of the vertices
         under an orthogonal map (3, 3).
         """
-        moved = Surface(self.vertices @ linear.T, self.normals @ linear.T)
+        moved = SurfaceSample(self.vertices @ linear.T, self.normals @ linear.T)
         index, count = self.tree.query(moved.features(self.scale))[1], len(self.vertices)
         rows = np.repeat(np.arange(count), 3)
         entries = (self.weights[index].ravel(), (rows, self.corners[index].ravel()))

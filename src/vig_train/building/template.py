@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from vig_train.building.surface import Surface, face_edges, sample_surface, vertex_areas
+from vig_train.building.surface import SurfaceSample, face_edges, sample_surface, vertex_areas
 from vig_world.mesh import vertex_normals
 
 TEMPLATE_VERTICES = 2600
@@ -227,7 +227,9 @@ VOXELS_ACROSS = 160
 """Voxels across the longest side of a mesh, from which its outer surface is extracted."""
 
 
-def outer_surface(vertices: np.ndarray, faces: np.ndarray, visible: Surface) -> tuple[np.ndarray, np.ndarray]:
+def outer_surface(
+    vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample
+) -> tuple[np.ndarray, np.ndarray]:
     """One closed surface round all that a mesh (V, 3), (F, 3) holds: parts joined, cracks closed.
 
     What the air outside reaches through openings of more than a hundredth of the size stays outside.
@@ -260,7 +262,7 @@ def outer_surface(vertices: np.ndarray, faces: np.ndarray, visible: Surface) -> 
 
 
 def _project_onto(
-    vertices: np.ndarray, faces: np.ndarray, visible: Surface, cell: float
+    vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, cell: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move vertices, which are off by about half a cell, onto a surface, smoothly."""
     neighbour_mean = _mean_of_neighbours(face_edges(faces), len(vertices))
@@ -279,7 +281,7 @@ def _project_onto(
 
 
 def closed_template(
-    vertices: np.ndarray, faces: np.ndarray, visible: Surface, count: int = TEMPLATE_VERTICES
+    vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, count: int = TEMPLATE_VERTICES
 ) -> tuple[np.ndarray, np.ndarray]:
     """A template from a mesh (V, 3), (F, 3): itself where it is one closed surface, else its outer surface.
 

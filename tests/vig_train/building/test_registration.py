@@ -18,7 +18,7 @@ from vig_train.building.pose import (
     rotation_to_vertical,
 )
 from vig_train.building.registration import DeformationGraph, Registration
-from vig_train.building.surface import Surface, sample_surface, vertex_areas, visible_surface
+from vig_train.building.surface import SurfaceSample, sample_surface, vertex_areas, visible_surface
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, rotation_projection
 from vig_train.building.template import closed_template, outer_surface, remesh, split_long_edges
 from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vertices
@@ -29,17 +29,19 @@ def design(name: str) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def pot() -> tuple[np.ndarray, Surface]:
+def pot() -> tuple[np.ndarray, SurfaceSample]:
     vertices = design("classic")
     return vertices, visible_surface(vertices, TEAPOT_FACES)
 
 
 @pytest.fixture(scope="module")
-def template(pot: tuple[np.ndarray, Surface]) -> tuple[np.ndarray, np.ndarray]:
+def template(pot: tuple[np.ndarray, SurfaceSample]) -> tuple[np.ndarray, np.ndarray]:
     return closed_template(pot[0], TEAPOT_FACES, pot[1], 2000)
 
 
-def test_a_visible_surface_has_no_inner_walls_and_points_outward(pot: tuple[np.ndarray, Surface]) -> None:
+def test_a_visible_surface_has_no_inner_walls_and_points_outward(
+    pot: tuple[np.ndarray, SurfaceSample],
+) -> None:
     ball = trimesh.creation.icosphere(subdivisions=3)
     nested = trimesh.util.concatenate([ball, trimesh.creation.icosphere(subdivisions=2, radius=0.6)])
     faces = nested.faces[:, ::-1]  # turned inside out
@@ -50,7 +52,7 @@ def test_a_visible_surface_has_no_inner_walls_and_points_outward(pot: tuple[np.n
 
 
 def test_parts_that_overlap_become_one_closed_surface(
-    pot: tuple[np.ndarray, Surface], template: tuple[np.ndarray, np.ndarray]
+    pot: tuple[np.ndarray, SurfaceSample], template: tuple[np.ndarray, np.ndarray]
 ) -> None:
     mesh = trimesh.Trimesh(*template, process=False)
     assert mesh.is_watertight and mesh.body_count == 1 and mesh.volume > 0
@@ -82,7 +84,7 @@ def test_vertices_are_denser_where_the_surface_curves() -> None:
 
 @pytest.mark.parametrize("name, most", [("brown betty", 0.01), ("squat yixing", 0.013)])
 def test_places_are_met_where_the_design_has_them(
-    pot: tuple[np.ndarray, Surface], template: tuple[np.ndarray, np.ndarray], name: str, most: float
+    pot: tuple[np.ndarray, SurfaceSample], template: tuple[np.ndarray, np.ndarray], name: str, most: float
 ) -> None:
     first, second = pot[0], design(name)
     target = visible_surface(second, TEAPOT_FACES)
@@ -116,7 +118,7 @@ def test_a_rig_at_rest_leaves_the_template_and_has_no_differences() -> None:
         assert abs(rig.smoothness @ maps.reshape(-1, 3)).max(initial=0) < 1e-12
 
 
-def test_meshes_turned_at_random_come_into_one_pose(pot: tuple[np.ndarray, Surface]) -> None:
+def test_meshes_turned_at_random_come_into_one_pose(pot: tuple[np.ndarray, SurfaceSample]) -> None:
     names = ["classic", "brown betty", "globe", "squat yixing"]
     turns = [np.eye(3), cube_turns()[7], Rotation.from_euler("xyz", (30, -50, 100), degrees=True).as_matrix()]
     turns.append(turns[2].T)

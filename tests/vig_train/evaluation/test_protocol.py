@@ -96,7 +96,7 @@ def test_processes_fit_as_threads_do(
     quick: ExplainSettings,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vig_train.evaluation.fits.LEAST_FOR_PROCESSES", 2)
+    monkeypatch.setattr("vig_train.evaluation.fits.MIN_PHOTOS_FOR_PROCESSES", 2)
     apart = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=2, processes=True)
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(apart["robust"].errors[metric], values)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.vig_train.training.test_training import InMemory, tiny_dataset
-from vig_train.training.examples import HELD_SHARE, hold_out
+from vig_train.training.examples import HELD_OUT_SHARE, hold_out
 
 
 def test_no_room_is_both_trained_on_and_validated_on(tmp_path: Path) -> None:
@@ -18,7 +18,7 @@ def test_no_room_is_both_trained_on_and_validated_on(tmp_path: Path) -> None:
     rooms = np.array([spec.room.layout for spec in dataset.specs()])
     trained, held = hold_out([dataset], most=40)
     assert not set(rooms[trained]) & set(rooms[held])
-    assert len(held) >= HELD_SHARE * len(rooms)
+    assert len(held) >= HELD_OUT_SHARE * len(rooms)
     assert sorted([*trained, *held]) == list(range(len(rooms)))
     assert len(set(rooms[held])) == 1, "no more rooms than are needed"
 
