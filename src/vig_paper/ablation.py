@@ -138,8 +138,8 @@ def run_ablations(
 
     Returns:
         Plain numbers, ready for JSON: "count", "max_occlusion", and "variants": name to "title", "metrics"
-        (metric to `statistics.summary`), "failure" (`statistics.failure`), "milliseconds" (`timed`), and, but
-        for the default, "against_default": metric to `statistics.paired`, the variant less the default.
+        (metric to `statistics.summary`), "failure" (`statistics.failure_rate`), "milliseconds" (`timed`), and, but
+        for the default, "against_default": metric to `statistics.paired_difference`, the variant less the default.
     """
     chosen = variants(settings, names)
     results: dict[str, MethodResult] = {}

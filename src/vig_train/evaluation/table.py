@@ -65,7 +65,7 @@ def build_table(
     resamples: int = 1000,
     min_occlusion: float = 0.0,
 ) -> dict[str, Any]:
-    """Summarise errors over all images whose occlusion is within limits; see `statistics.within`.
+    """Summarise errors over all images whose occlusion is within limits; see `statistics.within_occlusion`.
 
     Args:
         results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
@@ -139,7 +139,7 @@ def summarise(
         seed: Of the bootstrap.
 
     Returns:
-        The table, with "failures": method to `statistics.failure`; "verdicts": method to
+        The table, with "failures": method to `statistics.failure_rate`; "verdicts": method to
         `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
         predicted 90 % interval; "finishes": of photographs, see `statistics.by_finish`; "tests": a list from
         `statistics.paired_tests`, without the baseline; "levels", "bins": of all images whatever the limits,

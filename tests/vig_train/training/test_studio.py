@@ -36,7 +36,7 @@ def test_an_image_is_a_pure_function_of_seed_and_index(teapot: ObjectClass, stud
 def test_an_image_that_fails_is_drawn_anew_from_its_next_stream(
     studio: Studio, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    draw, calls = Studio._drawn, []
+    draw, calls = Studio._draw_once, []
 
     def failing(self: Studio, rng: np.random.Generator) -> StudioImage:
         calls.append(rng.bit_generator.seed_seq.spawn_key)
