@@ -23,7 +23,7 @@ from vig_train.evaluation.statistics import OCCLUSION_BINS, within_occlusion
 from vig_train.evaluation.table import METRICS
 from vig_world.dataset import Dataset
 
-WORST = 8
+WORST_IMAGES = 8
 """Images of figure4_worst.png."""
 
 
@@ -61,7 +61,7 @@ def draw_figures(
     method = last_fit(results)
     if method is None:
         return paths
-    chosen, wrong = choose(results, dataset, method), worst(results, method, WORST)
+    chosen, wrong = choose(results, dataset, method), worst(results, method, WORST_IMAGES)
     paths += [
         reliability_figure(results, dataset.latents, folder / "reliability.png"),
         figure4(dataset, object_class, results, chosen, folder / "figure4.png"),
