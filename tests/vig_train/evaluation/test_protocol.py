@@ -20,7 +20,7 @@ from vig.likelihood import GAUSSIAN, SPATIAL
 from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_app.cli.main import main
-from vig_paper.figures.style import draw
+from vig_paper.figures.style import render_explanations
 from vig_train import METHODS
 from vig_train.evaluation import evaluate, write_csv
 from vig_train.evaluation.protocol import MASK_HEAD, silhouettes
@@ -96,7 +96,7 @@ def test_processes_fit_as_threads_do(
     quick: ExplainSettings,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vig_train.evaluation.fits.LEAST_FOR_PROCESSES", 2)
+    monkeypatch.setattr("vig_train.evaluation.fits.MIN_PHOTOS_FOR_PROCESSES", 2)
     apart = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=2, processes=True)
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(apart["robust"].errors[metric], values)
@@ -117,7 +117,7 @@ def test_silhouettes_of_the_truth_are_nearly_the_datasets_masks(
 def test_a_silhouette_is_as_large_as_what_is_covered(dataset: Dataset, teapot: ObjectClass) -> None:
     """A pixel counts from half coverage on, so that as much is added at edges as is left out."""
     truth = Latents.from_vector(torch.from_numpy(dataset.latents))
-    coverage = draw(truth, teapot)[1]
+    coverage = render_explanations(truth, teapot)[1]
     area, covered = silhouettes(truth, teapot).sum((1, 2)), coverage.sum((1, 2))
     np.testing.assert_allclose(area, covered, rtol=0.003)
     edge = ((coverage > 0.05) & (coverage < 0.95)).sum((1, 2))
