@@ -101,7 +101,7 @@ def main() -> None:
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         rows = []
         for index, fit in enumerate(
-            explain(photos, teapot, recognizer, fit_settings(ExplainSettings(), dataset))
+            explain(photos, teapot, recognizer, fit_settings(ExplainSettings(), teapot, dataset))
         ):
             truth = torch.tensor([dataset.latents[index, at]])
             mask = fit.mask.numpy()

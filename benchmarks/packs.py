@@ -107,7 +107,7 @@ def main() -> None:
     parts |= {kind: np.array([each == kind for each in kinds]) for kind in sorted({*kinds} - {""})}
     print("pack: azimuth median, within 15 and 30 degrees; elevation; visible IoU, mean; surface, median")
     for pack, one in zip(told.packs, classes, strict=True):
-        settings = fit_settings(ExplainSettings(calibrated=False), dataset)
+        settings = fit_settings(ExplainSettings(calibrated=False), one, dataset)
         start = without_shape(prediction, one.shape_model.modes)
         fits = fit_all(images[chosen], photos, start, one, settings, torch.get_num_threads())
         latents = Latents.from_vector(torch.from_numpy(fits.latents))

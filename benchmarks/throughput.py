@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from benchmarks.measuring import metric, timed
-from vig.inference import ExplainSettings, Fit, Objective, explain, geometry_of
+from vig.inference import ExplainSettings, Fit, FitSettings, Objective, explain, geometry_of, resolve
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
 from vig.recognition import Recognizer
@@ -26,7 +26,7 @@ LARGE_BATCH = 64
 ENOUGH_ITERATIONS = 200
 
 
-def descent_budget(settings: ExplainSettings) -> Budget:
+def descent_budget(settings: FitSettings) -> Budget:
     """A descent from one start ends by the last stage's tolerance: iterations enough to converge."""
     return Budget(ENOUGH_ITERATIONS, settings.stages[-1].tolerance)
 
@@ -35,7 +35,11 @@ class Fits:
     """Photos (N, H, W, 3) linear RGB, their predictions, and the default settings."""
 
     def __init__(self, object_class: ObjectClass, photos: torch.Tensor):
-        self.object_class, self.photos, self.settings = object_class, photos, ExplainSettings()
+        self.object_class, self.photos, self.settings = (
+            object_class,
+            photos,
+            resolve(ExplainSettings(), object_class),
+        )
         self.recognizer = Recognizer.of_class(object_class)
         self.prediction = self.recognizer(photos)
         self.guesses = self.prediction.best()
@@ -55,9 +59,7 @@ class Fits:
         camera = self.object_class.camera(self.photos.shape[1])
         geometry = geometry_of(self.object_class, self.settings.self_shadow)
         likelihood = Likelihood(geometry, camera, photos, self.settings.silhouette)
-        objective = Objective(
-            likelihood, self.object_class, prior_weight=self.settings.filled().prior_weight or 0.0
-        )
+        objective = Objective(likelihood, self.object_class, prior_weight=self.settings.prior_weight)
         return objective, objective.point(self.guesses[which])
 
     def whole(self, which: torch.Tensor) -> list[Fit]:

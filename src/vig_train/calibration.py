@@ -17,7 +17,7 @@ from scipy.special import expit
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration, Verdict
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, FitCalibration, FitSettings, Verdict, resolve
 from vig.inference.calibration import faded, residual
 from vig.inference.settings import MASK_RIGHT
 from vig.photo.pinhole import sight_axes
@@ -194,7 +194,7 @@ def calibrate_fits(
     uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
     workers = workers or os.cpu_count() or 1
 
-    def fitted(images: np.ndarray, name: str, photo_settings: ExplainSettings) -> Fits:
+    def fitted(images: np.ndarray, name: str, photo_settings: FitSettings) -> Fits:
         key = cache_key(recognizer, object_class, photo_settings)
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         folder = None if cache is None else cache / name
@@ -207,13 +207,12 @@ def calibrate_fits(
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         if isinstance(dataset, StudioPhotos):
-            images, visible, photo_settings = dataset.images, dataset.visible, uncalibrated.filled(photo=True)
+            images, visible = dataset.images, dataset.visible
+            photo_settings = resolve(uncalibrated, object_class, photo=True)
             photos, origin = dataset.others, np.arange(len(dataset.others))
         else:
-            (images, visible), photo_settings = (
-                frame_images(dataset, recognizer),
-                fit_settings(uncalibrated, dataset),
-            )
+            images, visible = frame_images(dataset, recognizer)
+            photo_settings = fit_settings(uncalibrated, object_class, dataset)
             origin = photos_to_roll(dataset)
             photos = roll_photos(images[origin], roll_angles(len(origin)))
         fits = fitted(images, name, photo_settings)

@@ -15,7 +15,7 @@ from PIL import Image
 
 import vig
 from vig.hints import Hints, checked_pose, view_of
-from vig.inference import Objective, PointTerm, Said, objective_of
+from vig.inference import Objective, PointTerm, Said, objective_of, resolve
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.masks import read_mask
@@ -178,7 +178,7 @@ def points_objective(explainer: vig.Explainer, example: Example) -> tuple[Object
     """An objective, a term of all named points, and a point some way from where they are."""
     truth, unit = explainer.explain(example.photo), explainer.object_class.at_unit_scale
     cut = torch.from_numpy(truth.window.cut(truth.picture)[0])
-    settings = explainer.settings.filled(photo=True)
+    settings = resolve(explainer.settings, explainer.object_class, photo=True)
     objective = objective_of(cut, explainer.recognizer(cut[None]), explainer.object_class, settings)
     hints = Hints(points={name: point_of(truth, name) for name in unit.points})
     told = hints.in_window(truth.window, explainer.object_class)

@@ -7,13 +7,14 @@ from vig.inference.hints import PointTerm, Said, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior, Valuation
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
-from vig.inference.settings import ExplainSettings, Fit, Stage, Verdict, View
+from vig.inference.settings import ExplainSettings, Fit, FitSettings, Stage, Verdict, View, resolve
 
 __all__ = [
     "CONFIDENCE_FEATURES",
     "ExplainSettings",
     "Fit",
     "FitCalibration",
+    "FitSettings",
     "Objective",
     "PointTerm",
     "RecognitionPrior",
@@ -30,5 +31,6 @@ __all__ = [
     "geometry_of",
     "load_fit_kernels",
     "objective_of",
+    "resolve",
     "starts",
 ]

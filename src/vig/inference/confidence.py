@@ -10,7 +10,7 @@ import torch
 from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION, FitCalibration
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
-from vig.inference.settings import UNIFORM_TURN, FitSettings, Fit, Verdict, View
+from vig.inference.settings import UNIFORM_TURN, Fit, FitSettings, Verdict, View
 from vig.likelihood import PixelModel, spatial_posterior
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout

@@ -79,7 +79,14 @@ def objectives_of(
         if hints is not None and len(hints.vertices):
             points = PointTerm(hints, object_class, likelihood.camera, likelihood.layout)
         objectives[scale] = Objective(
-            likelihood, object_class, settings.free_framing, predicted, settings.prior_weight, decorated, points, held
+            likelihood,
+            object_class,
+            settings.free_framing,
+            predicted,
+            settings.prior_weight,
+            decorated,
+            points,
+            held,
         )
     return objectives
 

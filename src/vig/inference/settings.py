@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from typing import Any
 
 import torch
 
 from vig.inference.calibration import UNCALIBRATED_POSITION, FitCalibration
+from vig.io.errors import UserError
 from vig.likelihood import SPATIAL, PixelModel
-from vig.scene import Latents
+from vig.scene import Latents, ObjectClass
 from vig.search.levenberg_marquardt import LevenbergMarquardt
 from vig.search.optimizer import Budget, Optimizer
 
@@ -157,8 +158,8 @@ PHOTO: dict[str, Any] = {
     "prior_weight": 20.0,
     "view_weight": 3000.0,
 }
-"""And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network predicts
-of albedo and light of things like none that it has seen would bend the shape."""
+"""And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network
+predicts of albedo and light of things like none that it has seen would bend the shape."""
 
 OPEN = tuple(PICTURE)
 """Settings that a user may leave open, and that a class may set in its class.json."""
@@ -203,6 +204,9 @@ class _Settings:
             given = getattr(self, name, None)
             if given is not None and (not 0 <= given <= most or given == math.inf):
                 raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
+        distance = getattr(self, "farther", None)
+        if distance is not None and not 0 < distance < math.inf:
+            raise ValueError(f"farther must be a ratio above 0; got {distance}. Choose another.")
         if self.silhouette not in ("exact", "paper"):
             raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
 
@@ -277,10 +281,17 @@ def resolve(
             f"expected fit settings of class '{object_class.name}' among {', '.join(OPEN)}; got"
             f" '{min(unknown)}'. Correct its class.json."
         )
-    own = {field.name: getattr(settings, field.name) for field in fields(settings)}
-    given = {name: value for name, value in own.items() if value is not None}
+    for name, value in object_class.fit_settings.items():
+        if isinstance(value, bool) != isinstance(PICTURE[name], bool):
+            kind = "true or false" if isinstance(PICTURE[name], bool) else "a number"
+            raise UserError(
+                f"expected {kind} as fit setting '{name}' of class '{object_class.name}'; got {value}."
+                " Correct its class.json."
+            )
+    by_user = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    by_user = {name: value for name, value in by_user.items() if value is not None}
     defaults: dict[str, Any] = PHOTO if photo else PICTURE
     try:
-        return FitSettings(**{**defaults, **object_class.fit_settings, **given})
+        return FitSettings(**{**defaults, **object_class.fit_settings, **by_user})
     except ValueError as error:
         raise UserError(f"in the settings of class '{object_class.name}': {error}") from error

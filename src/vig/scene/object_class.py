@@ -76,7 +76,7 @@ class _Description:
     viewing_distance_m: float = DISTANCE
     places: dict[str, float] = field(default_factory=dict)
     self_shadow: bool = False
-    fit: dict[str, bool | float] = field(default_factory=dict)
+    fit_settings: dict[str, bool | float] = field(default_factory=dict)
     held_out_designs: tuple[Any, ...] = ()
 
 
@@ -100,6 +100,8 @@ class ObjectClass:
         points: Vertices by names that a user may click, such as "spout".
         viewing_distance: Metres from the eye in the standard camera; about 1.5 times the greatest extent.
         places: Relative frequency of each zone of the generator's rooms as a place; none takes its own.
+        fit_settings: Values of `vig.inference.ExplainSettings`, by name, where a user states none; see
+            `vig.inference.resolve`.
     """
 
     name: str
@@ -116,6 +118,7 @@ class ObjectClass:
     points: Mapping[str, int] = field(default_factory=dict)
     viewing_distance: float = DISTANCE
     places: Mapping[str, float] = field(default_factory=dict)
+    fit_settings: Mapping[str, bool | float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for what, text in [("name", self.name), *[("name of a point", name) for name in self.points]]:
@@ -201,6 +204,8 @@ class ObjectClass:
             "places": dict(self.places),
             "self_shadow": (Path(folder) / TRANSFER_FILE).exists(),
         }
+        if self.fit_settings:
+            description["fit_settings"] = dict(self.fit_settings)
         if self.families:
             description["families"] = [asdict(family) for family in self.families]
         with atomic_write(Path(folder) / "class.json") as temporary:
@@ -247,7 +252,7 @@ class ObjectClass:
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
             height = float(described.target_height_m)
-            taken = ("families", "mirror", "front", "points", "places")
+            taken = ("families", "mirror", "front", "points", "places", "fit_settings")
             return ObjectClass(
                 described.name, model, height, mean, covariance, folder, transfer,
                 symmetry=Symmetry(described.symmetry),

@@ -24,7 +24,7 @@ import torch
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.inference import Said, WindowHints, explain_one
+from vig.inference import Said, WindowHints, explain_one, resolve
 from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.photo import Halved

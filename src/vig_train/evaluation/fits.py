@@ -17,8 +17,8 @@ from safetensors.numpy import save_file
 from vig import __version__
 from vig.inference import (
     CONFIDENCE_FEATURES,
-    ExplainSettings,
     Fit,
+    FitSettings,
     calibration_of,
     explain_one,
     load_fit_kernels,
@@ -93,7 +93,7 @@ def fit_all(
     photos: torch.Tensor,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings,
+    settings: FitSettings,
     workers: int,
     advance: Callable[[int], None] = lambda done: None,
     folder: Path | None = None,
@@ -161,7 +161,7 @@ Photo = tuple[torch.Tensor, Prediction]
 """A photo (H, W, 3), linear RGB, and its prediction."""
 PhotoArrays = tuple[np.ndarray, ...]
 """The same as arrays: the photo, then the prediction's tensors."""
-RunContext = tuple[ObjectClass, ExplainSettings]
+RunContext = tuple[ObjectClass, FitSettings]
 """What all fits of a run have in common."""
 FitStream = Generator[tuple[int, Fits]]
 """Numbers of photos and their fits, as they are done."""
@@ -179,7 +179,7 @@ def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
 
 
 def _fit_on_threads(
-    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
+    photos: list[Photo], object_class: ObjectClass, settings: FitSettings, workers: int
 ) -> FitStream:
     before = torch.get_num_threads()
     torch.set_num_threads(workers)
@@ -190,14 +190,14 @@ def _fit_on_threads(
 
 
 def _fit_in_processes(
-    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
+    photos: list[Photo], object_class: ObjectClass, settings: FitSettings, workers: int
 ) -> FitStream:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
     yield from enumerate(map_in_processes(_array_fitter, (object_class, settings), arrays, workers))
 
 
 def _fit_on_cluster(
-    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, address: str
+    photos: list[Photo], object_class: ObjectClass, settings: FitSettings, address: str
 ) -> FitStream:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
     for number, fit in map_on_cluster(_array_fitter, (object_class, settings), arrays, address):
@@ -224,7 +224,7 @@ def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
     return fit_arrays
 
 
-def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
+def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: FitSettings) -> str:
     """Hash of everything that a fit depends on, but for its photo and the code."""
     uncalibrated = replace(settings, calibration=None)
     digest = hashlib.sha256(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.inference import ExplainSettings
+from vig.inference import ExplainSettings, FitSettings, resolve
 from vig.photo import Window
 from vig.photo.masks import box_of
 from vig.recognition import Recognizer
 from vig.recognition.find import upright
-from vig.scene import linear_from_srgb, srgb_from_linear
+from vig.scene import ObjectClass, linear_from_srgb, srgb_from_linear
 from vig_world.dataset import Dataset
 
 MIN_BOX_SIDE = 8
@@ -37,7 +37,7 @@ def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, 
     return images, visible
 
 
-def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings:
+def fit_settings(settings: ExplainSettings, object_class: ObjectClass, dataset: Dataset) -> FitSettings:
     """Settings of the fits of such images."""
     return resolve(settings, object_class, photo=dataset.world == "photo")
 

@@ -91,7 +91,7 @@ def evaluate(
     prediction = recognizer(photos)
     fits: dict[str, Fits] = {}
     for name in fitted_likelihoods(methods):
-        chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), dataset)
+        chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), object_class, dataset)
         fits[name] = fit_all(
             images,
             photos,

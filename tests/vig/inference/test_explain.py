@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,16 +16,19 @@ from vig.inference import (
     ExplainSettings,
     Fit,
     FitCalibration,
+    FitSettings,
     Objective,
     Verdict,
     explain,
     explain_one,
+    resolve,
 )
 from vig.inference.calibration import LEAST_DEVIATION
 from vig.inference.confidence import MOST_GAP, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
 from vig.inference.refinement import AMBIGUOUS_NATS, Ends, select, survivors
-from vig.inference.settings import Stage
+from vig.inference.settings import PICTURE, Stage
+from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
@@ -31,8 +36,11 @@ from vig.scene import Latents, ObjectClass
 from vig.search.optimizer import Budget, Descent
 from vig_train.training.targets import azimuth_labels, numbers_of
 
-SETTINGS = ExplainSettings(
-    self_shadow=False, calibrated=False, decoration=0.0, prior_weight=100.0, azimuth_weight=0.0
+SETTINGS = FitSettings(
+    **PICTURE | {"decoration": 0.0, "prior_weight": 100.0},
+    self_shadow=False,
+    calibrated=False,
+    azimuth_weight=0.0,
 )
 """The studio's photos have no self-shadow and no decoration, and its predictions are made by hand."""
 
@@ -472,7 +480,48 @@ def test_a_pixel_is_seen_up_to_three_deviations_of_a_tenth(
     assert float(found.mask[inside].float().mean()) == pytest.approx(float(seen), abs=0.02)
 
 
-def test_the_settings_are_those_of_the_published_tables() -> None:
+def test_a_users_setting_comes_before_the_classes_and_that_before_the_kind_of_photos(
+    teapot: ObjectClass, tmp_path: Path
+) -> None:
+    """A class states its own in one line of class.json, without any code that knows of it."""
+    teapot.save(tmp_path)
+    description = json.loads((tmp_path / "class.json").read_text())
+    (tmp_path / "class.json").write_text(json.dumps(description | {"fit_settings": {"prior_weight": 30.0}}))
+    own = ObjectClass.load(tmp_path)
+    assert resolve(ExplainSettings(), teapot, photo=True).prior_weight == 20.0
+    assert resolve(ExplainSettings(), own, photo=True).prior_weight == 30.0
+    assert resolve(ExplainSettings(prior_weight=0.0), own, photo=True).prior_weight == 0.0
+    assert resolve(ExplainSettings(decoration=0.0, farther=2.0), own, photo=True).farther == 2.0
+    resolved = resolve(ExplainSettings(view_weight=7.0), own)
+    assert resolve(resolved, teapot, photo=True) is resolved
+    own.save(tmp_path / "again")
+    assert ObjectClass.load(tmp_path / "again").fit_settings == {"prior_weight": 30.0}
+
+
+@pytest.mark.parametrize(
+    "stated, why",
+    [
+        ({"prior_wieght": 30.0}, "among free_framing, .*; got 'prior_wieght'. Correct its class.json"),
+        ({"prior_weight": -1.0}, "settings of class 'teapot': prior_weight must be from 0 to inf; got -1.0"),
+        ({"farther": 0.0}, "settings of class 'teapot': farther must be a ratio above 0; got 0.0"),
+        (
+            {"free_framing": 1.0},
+            "expected true or false as fit setting 'free_framing' of class '.*'; got 1.0",
+        ),
+        (
+            {"prior_weight": True},
+            "expected a number as fit setting 'prior_weight' of class '.*'; got True",
+        ),
+    ],
+)
+def test_a_class_whose_settings_are_none_is_refused(
+    stated: dict[str, float], why: str, teapot: ObjectClass
+) -> None:
+    with pytest.raises(UserError, match=why):
+        resolve(ExplainSettings(), replace(teapot, fit_settings=stated))
+
+
+def test_the_settings_are_those_of_the_published_tables(teapot: ObjectClass) -> None:
     """Whoever changes one makes docs and tables anew."""
     settings = ExplainSettings()
     stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
@@ -480,11 +529,14 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
     assert weights == (1, 1, 1) and settings.azimuth_weight == 100
     for photo, chosen in ((False, (False, 1.0, 0.3, 1, 10, 1000)), (True, (True, 1.4, 0.6, 0.05, 20, 3000))):
-        filled = settings.filled(photo)
-        found = (filled.free_framing, filled.farther, filled.decoration)
-        assert (*found, filled.appearance_weight, filled.prior_weight, filled.view_weight) == chosen
-    assert replace(settings, decoration=0.0, farther=2.0).filled(photo=True).farther == 2.0
-    assert replace(settings, decoration=0.0).filled(photo=True).decoration == 0.0
+        of_kind = resolve(settings, teapot, photo)
+        open_settings = (of_kind.free_framing, of_kind.farther, of_kind.decoration)
+        assert (
+            *open_settings,
+            of_kind.appearance_weight,
+            of_kind.prior_weight,
+            of_kind.view_weight,
+        ) == chosen
     assert settings.likelihood is SPATIAL and settings.silhouette == "exact"
     assert (settings.self_shadow, settings.free_framing, settings.calibrated) == (True, None, True)
     assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
