@@ -255,7 +255,7 @@ def numbers_of(name: str) -> set[str]:
              "StudioSettings"]
 )  # fmt: skip
 def test_pages_state_every_default(name: str) -> None:
-    """So that a setting that is added or renamed changes a page; `untold` follows from the class or the weights."""
+    """So that a setting that is added or renamed changes a page; `untold` follows from class or weights."""
     stated = {name for page in CURRENT for name, _ in statements(page.read_text())}
     untold = {"TrainingSettings.trunk_only", "TrainingSettings.mirror", "ExplainSettings.calibrated"}
     assert numbers_of(name) - stated - untold == set()
