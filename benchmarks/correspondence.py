@@ -16,8 +16,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vig_train.building.registration import Registration
-from vig_train.building.surface import points_on, visible_surface
-from vig_train.building.template import closed_template, with_short_edges
+from vig_train.building.surface import sample_surface, visible_surface
+from vig_train.building.template import closed_template, split_long_edges
 from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vertices
 from vig_world.assets.mugs import MUG_FACES, TRAINING_MUGS, mug_vertices
 from vig_world.mesh import face_normals, vertex_normals
@@ -31,9 +31,9 @@ def errors(designs: list[np.ndarray], faces: np.ndarray, seed: int) -> tuple[lis
     """Mean and 95th percentile in % of the size for each design but the first, and seconds for each."""
     rng = np.random.default_rng(seed)
     first = designs[0]
-    remade = with_short_edges(first, faces, rng.uniform(0.04, 0.1) * np.ptp(first, axis=0).max())
+    remade = split_long_edges(first, faces, rng.uniform(0.04, 0.1) * np.ptp(first, axis=0).max())
     template, triangles = closed_template(*remade, visible_surface(*remade))
-    face, weights = points_on(first, faces, SAMPLES)
+    face, weights = sample_surface(first, faces, SAMPLES)
     normals = face_normals(first, faces)[face]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     unit = SEEN * np.ptp(first, axis=0).max()
@@ -42,7 +42,7 @@ def errors(designs: list[np.ndarray], faces: np.ndarray, seed: int) -> tuple[lis
     nearest = cKDTree(places).query(own)[1]
     registration, mean, most, started = Registration(template, triangles), [], [], time.perf_counter()
     for other in designs[1:]:
-        remade = with_short_edges(other, faces, rng.uniform(0.04, 0.1) * np.ptp(other, axis=0).max())
+        remade = split_long_edges(other, faces, rng.uniform(0.04, 0.1) * np.ptp(other, axis=0).max())
         surface, size = visible_surface(*remade), np.ptp(other, axis=0).max()
         truth = np.einsum("nk,nkd->nd", weights[nearest], other[faces[face[nearest]]])
         seen = cKDTree(surface.points).query(truth)[0] < SEEN * size

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from vig.io.files import atomic_write
-from vig_app.cli.doctor import processor
+from vig.io.machine import processor
 
 Result = TypeVar("Result")
 Better = Literal["higher", "lower"]

@@ -24,7 +24,7 @@ from benchmarks.measuring import metric, report, write
 from vig.inference import ExplainSettings, Verdict, explain
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, ShapeModel, layout_of_width, linear_from_srgb
-from vig_train.evaluation.framing import fit_settings, framed
+from vig_train.evaluation.framing import fit_settings, frame_images
 from vig_train.evaluation.metrics import angle_error_deg
 from vig_train.evaluation.statistics import NEAR_DEG
 from vig_world.dataset import read_dataset
@@ -96,7 +96,7 @@ def main() -> None:
             folder, share, given.seed + number, given.tier, "test", object_class=one, own=own, photo=True
         )
         dataset = read_dataset(folder, "test")
-        images, visible = framed(dataset, recognizer)
+        images, visible = frame_images(dataset, recognizer)
         at = layout_of_width(dataset.latents.shape[1]).at("azimuth")
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         rows = []

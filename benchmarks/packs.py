@@ -25,9 +25,9 @@ from vig.inference import ExplainSettings
 from vig.inference.families import family_of
 from vig.recognition import Prediction, Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb, regressed_layout
-from vig_train.building.template import with_short_edges
+from vig_train.building.template import split_long_edges
 from vig_train.evaluation.fits import fit_all
-from vig_train.evaluation.framing import fit_settings, framed
+from vig_train.evaluation.framing import fit_settings, frame_images
 from vig_train.evaluation.metrics import angle_error_deg, segmentation_iou
 from vig_world.assets.designs import TEAPOT_FACES, TRAINING_DESIGNS, teapot_vertices
 from vig_world.assets.target import shape_vertices
@@ -39,7 +39,7 @@ def write_meshes(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for number, design in enumerate(TRAINING_DESIGNS):
         rng = np.random.default_rng(number)
-        vertices, faces = with_short_edges(
+        vertices, faces = split_long_edges(
             teapot_vertices(design).astype(float), TEAPOT_FACES, rng.uniform(0.008, 0.03)
         )
         order = rng.permutation(len(vertices))
@@ -92,7 +92,7 @@ def main() -> None:
         parser.error("expected a dataset and at least one pack")
     classes = [ObjectClass.load(pack) for pack in told.packs]
     recognizer, dataset = Recognizer.of_class(classes[0]), read_dataset(told.dataset, "test")
-    images, visible = framed(dataset, recognizer)
+    images, visible = frame_images(dataset, recognizer)
     chosen = np.sort(np.random.default_rng(told.seed).permutation(len(images))[: told.count])
     photos = torch.from_numpy(linear_from_srgb(images[chosen].astype(np.float32) / 255)).float()
     prediction = recognizer(photos)

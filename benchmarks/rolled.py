@@ -20,7 +20,7 @@ from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.recognition.find import upright
 from vig.scene import ObjectClass, layout_of_width, linear_from_srgb
-from vig_train.calibration import low, rolled
+from vig_train.calibration import low_views, roll_photos
 from vig_train.evaluation.metrics import angle_error_deg
 from vig_train.evaluation.statistics import NEAR_DEG
 from vig_world.dataset import read_dataset
@@ -39,14 +39,14 @@ def main() -> None:
     teapot = ObjectClass.load("teapot")
     recognizer = Recognizer.of_class(teapot)
     dataset = read_dataset(arguments.dataset, arguments.split).first(arguments.count)
-    chosen = low(dataset)
+    chosen = low_views(dataset)
     truth = torch.from_numpy(dataset.latents[chosen, layout_of_width(dataset.latents.shape[1]).at("azimuth")])
     print(
         f"{len(chosen)} photos\n roll  trusted  within {NEAR_DEG:.0f} degrees of azimuth: all, of the trusted"
     )
     metrics = []
     for angle in ANGLES:
-        images = rolled(dataset.images[chosen], np.full(len(chosen), angle))
+        images = roll_photos(dataset.images[chosen], np.full(len(chosen), angle))
         cut = [turned(linear_from_srgb(image.astype(np.float32) / 255), recognizer) for image in images]
         photos, known = (torch.from_numpy(np.stack(column)) for column in zip(*cut, strict=True))
         fits = list(explain(photos, teapot, recognizer, valid=known))

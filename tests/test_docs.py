@@ -25,6 +25,7 @@ from vig.inference import ExplainSettings, Stage
 from vig.inference.settings import PHOTO, PICTURE
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL
+from vig.likelihood.spatial import SpatialMask
 from vig.scene import latent_layout
 from vig.scene.latents import FRAMING
 from vig.scene.object_class import PACKAGED
@@ -188,8 +189,8 @@ SETTINGS: dict[str, Any] = {
 } | {
     kind.__name__: kind
     for kind in (
-        ExplainSettings, LevenbergMarquardt, Annealed, Budget, Dogleg, LBFGS, BFGS, ConjugateGradient,
-        GradientDescent, TrainingSettings, Drawing, StudioSettings,
+        ExplainSettings, SpatialMask, LevenbergMarquardt, Annealed, Budget, Dogleg, LBFGS, BFGS,
+        ConjugateGradient, GradientDescent, TrainingSettings, Drawing, StudioSettings,
     )
 }  # fmt: skip
 """What pages call by its own name; whatever else they name in full, from its package on."""
@@ -251,8 +252,8 @@ def numbers_of(name: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "name", ["PHOTO", "PICTURE", "ROBUST", "GAUSSIAN", "SPATIAL", "ExplainSettings", "TrainingSettings",
-             "StudioSettings"]
+    "name", ["PHOTO", "PICTURE", "ROBUST", "GAUSSIAN", "SPATIAL", "SpatialMask", "ExplainSettings",
+             "TrainingSettings", "StudioSettings"]
 )  # fmt: skip
 def test_pages_state_every_default(name: str) -> None:
     """So that a setting that is added or renamed changes a page; `untold` follows from class or weights."""

@@ -21,19 +21,26 @@ from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
 from vig_paper.optimizers.dogleg import Dogleg
 from vig_paper.optimizers.gradient_descent import GradientDescent
 from vig_paper.optimizers.quasi_newton import BFGS, LBFGS
-from vig_train.evaluation.presentation import Block
+from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.protocol import evaluate
 from vig_train.evaluation.results import MethodResult
-from vig_train.evaluation.statistics import FAR_DEG, failure, paired, resampled, summary
+from vig_train.evaluation.statistics import (
+    FAR_DEG,
+    bootstrap_indices,
+    failure_rate,
+    paired_difference,
+    summary,
+)
 from vig_train.evaluation.table import METRICS
 from vig_world.dataset import Dataset
 from vig_world.threads import one_thread
 
 DEFAULT = "default"
-TIMED = 20
+TIMED_PHOTOS = 20
 """Photos on which fits are timed."""
 
-_LEAST_P = 1e-4
+_MIN_P = 1e-4
+"""Smaller p values are printed as "p < 0.0001"."""
 
 
 @dataclass(frozen=True)
@@ -46,16 +53,16 @@ class Ablation:
     """From the default's settings."""
 
 
-def _in_each_stage(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
+def _change_stages(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
     """The change of every stage of the settings."""
     return lambda settings: replace(settings, stages=tuple(change(stage) for stage in settings.stages))
 
 
-def _by(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
+def _other_optimizer(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
     """Another optimiser from the same starts; patience: its iterations for each of the default's."""
 
     def change(settings: ExplainSettings) -> ExplainSettings:
-        longer = _in_each_stage(
+        longer = _change_stages(
             lambda stage: replace(
                 stage, iterations=patience * stage.iterations, tolerance=stage.tolerance / patience
             )
@@ -73,17 +80,19 @@ ABLATIONS: dict[str, Ablation] = {
     ),
     "prior-weight": Ablation("priors counted once", lambda s: replace(s, prior_weight=1.0)),
     "spatial": Ablation("no spatial model of the mask", lambda s: replace(s, likelihood=ROBUST)),
-    "annealing": Ablation("no annealing", _in_each_stage(lambda stage: replace(stage, sigma=1.0))),
-    "hypotheses": Ablation("one start", _in_each_stage(lambda stage: replace(stage, starts=1))),
+    "annealing": Ablation("no annealing", _change_stages(lambda stage: replace(stage, sigma=1.0))),
+    "hypotheses": Ablation("one start", _change_stages(lambda stage: replace(stage, starts=1))),
     "self-shadow": Ablation("no self-shadow", lambda s: replace(s, self_shadow=False)),
     "mask-prior": Ablation("no prior from the predicted mask", lambda s: replace(s, mask_weight=0.0)),
     "surroundings": Ablation("no model of the surroundings", lambda s: replace(s, surroundings=0.0)),
-    "cg": _by("by conjugate gradient", ConjugateGradient()),
-    "cg-unscaled": _by("by conjugate gradient, unscaled as in the paper", ConjugateGradient(scaled=False)),
-    "gd": _by("by gradient descent", GradientDescent(), patience=10),
-    "bfgs": _by("by BFGS", BFGS(), patience=4),
-    "lbfgs": _by("by L-BFGS", LBFGS(), patience=4),
-    "dogleg": _by("by Powell's dogleg", Dogleg()),
+    "cg": _other_optimizer("by conjugate gradient", ConjugateGradient()),
+    "cg-unscaled": _other_optimizer(
+        "by conjugate gradient, unscaled as in the paper", ConjugateGradient(scaled=False)
+    ),
+    "gd": _other_optimizer("by gradient descent", GradientDescent(), patience=10),
+    "bfgs": _other_optimizer("by BFGS", BFGS(), patience=4),
+    "lbfgs": _other_optimizer("by L-BFGS", LBFGS(), patience=4),
+    "dogleg": _other_optimizer("by Powell's dogleg", Dogleg()),
 }
 
 
@@ -98,12 +107,12 @@ def variants(
         UserError: An unknown name.
     """
     settings = settings or ExplainSettings()
-    wanted = list(ABLATIONS if names is None else names)
-    unknown = [name for name in wanted if name not in ABLATIONS]
+    chosen = list(ABLATIONS if names is None else names)
+    unknown = [name for name in chosen if name not in ABLATIONS]
     if unknown:
         raise UserError(f"expected ablations among {', '.join(ABLATIONS)}; got {', '.join(unknown)}")
-    changed = {name: ABLATIONS[name].change(settings) for name in wanted}
-    return {DEFAULT: settings} | {name: other for name, other in changed.items() if other != settings}
+    changed = {name: ABLATIONS[name].change(settings) for name in chosen}
+    return {DEFAULT: settings} | {name: variant for name, variant in changed.items() if variant != settings}
 
 
 def run_ablations(
@@ -132,40 +141,44 @@ def run_ablations(
 
     Returns:
         Plain numbers, ready for JSON: "count", "max_occlusion", and "variants": name to "title", "metrics"
-        (metric to `statistics.summary`), "failure" (`statistics.failure`), "milliseconds" (`timed`), and, but
-        for the default, "against_default": metric to `statistics.paired`, the variant less the default.
+        (metric to `statistics.summary`), "failure" (`statistics.failure_rate`), "milliseconds"
+        (`time_variants`), and, but for the default, "against_default": metric to
+        `statistics.paired_difference`, the variant less the default.
     """
     chosen = variants(settings, names)
     results: dict[str, MethodResult] = {}
-    for name, each in chosen.items():
-        method = next(method for method, model in LIKELIHOODS.items() if model == each.likelihood)
+    for name, variant in chosen.items():
+        method = next(method for method, model in LIKELIHOODS.items() if model == variant.likelihood)
         folder = None if cache is None else cache / name
-        found = evaluate(dataset, object_class, recognizer, (method,), each, workers, advance, folder)
-        results[name] = found[method]
-    milliseconds = timed(dataset, object_class, recognizer, chosen)
-    drawn = resampled(len(dataset), np.random.default_rng(0))
+        by_method = evaluate(dataset, object_class, recognizer, (method,), variant, workers, advance, folder)
+        results[name] = by_method[method]
+    milliseconds = time_variants(dataset, object_class, recognizer, chosen)
+    resamples = bootstrap_indices(len(dataset), np.random.default_rng(0))
     metrics = [metric for metric in METRICS if metric in results[DEFAULT].errors]
     default = results[DEFAULT].errors
     rows: dict[str, Any] = {}
     for name, result in results.items():
         rows[name] = {
             "title": name if name == DEFAULT else ABLATIONS[name].title,
-            "metrics": {metric: summary(result.errors[metric], drawn) for metric in metrics},
-            "failure": failure(result.errors["azimuth_deg"], drawn),
+            "metrics": {metric: summary(result.errors[metric], resamples) for metric in metrics},
+            "failure": failure_rate(result.errors["azimuth_deg"], resamples),
             "milliseconds": milliseconds[name],
         }
         if name != DEFAULT:
-            compared = {metric: paired(result.errors[metric], default[metric], drawn) for metric in metrics}
+            compared = {
+                metric: paired_difference(result.errors[metric], default[metric], resamples)
+                for metric in metrics
+            }
             rows[name]["against_default"] = compared
     return {"count": len(dataset), "max_occlusion": float(dataset.occlusion.max()), "variants": rows}
 
 
-def timed(
+def time_variants(
     dataset: Dataset,
     object_class: ObjectClass,
     recognizer: Recognizer,
     chosen: Mapping[str, ExplainSettings],
-    count: int = TIMED,
+    count: int = TIMED_PHOTOS,
 ) -> dict[str, float]:
     """Milliseconds of a fit by each variant on one thread, kernels warm: means of the first `count` photos.
 
@@ -192,7 +205,7 @@ def ablation_markdown(table: Mapping[str, Any]) -> str:
     return "\n".join(block.markdown() for block in ablation_blocks(table))
 
 
-def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
+def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     """The table of `run_ablations`: a block of errors, and one of differences to the default."""
     rows = table["variants"]
     metrics = list(rows[DEFAULT]["metrics"])
@@ -200,7 +213,7 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
     errors = [
         [
             row["title"],
-            *(f"{found['median']:.3g} ({found['mean']:.3g})" for found in row["metrics"].values()),
+            *(f"{summary['median']:.3g} ({summary['mean']:.3g})" for summary in row["metrics"].values()),
             f"{row['failure']['rate']:.1%}",
             f"{row['milliseconds']:.0f}",
         ]
@@ -213,14 +226,14 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[Block]:
     ]
     images = f"{table['count']} images, at most {table['max_occlusion']:.0%} hidden"
     header = ["", *titles, f"azimuth off by > {FAR_DEG:.0f}", "ms per fit"]
-    blocks = [Block(f"The default fit and its ablations: {images}; median (mean)", header, errors)]
+    blocks = [TableBlock(f"The default fit and its ablations: {images}; median (mean)", header, errors)]
     if differences:
         title = "Less the default: difference of medians, its paired 95 % interval; p of Wilcoxon's test"
-        blocks.append(Block(title, ["", *titles], differences))
+        blocks.append(TableBlock(title, ["", *titles], differences))
     return blocks
 
 
 def _difference(test: Mapping[str, Any]) -> str:
     low, high = test["ci95"]
-    p = f"p < {_LEAST_P:g}" if test["p"] < _LEAST_P else f"p = {test['p']:.2g}"
+    p = f"p < {_MIN_P:g}" if test["p"] < _MIN_P else f"p = {test['p']:.2g}"
     return f"{test['median_difference']:+.3g}, {p}\n[{low:+.3g}, {high:+.3g}]"

@@ -24,8 +24,8 @@ from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
-from vig_train.evaluation.fits import Fits, fit_all, key_of
-from vig_train.evaluation.framing import box_of_silhouette, fit_settings, framed
+from vig_train.evaluation.fits import Fits, cache_key, fit_all
+from vig_train.evaluation.framing import box_of_silhouette, fit_settings, frame_images
 from vig_train.evaluation.metrics import segmentation_iou
 from vig_train.training.calibration import WITHIN_90
 from vig_train.training.drawing import studio_examples
@@ -35,11 +35,11 @@ from vig_world.dataset import Dataset
 from vig_world.dataset.spec import Split
 from vig_world.raster.view import View
 
-RIGHT = math.radians(15.0)
-"""A view is right within this of azimuth."""
+MAX_RIGHT_ERROR = math.radians(15.0)
+"""Error of azimuth, radians, up to which a view counts as right."""
 PRECISION = 0.95
-"""Of trusted fits, at least this share is to be right."""
-AGAINST = (
+"""Least share of the trusted fits that is to be right."""
+NEGATIVE_FEATURES = (
     "hidden_fraction",
     "log_residual",
     "sine_elevation",
@@ -48,8 +48,9 @@ AGAINST = (
     "shape_deviation",
     "predicted_roll",
 )
-SIGNS = tuple(-1 if name in AGAINST else 1 for name in CONFIDENCE_FEATURES)
-"""Sign of each feature's weight: confidence must not grow with a worse fit, whatever the samples say."""
+"""Features that lower the confidence as they grow."""
+SIGNS = tuple(-1 if name in NEGATIVE_FEATURES else 1 for name in CONFIDENCE_FEATURES)
+"""Sign that a feature's weight may have: confidence must not grow with a worse fit, whatever the samples."""
 IN_DISTRIBUTION_FEATURES = (
     "mask_log_probability",
     "log_azimuth_entropy",
@@ -59,7 +60,7 @@ IN_DISTRIBUTION_FEATURES = (
     "predicted_roll",
     "outline_agreement",
 )
-"""Those that tell whether a photo is in distribution."""
+"""Features by which a photo is judged to be in distribution."""
 MASK_FEATURES = (
     "view_log_probability",
     "network_agrees",
@@ -72,26 +73,30 @@ MASK_FEATURES = (
     "presence_log_odds",
     "outline_agreement",
 )
-"""Those that tell whether a mask is right."""
-LEAST_SPREAD = 1e-3
-"""Standard deviation of a feature below which it says nothing: weights would be huge."""
+"""Features by which a mask is judged to be right."""
+MIN_FEATURE_DEVIATION = 1e-3
+"""Least standard deviation by which a feature is standardised: a constant one would get a huge weight."""
 FOLDS = 5
-LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
-LEAST_GROUP = 40
-"""Fits below which a group takes the deviations of all."""
-ALWAYS = 20.0
-"""Log odds of a photo being in distribution where no others were seen."""
-ROLLED_EVERY = 2
-"""Of the photos that can be, one in so many is also rolled: a photo out of distribution."""
-HIGHEST_ROLLED = math.radians(50.0)
-"""Elevation of the eye up to which a rolled photo is wrong: from above, it is one of another azimuth."""
-ABSENT = 0.45
+"""Folds of the cross-validation."""
+REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
+"""Limits of the ranges of confidence in the report."""
+MIN_GROUP = 40
+"""Number of fits below which a group takes the deviations of all fits."""
+CERTAIN_LOG_ODDS = 20.0
+"""Log odds of a photo being in distribution where the samples hold none out of distribution."""
+ROLL_STRIDE = 2
+"""One in so many photos from low elevations is also rolled, as a photo out of distribution."""
+MAX_ROLLED_ELEVATION = math.radians(50.0)
+"""Radians. A photo from below this elevation is out of distribution when rolled; one from above it looks like
+a photo of another azimuth."""
+ABSENT_SHARE = 0.45
 """Share of a studio's photos that show something else."""
-LEAST_ROLL = 20.0
-"""Degrees by which such photos are rolled at least, one way or the other."""
+MIN_ROLL_DEG = 20.0
+"""Least roll, degrees, of a photo out of distribution."""
 POSITION_PHOTOS = 300
 """Photos of a dataset on which positions are calibrated, at most."""
-GOLDEN = (math.sqrt(5) - 1) / 2
+GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
+"""Its multiples modulo one spread evenly (a Weyl sequence)."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +127,9 @@ class CalibrationSamples:
 
     def without(self, fold: int) -> CalibrationSamples:
         """The same less a fold."""
-        kept, kept_outside = self.fold != fold, self.out_of_distribution_fold != fold
+        kept_in, kept_out = self.fold != fold, self.out_of_distribution_fold != fold
         return CalibrationSamples(
-            **{n: a[kept_outside if n.startswith("out") else kept] for n, a in vars(self).items()}
+            **{n: a[kept_out if n.startswith("out") else kept_in] for n, a in vars(self).items()}
         )
 
 
@@ -147,13 +152,15 @@ class StudioPhotos:
     @staticmethod
     def draw(object_class: ObjectClass, split: Split, count: int, seed: int) -> tuple[StudioPhotos, Examples]:
         """The first `count` images of a seed, level ones of a split's designs; and those with the object."""
-        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT), split)
-        drawn = studio_examples(studio, seed, range(count))
-        shown = drawn.present() > 0
-        latents = latents_of(drawn.numbers, drawn.azimuth).to_vector().numpy()
-        images, visible = drawn.images.numpy(), drawn.visible.numpy() > 127
-        photos = StudioPhotos(images[shown], latents[shown], visible[shown], images[~shown])
-        return photos, drawn[shown]
+        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE), split)
+        examples = studio_examples(studio, seed, range(count))
+        shows_object = examples.present() > 0
+        latents = latents_of(examples.numbers, examples.azimuth).to_vector().numpy()
+        images, visible = examples.images.numpy(), examples.visible.numpy() > 127
+        photos = StudioPhotos(
+            images[shows_object], latents[shows_object], visible[shows_object], images[~shows_object]
+        )
+        return photos, examples[shows_object]
 
     def __len__(self) -> int:
         return len(self.images)
@@ -169,7 +176,7 @@ def calibrate_fits(
     cache: Path | None = None,
     processes: bool = False,
 ) -> tuple[FitCalibration, CalibrationSamples]:
-    """Fit all photos of datasets, each of which weighs the same whatever its size, and learn from the fits.
+    """Fit all photos of datasets, and learn a calibration on the fits; datasets weigh the same at any size.
 
     Args:
         datasets: Of the validation split; and photos of a studio.
@@ -177,37 +184,42 @@ def calibrate_fits(
         recognizer: Its network, calibrated.
         settings: Of the fits, which are made without calibration; as photos are fitted by default.
         workers: See `vig_train.evaluation.evaluate`, as for cache and processes.
-        advance: Is called with the number of fits made since the last call.
-        cache: Folder that keeps fits, so that a run that is stopped does not begin anew.
+        advance: Called with the number of fits made since the last call.
+        cache: Folder that keeps fits, so that an interrupted run resumes.
         processes: Whether workers are processes.
 
     Returns:
         The calibration, and the samples that it was learned on.
     """
-    plain = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
+    uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
     workers = workers or os.cpu_count() or 1
 
-    def fitted(images: np.ndarray, name: str, how: ExplainSettings) -> Fits:
-        key = key_of(recognizer, object_class, how)
+    def fitted(images: np.ndarray, name: str, photo_settings: ExplainSettings) -> Fits:
+        key = cache_key(recognizer, object_class, photo_settings)
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         folder = None if cache is None else cache / name
         predicted = recognizer(photos)
-        return fit_all(images, photos, predicted, object_class, how, workers, advance, folder, key, processes)
+        return fit_all(
+            images, photos, predicted, object_class, photo_settings, workers, advance, folder, key, processes
+        )
 
     parts = []
     for dataset in datasets:
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         if isinstance(dataset, StudioPhotos):
-            images, visible, how = dataset.images, dataset.visible, plain.filled(photo=True)
+            images, visible, photo_settings = dataset.images, dataset.visible, uncalibrated.filled(photo=True)
             photos, origin = dataset.others, np.arange(len(dataset.others))
         else:
-            (images, visible), how = framed(dataset, recognizer), fit_settings(plain, dataset)
-            origin = to_roll(dataset)
-            photos = rolled(images[origin], roll_angles(len(origin)))
-        fits = fitted(images, name, how)
+            (images, visible), photo_settings = (
+                frame_images(dataset, recognizer),
+                fit_settings(uncalibrated, dataset),
+            )
+            origin = photos_to_roll(dataset)
+            photos = roll_photos(images[origin], roll_angles(len(origin)))
+        fits = fitted(images, name, photo_settings)
         rolled_features = fits.confidence_features[:0]
         if len(origin):
-            rolled_features = fitted(photos, name + "_outside", how).confidence_features
+            rolled_features = fitted(photos, name + "_outside", photo_settings).confidence_features
         symmetry = object_class.symmetry
         parts.append(samples_of(fits, dataset, visible, origin, rolled_features, symmetry))
     samples = CalibrationSamples(
@@ -216,36 +228,36 @@ def calibrate_fits(
     return learn(samples), samples
 
 
-def low(dataset: Dataset | StudioPhotos) -> np.ndarray:
-    """Indices of the photos of a dataset from below `HIGHEST_ROLLED`."""
+def low_views(dataset: Dataset | StudioPhotos) -> np.ndarray:
+    """Indices of the photos of a dataset from below `MAX_ROLLED_ELEVATION`."""
     elevation = dataset.latents[:, layout_of_width(dataset.latents.shape[1]).at("elevation")]
-    return np.flatnonzero(elevation < HIGHEST_ROLLED)
+    return np.flatnonzero(elevation < MAX_ROLLED_ELEVATION)
 
 
-def to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
+def photos_to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
     """Indices (M,) of the photos of a dataset that are rolled as well."""
-    return low(dataset)[::ROLLED_EVERY]
+    return low_views(dataset)[::ROLL_STRIDE]
 
 
 def roll_angles(count: int) -> np.ndarray:
-    """Degrees (count,) of `LEAST_ROLL` or more either way, spread evenly, and each few of them, too."""
-    return LEAST_ROLL + (np.arange(count) * GOLDEN) % 1 * (360 - 2 * LEAST_ROLL)
+    """Degrees (count,) of `MIN_ROLL_DEG` or more either way, of which each subsequence is spread evenly."""
+    return MIN_ROLL_DEG + (np.arange(count) * GOLDEN_RATIO) % 1 * (360 - 2 * MIN_ROLL_DEG)
 
 
-def rolled(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-    """Photos (M, H, W, 3) uint8, each rolled about its centre; at the corners the photo comes in mirrored."""
-    turned = [
+def roll_photos(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:
+    """Photos (M, H, W, 3) uint8, each rolled about its centre; the corners are filled by reflection."""
+    rolled = [
         rotate(image, angle, (0, 1), reshape=False, order=1, mode="mirror")
         for image, angle in zip(images, degrees, strict=True)
     ]
-    return np.stack(turned) if turned else images
+    return np.stack(rolled) if rolled else images
 
 
-def fits_of(dataset: Dataset | StudioPhotos) -> int:
+def fit_count(dataset: Dataset | StudioPhotos) -> int:
     """How many fits `calibrate_fits` makes of a dataset."""
     if isinstance(dataset, StudioPhotos):
         return len(dataset) + len(dataset.others)
-    return len(dataset) + len(to_roll(dataset))
+    return len(dataset) + len(photos_to_roll(dataset))
 
 
 def samples_of(
@@ -272,7 +284,7 @@ def samples_of(
     true = symmetry.nearest(true, torch.from_numpy(fits.latents[:, azimuth]))
     error = fits.latents.astype(np.float64) - true.to_vector().numpy()
     error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
-    right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < RIGHT
+    right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < MAX_RIGHT_ERROR
     weight = np.full(len(right), 1 / len(right))
     deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
     features, mask_right = fits.confidence_features, segmentation_iou(fits.masks, visible) >= MASK_RIGHT
@@ -282,22 +294,22 @@ def samples_of(
 
 
 def learn(samples: CalibrationSamples) -> FitCalibration:
-    """The calibration that holds on samples; the threshold is chosen out of sample, by folds."""
+    """Learn a calibration on samples; the thresholds are chosen out of sample, by folds."""
     weights, bias = logistic(samples.features, samples.right, samples.weight)
-    in_distribution_weights, in_distribution_bias = _in_distribution(samples)
-    mask_weights, mask_bias = _mask(samples)
+    in_distribution_weights, in_distribution_bias = _in_distribution_weights(samples)
+    mask_weights, mask_bias = _mask_weights(samples)
     confidence, mask_confidence, _ = out_of_fold(samples)
-    threshold = least_threshold(confidence, samples.right, samples.weight)
-    mask_threshold = least_threshold(mask_confidence, samples.mask_right, samples.weight)
+    threshold = lowest_threshold(confidence, samples.right, samples.weight)
+    mask_threshold = lowest_threshold(mask_confidence, samples.mask_right, samples.weight)
     trusted = confidence >= threshold
     noise = residual(torch.from_numpy(samples.features)).numpy()
     scale, floor = np.empty((2, 2, samples.error.shape[1]))
     for row, group in enumerate((trusted, ~trusted)):
-        chosen = group if group.sum() >= LEAST_GROUP else np.ones_like(group)
+        chosen = group if group.sum() >= MIN_GROUP else np.ones_like(group)
         for latent in range(samples.error.shape[1]):
             error = samples.error[chosen, latent] / noise[chosen]
             deviation, weight = samples.deviation[chosen, latent], samples.weight[chosen]
-            scale[row, latent], floor[row, latent] = widening(error, deviation, weight)
+            scale[row, latent], floor[row, latent] = deviation_scale_and_floor(error, deviation, weight)
     return FitCalibration(
         torch.from_numpy(weights),
         bias,
@@ -312,7 +324,7 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
     )
 
 
-def with_positions(
+def calibrate_positions(
     calibration: FitCalibration,
     datasets: Sequence[Dataset | StudioPhotos],
     object_class: ObjectClass,
@@ -323,7 +335,7 @@ def with_positions(
     """The calibration with `position` learned on photographs whose cameras are known, boxes given.
 
     Args:
-        calibration: Says which fits are trusted.
+        calibration: Decides which fits are trusted.
         datasets: Those of the world "photo" are used, `count` photos of each at most; without one the
             calibration stays as it is.
         object_class: What they show.
@@ -331,39 +343,41 @@ def with_positions(
         count: See there.
         advance: Is called with 1 for each photo.
     """
-    photographs = [each for each in datasets if isinstance(each, Dataset) and each.world == "photo"]
+    photographs = [
+        dataset for dataset in datasets if isinstance(dataset, Dataset) and dataset.world == "photo"
+    ]
     if not photographs:
         return calibration
     explainer = Explainer(object_class, ExplainSettings(calibration=calibration), recognizer=recognizer)
     explained = [
         posed
         for dataset in photographs
-        for posed in _posed(dataset.first(count), object_class, explainer, advance)
+        for posed in _explained_photos(dataset.first(count), object_class, explainer, advance)
     ]
-    if len(explained) < LEAST_GROUP:
+    if len(explained) < MIN_GROUP:
         return calibration
-    errors, stated = np.array([position_error(*each) for each in explained]).transpose(1, 0, 2)
+    errors, stated = np.array([position_error(*posed) for posed in explained]).transpose(1, 0, 2)
     trusted = np.array([explanation.verdict is Verdict.TRUSTED for explanation, _ in explained])
     position = np.empty((2, 3))
     for row, group in enumerate((trusted, ~trusted)):
-        chosen = group if group.sum() >= LEAST_GROUP else np.ones_like(group)
-        # The variance that is missing from the curvature's where 90 % of the errors are to lie within.
+        chosen = group if group.sum() >= MIN_GROUP else np.ones_like(group)
+        # The variance to add to the curvature's so that 90 % of errors lie within the 90 % interval.
         missing = (errors[chosen] / WITHIN_90) ** 2 - stated[chosen] ** 2
         position[row] = np.sqrt(np.quantile(missing, 0.9, axis=0).clip(0.0))
     return replace(calibration, position=torch.from_numpy(position))
 
 
-def _posed(
+def _explained_photos(
     dataset: Dataset, object_class: ObjectClass, explainer: Explainer, advance: Callable[[int], None]
 ) -> Iterator[tuple[Explanation, np.ndarray]]:
     """Photos explained with their boxes and cameras, and the true poses (4, 4); others are passed over."""
-    for image, whole, spec in zip(dataset.images, dataset.amodal, dataset.specs(), strict=True):
+    for image, silhouette, spec in zip(dataset.images, dataset.amodal, dataset.specs(), strict=True):
         view = View.of_scene(spec, object_class)
         camera = view.camera.focal, view.camera.focal, view.camera.cx, view.camera.cy
         true = np.eye(4)
         true[:3, :3], true[:3, 3] = view.rotation, view.translation
         advance(1)
-        if (box := box_of_silhouette(whole)) is not None:
+        if (box := box_of_silhouette(silhouette)) is not None:
             yield explainer.explain(image, box, camera=camera), true
 
 
@@ -384,23 +398,25 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
 
     Each is by a calibration on the other folds.
     """
-    count, outside = len(samples.features), len(samples.out_of_distribution)
-    found = np.empty(count), np.empty(count), np.empty(outside)
+    count, outside_count = len(samples.features), len(samples.out_of_distribution)
+    confidences = np.empty(count), np.empty(count), np.empty(outside_count)
     for fold in range(FOLDS):
-        others = samples.without(fold)
-        view, mask = logistic(others.features, others.right, others.weight), _mask(others)
-        known = _in_distribution(others)
+        training = samples.without(fold)
+        view, mask = logistic(training.features, training.right, training.weight), _mask_weights(training)
+        in_distribution = _in_distribution_weights(training)
         inside = samples.features, samples.fold == fold
-        rolled = samples.out_of_distribution, samples.out_of_distribution_fold == fold
-        for confidence, right, (features, here) in zip(
-            found, (view, mask, view), (inside, inside, rolled), strict=True
+        outside_distribution = samples.out_of_distribution, samples.out_of_distribution_fold == fold
+        for confidence, right_model, (features, in_fold) in zip(
+            confidences, (view, mask, view), (inside, inside, outside_distribution), strict=True
         ):
-            two = (torch.from_numpy(expit(features[here] @ w + b)) for w, b in (right, known))
-            confidence[here] = faded(*two).numpy()
-    return found
+            probabilities = (
+                torch.from_numpy(expit(features[in_fold] @ w + b)) for w, b in (right_model, in_distribution)
+            )
+            confidence[in_fold] = faded(*probabilities).numpy()
+    return confidences
 
 
-def _mask(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+def _mask_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
     """Weights (C,) and bias for a mask being right."""
     weights = np.zeros(len(CONFIDENCE_FEATURES))
     used = [CONFIDENCE_FEATURES.index(name) for name in MASK_FEATURES]
@@ -409,22 +425,22 @@ def _mask(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
     return weights, bias
 
 
-def _in_distribution(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+def _in_distribution_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
     """Weights (C,) and bias for a photo being in distribution; both groups weigh the same."""
     weights = np.zeros(len(CONFIDENCE_FEATURES))
     if not len(samples.out_of_distribution):
-        return weights, ALWAYS
+        return weights, CERTAIN_LOG_ODDS
     used = [CONFIDENCE_FEATURES.index(name) for name in IN_DISTRIBUTION_FEATURES]
     features = np.concatenate([samples.features, samples.out_of_distribution])[:, used]
-    known = np.arange(len(features)) < len(samples.features)
+    is_in_distribution = np.arange(len(features)) < len(samples.features)
     share = np.full(len(samples.out_of_distribution), 1 / len(samples.out_of_distribution))
     weight = np.concatenate([samples.weight / samples.weight.sum(), share])
-    weights[used], bias = logistic(features, known, weight, [SIGNS[index] for index in used])
+    weights[used], bias = logistic(features, is_in_distribution, weight, [SIGNS[index] for index in used])
     return weights, bias
 
 
 def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[str]:
-    """Lines on how confidence holds, of each fit by a calibration on the other folds."""
+    """Lines on the confidence's reliability out of sample: each fit by a calibration on the other folds."""
     confidence, mask_confidence, rolled_confidence = out_of_fold(samples)
     trusted = confidence >= calibration.threshold
     right = f", of which {samples.right[trusted].mean():.1%} are right" if trusted.any() else ""
@@ -432,24 +448,26 @@ def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[s
         f"{len(trusted)} fits, {samples.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
         f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
     ]
-    sure = mask_confidence >= calibration.mask_threshold
-    right = f", of which {samples.mask_right[sure].mean():.1%} are right" if sure.any() else ""
+    mask_trusted = mask_confidence >= calibration.mask_threshold
+    right = (
+        f", of which {samples.mask_right[mask_trusted].mean():.1%} are right" if mask_trusted.any() else ""
+    )
     lines.append(
         f"{samples.mask_right.mean():.1%} of masks have an IoU of {MASK_RIGHT} or more; trusted from"
-        f" {calibration.mask_threshold:.3f}: {sure.mean():.1%}{right}"
+        f" {calibration.mask_threshold:.3f}: {mask_trusted.mean():.1%}{right}"
     )
     if len(rolled_confidence):
-        share = (rolled_confidence >= calibration.threshold).mean()
+        trusted_share = (rolled_confidence >= calibration.threshold).mean()
         lines.append(
-            f"{len(rolled_confidence)} fits of photos rolled or without the object, of which {share:.1%}"
-            " are trusted"
+            f"{len(rolled_confidence)} fits of photos rolled or without the object, of which"
+            f" {trusted_share:.1%} are trusted"
         )
-    for low, high in zip(LEVELS[:-1], LEVELS[1:], strict=True):
-        here = (confidence >= low) & (confidence < high)
-        if here.any():
+    for low, high in zip(REPORTED_LEVELS[:-1], REPORTED_LEVELS[1:], strict=True):
+        in_range = (confidence >= low) & (confidence < high)
+        if in_range.any():
             lines.append(
-                f"confidence {low:.2f} to {min(high, 1.0):.2f}: {here.sum()} fits, mean"
-                f" {confidence[here].mean():.3f}, right {samples.right[here].mean():.3f}"
+                f"confidence {low:.2f} to {min(high, 1.0):.2f}: {in_range.sum()} fits, mean"
+                f" {confidence[in_range].mean():.3f}, right {samples.right[in_range].mean():.3f}"
             )
     return lines
 
@@ -458,27 +476,29 @@ def logistic(
     features: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
 ) -> tuple[np.ndarray, float]:
     """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on features."""
-    mean, deviation = features.mean(0), np.maximum(features.std(0), LEAST_SPREAD)
+    mean, deviation = features.mean(0), np.maximum(features.std(0), MIN_FEATURE_DEVIATION)
     standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)
 
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
         margin = sign * (standard @ parameters[:-1] + parameters[-1])
-        pull = -sign * weight / (1 + np.exp(margin))
-        gradient = np.append(standard.T @ pull + 1e-3 * weight.sum() * parameters[:-1], pull.sum())
+        loss_slope = -sign * weight / (1 + np.exp(margin))
+        gradient = np.append(
+            standard.T @ loss_slope + 1e-3 * weight.sum() * parameters[:-1], loss_slope.sum()
+        )
         penalty = 0.5e-3 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
         return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
 
-    bounds = [(0.0, None) if side > 0 else (None, 0.0) for side in signs] + [(None, None)]
-    found = minimize(loss, np.zeros(features.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
-    weights = found[:-1] / deviation
-    return weights, float(found[-1] - weights @ mean)
+    bounds = [(0.0, None) if sign_bound > 0 else (None, 0.0) for sign_bound in signs] + [(None, None)]
+    optimum = minimize(loss, np.zeros(features.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
+    weights = optimum[:-1] / deviation
+    return weights, float(optimum[-1] - weights @ mean)
 
 
-def least_threshold(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
-    """The lowest confidence from which on at least `PRECISION` of the fits are right, less a standard error.
+def lowest_threshold(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
+    """The lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
-    The error is that of the share itself, of so many fits as the weights stand for (Kish 1965): the lowest
-    confidence that happens to do would be too low for other photos.
+    The standard error is sqrt(p (1 - p) / n), n the effective number of fits under the weights (Kish 1965).
+    Without it, the threshold chosen on these fits would be too low for other photos.
     """
     order = np.argsort(-confidence)
     total = np.cumsum(weight[order])
@@ -488,13 +508,19 @@ def least_threshold(confidence: np.ndarray, right: np.ndarray, weight: np.ndarra
     return float(confidence[order][enough[-1]]) if len(enough) else 1.0
 
 
-def widening(error: np.ndarray, deviation: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """scale and floor so that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2), at least width."""
-    needed = np.abs(error) / WITHIN_90
+def deviation_scale_and_floor(
+    error: np.ndarray, deviation: np.ndarray, weight: np.ndarray
+) -> tuple[float, float]:
+    """scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
+
+    Of all such pairs that of least mean width is taken. The floor is searched over quantiles of the errors;
+    the scale follows from it.
+    """
+    required_deviation = np.abs(error) / WITHIN_90
     best = (math.inf, 1.0, 0.0)
     for level in np.linspace(0, 0.85, 18):
-        floor = _quantile(needed, weight, level) if level else 0.0
-        squares = np.maximum(0.0, needed**2 - floor**2) / np.maximum(deviation, 1e-12) ** 2
+        floor = _quantile(required_deviation, weight, level) if level else 0.0
+        squares = np.maximum(0.0, required_deviation**2 - floor**2) / np.maximum(deviation, 1e-12) ** 2
         scale = math.sqrt(_quantile(squares, weight, 0.9))
         width = float(np.average(np.sqrt((scale * deviation) ** 2 + floor**2), weights=weight))
         if width < best[0]:

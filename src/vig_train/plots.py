@@ -61,7 +61,7 @@ class TrainingLog:
         row |= {f"train_{name}": f"{value:.6g}" for name, value in epoch.trained.items()}
         row |= {f"held_out_{name}": f"{value:.6g}" for name, value in epoch.validated.items()}
         row |= {name: f"{value:.6g}" for name, value in epoch.errors.items()}
-        self.rows = [old for old in self.rows if int(old["epoch"]) < epoch.number] + [row]
+        self.rows = [earlier for earlier in self.rows if int(earlier["epoch"]) < epoch.number] + [row]
         with atomic_write(self.folder / "log.csv") as temporary, open(temporary, "w", newline="") as file:
             writer = csv.DictWriter(file, list(row))
             writer.writeheader()
@@ -96,24 +96,25 @@ def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
     Where logits (N, bins) are calibrated, it is uniform over [0, 1].
     """
     probability = logits.softmax(1)
-    own = probability.gather(1, azimuth_bins(azimuth, logits.shape[1])[:, None])
+    true_share = probability.gather(1, azimuth_bins(azimuth, logits.shape[1])[:, None])
     # Half of the true bin's own share counts: it lies anywhere within it.
-    return (probability * (probability > own)).sum(1) + 0.5 * own[:, 0]
+    return (probability * (probability > true_share)).sum(1) + 0.5 * true_share[:, 0]
 
 
 def describe_calibration(result: CalibrationResult) -> str:
     """One line on how well uncertainties held before and after."""
-    made, logits = result.calibration, result.azimuth_logits
+    calibration, logits = result.calibration, result.azimuth_logits
     before, after = (
         float((view_levels(scaled, result.azimuth) <= 0.9).float().mean())
-        for scaled in (logits, logits / made.azimuth_temperature)
+        for scaled in (logits, logits / calibration.azimuth_temperature)
     )
     within = (result.standard_errors.abs() < WITHIN_90).float().mean(0)
     return (
-        f"calibrated on {len(logits)} images: temperature of azimuth {made.azimuth_temperature:.2f}"
+        f"calibrated on {len(logits)} images: temperature of azimuth {calibration.azimuth_temperature:.2f}"
         f" (90 % regions of {logits.shape[1]} bins hold {before:.1%} before, {after:.1%} after), of the mask"
-        f" {made.mask_temperature:.2f}; 90 % intervals held {within.min():.1%} to {within.max():.1%} of the"
-        f" numbers, deviations are multiplied by {made.deviation.min():.2f} to {made.deviation.max():.2f}"
+        f" {calibration.mask_temperature:.2f}; 90 % intervals held {within.min():.1%} to {within.max():.1%}"
+        f" of the numbers, deviations are multiplied by {calibration.deviation.min():.2f} to"
+        f" {calibration.deviation.max():.2f}"
     )
 
 
@@ -122,11 +123,11 @@ def plot_reliability(path: Path, result: CalibrationResult) -> None:
     with optional_import("world"):
         from matplotlib.figure import Figure
 
-    made, errors = result.calibration, result.standard_errors
+    calibration, errors = result.calibration, result.standard_errors
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     stated = torch.linspace(0, 1, 51)
-    for name, temperature in (("as trained", 1.0), ("calibrated", made.azimuth_temperature)):
+    for name, temperature in (("as trained", 1.0), ("calibrated", calibration.azimuth_temperature)):
         levels = view_levels(result.azimuth_logits / temperature, result.azimuth)
         left.plot(stated, (levels <= stated[:, None]).float().mean(1), label=name)
     left.set_title("azimuth")
@@ -134,10 +135,10 @@ def plot_reliability(path: Path, result: CalibrationResult) -> None:
     layout = layout_of_numbers(errors.shape[1])
     for number, name in enumerate(("elevation", "shape", "albedo", "light")):
         group = layout[name]
-        for factor, style in ((torch.ones(()), ":"), (made.deviation[group], "-")):
-            off = (errors[:, group] / factor).abs().flatten()
-            held = (off <= reach[:, None]).float().mean(1)
-            right.plot(stated, held, style, color=f"C{number}", label=name if style == "-" else None)
+        for factor, style in ((torch.ones(()), ":"), (calibration.deviation[group], "-")):
+            error = (errors[:, group] / factor).abs().flatten()
+            observed = (error <= reach[:, None]).float().mean(1)
+            right.plot(stated, observed, style, color=f"C{number}", label=name if style == "-" else None)
     right.set_title("numbers: dotted as trained, solid calibrated")
     for panel in (left, right):
         panel.plot([0, 1], [0, 1], color="grey", linewidth=0.8)

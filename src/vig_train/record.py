@@ -18,8 +18,8 @@ from vig.io.files import atomic_write
 FORMAT_VERSION = 1
 
 
-class Settings(Protocol):
-    """What a run must be gone on with."""
+class RunSettings(Protocol):
+    """Settings that must be the same when a run resumes."""
 
     def to_json(self) -> dict[str, Any]: ...
 
@@ -37,16 +37,16 @@ class Record:
         self.path, self.data = path, data
 
     @staticmethod
-    def open(path: Path, settings: Settings, machine: Mapping[str, Any], command: str) -> Record:
+    def open(path: Path, settings: RunSettings, machine: Mapping[str, Any], command: str) -> Record:
         """Read the record at `path`, or begin one.
 
         Raises:
             UserError: The record is of other settings or damaged, or the folder holds other things.
         """
-        wanted = settings.to_json()
+        requested = settings.to_json()
         if path.exists():
             record = Record(path, read_record(path))
-            _refuse_other(path.parent, record.data["settings"], wanted)
+            _refuse_other(path.parent, record.data["settings"], requested)
             return record
         if path.parent.exists() and not path.parent.is_dir():
             raise UserError(f"expected a folder for the run; '{path.parent}' is a file. Choose another name.")
@@ -56,7 +56,7 @@ class Record:
                 " files. Choose another."
             )
         begun = {"vig_run": FORMAT_VERSION, "vig": __version__, "command": command}
-        record = Record(path, begun | {"machine": dict(machine), "settings": wanted, "steps": {}})
+        record = Record(path, begun | {"machine": dict(machine), "settings": requested, "steps": {}})
         record._save()
         return record
 
@@ -69,13 +69,13 @@ class Record:
         return float(self._step(step)["seconds"])
 
     def forget(self, steps: list[str]) -> None:
-        """Mark steps as not complete, since what they take is made again."""
+        """Mark steps as not complete, since their inputs are made again."""
         for step in steps:
             if step in self.data["steps"]:
                 self.data["steps"][step]["complete"] = False
         self._save()
 
-    def renew(self, settings: Settings, steps: list[str]) -> None:
+    def renew(self, settings: RunSettings, steps: list[str]) -> None:
         """Go on with other settings, `steps` being as if never begun."""
         self.data["settings"] = settings.to_json()
         for step in steps:
@@ -108,24 +108,27 @@ def read_record(path: Path) -> dict[str, Any]:
     """Read run.json. Raises UserError when it is missing, damaged, or of another format."""
     with reading(path, "the record of a run", "Choose another folder."):
         data: dict[str, Any] = decode(dict[str, Any], read_json(path))
-        version, whole = data["vig_run"], {"vig", "command", "machine", "settings", "steps"} <= data.keys()
-        if version == FORMAT_VERSION and whole:
+        version, is_complete = (
+            data["vig_run"],
+            {"vig", "command", "machine", "settings", "steps"} <= data.keys(),
+        )
+        if version == FORMAT_VERSION and is_complete:
             decode(dict[str, Any], data["settings"])
             for step in decode(dict[str, dict[str, Any]], data["steps"]).values():
                 for name, kind in {"complete": bool, "seconds": float, "sittings": int}.items():
                     decode(kind, step[name])
-    if version != FORMAT_VERSION or not whole:
+    if version != FORMAT_VERSION or not is_complete:
         raise UserError(f"'{path}' is of another version of vig, or damaged; choose another folder.")
     return data
 
 
-def _refuse_other(folder: Path, held: dict[str, Any], wanted: dict[str, Any]) -> None:
+def _refuse_other(folder: Path, recorded: dict[str, Any], requested: dict[str, Any]) -> None:
     """Raise UserError that names the first setting in which two runs differ."""
-    for name in wanted | held:
-        if held.get(name) != wanted.get(name):
-            was, now = (_text(each.get(name)) for each in (held, wanted))
+    for name in requested | recorded:
+        if recorded.get(name) != requested.get(name):
+            old, new = (_text(settings.get(name)) for settings in (recorded, requested))
             raise UserError(
-                f"'{folder}' holds a run with {name.replace('_', ' ')} {was}; {now} was asked for."
+                f"'{folder}' holds a run with {name.replace('_', ' ')} {old}; {new} was asked for."
                 " Choose another folder or the same settings."
             )
 

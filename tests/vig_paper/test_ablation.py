@@ -83,7 +83,7 @@ def table(
     """A few variants of a fit that hardly looks; the second run finds every fit in the cache."""
     cache, tables = tmp_path_factory.mktemp("ablated"), []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ablation, "timed", lambda *given: dict.fromkeys(given[-1], 7.0))
+        patch.setattr(ablation, "time_variants", lambda *given: dict.fromkeys(given[-1], 7.0))
         for _ in range(2):
             told: list[int] = []
             given = (dataset, teapot, Recognizer(weights), cache, FITTED, 1, told.append, quick)
@@ -129,7 +129,7 @@ def test_fits_are_timed_by_variant(
     """Twelve times the steps take longer than one does."""
     stages = {"short": (Stage(4, 1, tolerance=0.0),), "long": (Stage(4, 12, tolerance=0.0),)}
     chosen = {name: replace(quick, stages=given) for name, given in stages.items()}
-    milliseconds = ablation.timed(dataset, teapot, Recognizer(weights), chosen, count=2)
+    milliseconds = ablation.time_variants(dataset, teapot, Recognizer(weights), chosen, count=2)
     assert 0 < 1.5 * milliseconds["short"] < milliseconds["long"]
 
 

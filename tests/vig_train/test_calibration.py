@@ -26,18 +26,18 @@ from vig_train.calibration import (
     PRECISION,
     CalibrationSamples,
     calibrate_fits,
+    calibrate_positions,
     describe,
-    fits_of,
+    deviation_scale_and_floor,
+    fit_count,
     learn,
-    least_threshold,
     logistic,
+    lowest_threshold,
     out_of_fold,
+    photos_to_roll,
     roll_angles,
-    rolled,
+    roll_photos,
     samples_of,
-    to_roll,
-    widening,
-    with_positions,
 )
 from vig_train.evaluation.fits import Fits
 from vig_world.dataset import Dataset
@@ -136,7 +136,7 @@ def test_a_floor_is_found_where_small_deviations_mean_nothing() -> None:
     rng = np.random.default_rng(1)
     deviation = 10 ** rng.uniform(-4, 0, 4000)
     error = rng.normal(size=4000) * np.hypot(deviation, 0.5)
-    scale, floor = widening(error, deviation, ALIKE)
+    scale, floor = deviation_scale_and_floor(error, deviation, ALIKE)
     assert 0.3 < floor < 0.7
     held = np.abs(error) <= 1.6449 * np.hypot(scale * deviation, floor)
     assert held.mean() == pytest.approx(0.9, abs=0.005)
@@ -146,7 +146,7 @@ def test_a_floor_is_found_where_small_deviations_mean_nothing() -> None:
 
 def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     right = np.zeros(100, dtype=bool)
-    assert least_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
+    assert lowest_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
 
 
 def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
@@ -165,12 +165,12 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
         verdict = Verdict.AMBIGUOUS if row else Verdict.TRUSTED
         posed.append((replace(explanation, fit=replace(explanation.fit, verdict=verdict)), true))
     # The fit's own deviations are small beside these.
-    monkeypatch.setattr("vig_train.calibration._posed", lambda *given: iter(posed))
+    monkeypatch.setattr("vig_train.calibration._explained_photos", lambda *given: iter(posed))
     photographs = SimpleNamespace(world="photo", first=lambda count: None)
     monkeypatch.setattr("vig_train.calibration.Dataset", SimpleNamespace)
-    calibration = with_positions(learn(samples), [photographs], explanation.object_class, object())
+    calibration = calibrate_positions(learn(samples), [photographs], explanation.object_class, object())
     np.testing.assert_allclose(calibration.position.numpy(), drawn, rtol=0.2)
-    assert torch.equal(with_positions(learn(samples), [], None, None).position, learn(samples).position)
+    assert torch.equal(calibrate_positions(learn(samples), [], None, None).position, learn(samples).position)
 
 
 def test_a_calibration_is_read_as_it_was_written(samples: CalibrationSamples, tmp_path: Path) -> None:
@@ -199,14 +199,14 @@ def test_photos_are_rolled_but_those_from_above() -> None:
     """From above a rolled photo is a photo of another azimuth, and nothing is wrong with it."""
     latents = np.zeros((9, 24), np.float32)
     latents[[0, 4], 11] = math.radians(80)
-    assert to_roll(cast(Dataset, SimpleNamespace(latents=latents))).tolist() == [1, 3, 6, 8]
+    assert photos_to_roll(cast(Dataset, SimpleNamespace(latents=latents))).tolist() == [1, 3, 6, 8]
 
 
 def test_a_rolled_photo_is_the_photo_turned_by_a_good_angle_about_its_centre() -> None:
     y, x = np.mgrid[:61, :61] - 30.0
     spot = np.exp(-((x - 12) ** 2 + y**2) / 8)  # at the right, 12 pixels from the centre
     images = np.repeat((255 * spot).astype(np.uint8)[None, :, :, None], 40, 0).repeat(3, 3)
-    found = rolled(images, roll_angles(40))
+    found = roll_photos(images, roll_angles(40))
     assert found.shape == images.shape and found.dtype == np.uint8
     mass = found[..., 0].astype(float)
     to = np.degrees(np.arctan2((mass * y).sum((1, 2)), (mass * x).sum((1, 2))))
@@ -310,8 +310,8 @@ def test_the_threshold_is_learned_out_of_sample(samples: CalibrationSamples) -> 
     )
     learned = learn(none)
     in_sample = np.array([learned.confidence(row) for row in torch.from_numpy(features)])
-    assert learned.threshold == least_threshold(out_of_fold(none)[0], none.right, none.weight)
-    assert learned.threshold != least_threshold(in_sample, none.right, none.weight)
+    assert learned.threshold == lowest_threshold(out_of_fold(none)[0], none.right, none.weight)
+    assert learned.threshold != lowest_threshold(in_sample, none.right, none.weight)
 
 
 @pytest.fixture(scope="module")
@@ -334,7 +334,7 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
         return calibrate_fits(two, teapot, recognizer, given, 1, told.append, tmp_path)
 
     learned, found = made()
-    assert sum(told) == sum(map(fits_of, two)) and fits_of(dataset) == 4 + len(to_roll(dataset))
+    assert sum(told) == sum(map(fit_count, two)) and fit_count(dataset) == 4 + len(photos_to_roll(dataset))
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
     said = recognizer(photos)
     plain = [
@@ -349,11 +349,11 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     truth = np.concatenate([dataset.latents, dataset.latents[:2]])
     off = np.stack([fit.latents.to_vector()[0] for fit in twice])[:, 10] - truth[:, 10]
     assert found.right.tolist() == (np.abs(np.degrees((off + np.pi) % (2 * np.pi) - np.pi)) < 15).tolist()
-    origin = np.concatenate([to_roll(each) for each in two])
+    origin = np.concatenate([photos_to_roll(each) for each in two])
     assert len(found.out_of_distribution) == len(origin) > 0
     np.testing.assert_array_equal(found.out_of_distribution_fold, origin % 5)
-    first = to_roll(dataset)[:1]
-    turned = rolled(dataset.images[first], roll_angles(len(to_roll(dataset)))[:1])
+    first = photos_to_roll(dataset)[:1]
+    turned = roll_photos(dataset.images[first], roll_angles(len(photos_to_roll(dataset)))[:1])
     turned_photo = torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()
     fit = explain_one(turned_photo[0], recognizer(turned_photo), teapot, replace(quick, calibrated=False))
     np.testing.assert_allclose(found.out_of_distribution[0], fit.confidence_features, rtol=1e-4, atol=1e-6)

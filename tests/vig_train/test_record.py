@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig_paper.reproduction import Record, Settings, read_record
+from vig_paper.reproduction import Record, ReproductionSettings, read_record
 
 
 def opened(folder: Path, **chosen) -> Record:
-    return Record.open(folder / "run.json", Settings.of("tiny", **chosen), {"cpus": 2}, "vig reproduce")
+    return Record.open(
+        folder / "run.json", ReproductionSettings.of("tiny", **chosen), {"cpus": 2}, "vig reproduce"
+    )
 
 
 def test_settings_and_machine_are_recorded(tmp_path: Path) -> None:

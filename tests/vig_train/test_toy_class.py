@@ -19,8 +19,6 @@ from vig.io.errors import UserError
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, Symmetry
 from vig_train.calibration import calibrate_fits
-from vig_train.cli.settings import Train
-from vig_train.cli.train import train as train_command
 from vig_train.evaluation import evaluate
 from vig_train.training import TrainingSettings, calibrate_network, train
 from vig_train.training.studio import WHOLE, Studio, StudioSettings
@@ -128,14 +126,6 @@ def test_zones_that_no_room_has_are_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="places of class 'fin' among cooking, .*; got 'moon'. Correct"):
         make_dataset(tmp_path, 1, 0, workers=1, progress=False, object_class=one)
     assert not any(tmp_path.iterdir())
-
-
-def test_the_papers_network_is_refused_for_a_class_with_symmetry(pack: Path) -> None:
-    if ObjectClass.load(pack).symmetry is Symmetry.NONE:
-        return
-    settings = Train((pack / "photos",), pack / "paper", object_class=str(pack), net="paper")
-    with pytest.raises(UserError, match="knows no symmetry"):
-        train_command(settings)
 
 
 def test_props_that_are_named_like_a_class_are_left_out() -> None:

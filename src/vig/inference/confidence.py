@@ -11,7 +11,7 @@ from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import UNIFORM_TURN, ExplainSettings, Fit, Verdict, View
-from vig.likelihood import PixelModel, SpatialModel, spatial_posterior
+from vig.likelihood import PixelModel, spatial_posterior
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout
 
@@ -141,8 +141,8 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
     decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
     posterior = posterior + (1 - posterior) * decorated.to(posterior)
     by_pixel = visible = torch.where(amodal, posterior, 0.0)
-    if isinstance(model, SpatialModel):
-        visible = spatial_posterior(observed, rendered, log_prior, amodal, model, decorated)
+    if model.mask is not None:
+        visible = spatial_posterior(observed, rendered, log_prior, amodal, model.mask, decorated)
     images = (observed, rendered, coverage, by_pixel, visible)
     return _Shown(*(image[0] for image in images))
 

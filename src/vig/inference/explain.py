@@ -23,9 +23,9 @@ from vig.search.damped_step import step_kernel
 
 
 @functools.cache
-def load_fit_kernels(modes: int, device: str = "cpu") -> None:
+def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
-    load_kernels(torch.float32, modes, device)
+    load_kernels(torch.float32, modes, device, density)
     step_kernel(torch.float32)  # in the same module
     wp.force_load(device, modules=[prior_kernel(torch.float32).module])
 
@@ -45,7 +45,7 @@ def explain(
     """
     chosen = settings or ExplainSettings()
     prediction = recognizer(photos)
-    load_fit_kernels(object_class.shape_model.modes, recognizer.device)
+    load_fit_kernels(object_class.shape_model.modes, recognizer.device, chosen.likelihood.density)
 
     def one(index: int) -> Fit:
         here = None if valid is None else valid[index]

@@ -69,7 +69,13 @@ def objectives_of(
     objectives = {}
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
-        likelihood = Likelihood(geometry, camera.scaled(scale), photos, settings.silhouette)
+        likelihood = Likelihood(
+            geometry,
+            camera.scaled(scale),
+            photos,
+            settings.silhouette,
+            density=settings.likelihood.density,
+        )
         free = bool(settings.free_framing)
         points, held = None, {} if hints is None else hints.held
         if hints is not None and len(hints.vertices):

@@ -1,9 +1,9 @@
 """Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
 
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
-from vig.likelihood.kernels.assembly import load_kernels
-from vig.likelihood.pixel import GAUSSIAN, NEVER, ROBUST, PixelModel, log_colour_density, mixture
-from vig.likelihood.spatial import SPATIAL, SpatialModel, spatial_posterior
+from vig.likelihood.kernels.load import load_kernels
+from vig.likelihood.pixel import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density, mixture
+from vig.likelihood.spatial import NEVER, SpatialMask, spatial_posterior
 
 LIKELIHOODS: dict[str, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 """The pixel models of a fit by name."""
@@ -18,7 +18,7 @@ __all__ = [
     "Likelihood",
     "Photos",
     "PixelModel",
-    "SpatialModel",
+    "SpatialMask",
     "load_kernels",
     "log_colour_density",
     "mixture",

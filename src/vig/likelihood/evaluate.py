@@ -11,8 +11,8 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.assembly import likelihood_kernels, load_kernels
 from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.kernels.load import likelihood_kernels, load_kernels
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import on_one_core, run_on_threads, thread_count
 from vig.renderer import warp_array
@@ -98,6 +98,7 @@ class Likelihood:
             evaluation as the authors' gradient does.
         stride: Every stride-th pixel of every stride-th line stands for its square in the normal matrix, by
             default as many as make about 75 x 75 of any image; value and gradient always take every pixel.
+        density: Of the noise of visible pixels, see `vig.likelihood.densities`.
 
     Attributes:
         layout: The blocks of a point, latents then framing.
@@ -110,6 +111,7 @@ class Likelihood:
         photos: Photos,
         silhouette: str = "exact",
         stride: int | None = None,
+        density: str = "gaussian",
     ):
         if silhouette not in ("exact", "paper"):
             raise ValueError(f'silhouette must be "exact" or "paper"; got "{silhouette}"')
@@ -128,8 +130,9 @@ class Likelihood:
             photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
         )
         self.background = self.log_prior[..., 2].double().sum(1)
-        load_kernels(geometry.dtype, geometry.rows.modes, geometry.device)
-        k = likelihood_kernels(geometry.dtype, geometry.rows.modes)
+        load_kernels(geometry.dtype, geometry.rows.modes, geometry.device, density)
+        self.density = density
+        k = likelihood_kernels(geometry.dtype, geometry.rows.modes, density)
         self.photo_arrays = {
             "observed": warp_array(self.observed, k.vec3),
             "log_prior": warp_array(self.log_prior, k.vec3),
@@ -238,7 +241,7 @@ class Likelihood:
         Recording launches takes longer than running them all once, so passes outlive a likelihood.
         """
         free = self.geometry.kept.setdefault("passes", [])
-        kind = count, self.camera, self.silhouette, self.stride
+        kind = count, self.camera, self.silhouette, self.stride, self.density
         fitting = [run for run in list(free) if run.kind == kind]
         borrowed = None
         for run in sorted(fitting, key=lambda run: not run.looks_at(self)):

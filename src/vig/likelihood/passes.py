@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.assembly import CUDA_PARTS, PARTS, likelihood_kernels
-from vig.likelihood.kernels.groups import LANES
+from vig.likelihood.kernels.load import CUDA_PARTS, PARTS, likelihood_kernels
 from vig.parallel.internals import group_fields, type_parts
 from vig.renderer import NOTHING, warp_array
 from vig.renderer.device import Prepared
@@ -48,9 +47,9 @@ class Pass:
     def __init__(self, likelihood: Likelihood, count: int):
         geometry, camera = likelihood.geometry, likelihood.camera
         self.geometry, self.count, self.silhouette = geometry, count, likelihood.silhouette
-        self.kind = count, camera, likelihood.silhouette, likelihood.stride
+        self.kind = count, camera, likelihood.silhouette, likelihood.stride, likelihood.density
         self.layout, modes = geometry.layout, geometry.rows.modes
-        self._kernels = k = likelihood_kernels(geometry.dtype, modes)
+        self._kernels = k = likelihood_kernels(geometry.dtype, modes, likelihood.density)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
         width, height, stride = camera.width, camera.height, likelihood.stride
         self._shared = {"vertices": vertices, "faces": faces, "edges": edges, "lines": height}
@@ -152,7 +151,7 @@ class Pass:
         return self._likelihood() is likelihood
 
     def _exchange(self, launch: Prepared, arguments: dict[str, Any], likelihood: Likelihood) -> None:
-        arrays, groups = likelihood.photo_arrays, self._kernels.groups
+        arrays, groups = likelihood.photo_arrays, self._kernels.structs
         for index, (name, argument) in enumerate(arguments.items()):
             if name in arrays:
                 launch.exchange(index, arrays[name])
@@ -234,7 +233,7 @@ class Pass:
         if shared_out is not None:
             known["chunk"] = -(-self._shared[shared_out] // self._parts)
         names = list(inspect.signature(kernel.func).parameters)
-        arguments = {name: self._group(name, known) if name in k.groups else known[name] for name in names}
+        arguments = {name: self._group(name, known) if name in k.structs else known[name] for name in names}
         inputs = list(arguments.values())
         launch = Prepared(wp.launch(kernel, dim, inputs, device=self.geometry.device, record_cmd=True))
         self._launches.append((launch, arguments))
@@ -245,7 +244,7 @@ class Pass:
 
     def _group(self, name: str, known: dict[str, Any]) -> Any:
         """A struct of arguments, whose fields are found by their names."""
-        group = self._kernels.groups[name]
+        group = self._kernels.structs[name]
         made = group()
         for field in group_fields(group):
             setattr(made, field, known[field])
@@ -265,5 +264,5 @@ class Pass:
         shape, width = geometry.rows.shape, geometry.rows.width
         rows = torch.zeros(self.count, capacity, width, dtype=geometry.dtype, device=geometry.device)
         self._arguments["normal_shape"] = warp_array(rows[..., :shape], k.shape_row)
-        self._arguments["normal_rest"] = warp_array(rows[..., shape : shape + LANES], k.rest_row)
+        self._arguments["normal_rest"] = warp_array(rows[..., shape:], k.rest_row)
         return rows

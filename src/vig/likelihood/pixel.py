@@ -9,10 +9,13 @@ recognition model's class probabilities of each pixel, they may differ from pixe
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch.nn import functional
+
+from vig.likelihood.densities import density_of
+from vig.likelihood.spatial import NEVER, SpatialMask
 
 CELLS = 24
 """Cells of the colour cube along each channel: about the robust model's noise, 0.03, each."""
@@ -62,14 +65,6 @@ def _smooth(cube: torch.Tensor) -> torch.Tensor:
     return cube
 
 
-NEVER = -1e30
-"""Stands for log 0 in a prior: finite, so that no infinity meets another."""
-
-
-LOG_UNIT = 3 * math.log(math.sqrt(2 * math.pi))
-"""Log normaliser of three channels' Gaussian of standard deviation 1."""
-
-
 @dataclass(frozen=True)
 class PixelModel:
     """Settings of the pixel likelihood.
@@ -77,16 +72,21 @@ class PixelModel:
     Attributes:
         sigma: Standard deviation of the noise, linear RGB.
         alpha: Prior of an object's pixel being visible, in (0, 1]; 1 is the Gaussian model.
+        density: Of the noise of a visible pixel, see `vig.likelihood.densities`.
+        mask: How the mask of a finished fit couples neighbouring pixels; None: each is on its own.
     """
 
     sigma: float
     alpha: float
+    density: str = "gaussian"
+    mask: SpatialMask | None = None
 
     def __post_init__(self) -> None:
         if not self.sigma > 0:
             raise ValueError(f"sigma must be a positive standard deviation in linear RGB; got {self.sigma}")
         if not 0 < self.alpha <= 1:
             raise ValueError(f"alpha must be a probability in (0, 1]; got {self.alpha}")
+        density_of(self.density)
 
     def log_prior(self, height: int, width: int) -> torch.Tensor:
         """The same log prior (visible, hidden, background) at each pixel: (H, W, 3) float64."""
@@ -103,15 +103,24 @@ teapot that is visible in the training images. The paper's code has 0.9, under w
 truth (docs/objective.md)."""
 
 
+SPATIAL = replace(ROBUST, mask=SpatialMask())
+"""The robust model, and in the mask of a finished fit neighbours that agree."""
+
+
 def mixture(
-    observed: torch.Tensor, rendered: torch.Tensor, log_prior: torch.Tensor, sigma: float
+    observed: torch.Tensor,
+    rendered: torch.Tensor,
+    log_prior: torch.Tensor,
+    sigma: float,
+    density: str = "gaussian",
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
 
     observed, rendered: (..., 3) linear RGB. log_prior: (..., 3) as `PixelModel.log_prior`. Both results
     (...). The plain reference of what the kernels compute.
     """
-    square = ((observed - rendered) ** 2).sum(-1)
-    inlier = log_prior[..., 0] - square / (2 * sigma**2) - 3 * math.log(sigma * math.sqrt(2 * math.pi))
+    visible = density_of(density)
+    s = ((observed - rendered) ** 2).sum(-1) / (2 * sigma**2)
+    inlier = log_prior[..., 0] + visible.log_density(s) - 3 * math.log(sigma) - visible.LOG_UNIT
     both = torch.stack([inlier, log_prior[..., 1]], dim=-1)
     return both.logsumexp(-1), both.softmax(-1)[..., 0]

@@ -24,8 +24,10 @@ import numpy as np
 import scipy  # which loads `sparse` where that is first used: many masks need no cut
 import torch
 
-from vig.likelihood.pixel import NEVER, PixelModel
 from vig.scene import srgb_from_linear
+
+NEVER = -1e30
+"""Stands for log 0 in a prior: finite, so that no infinity meets another."""
 
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Steps (down, right) to half of a pixel's eight neighbours; the other half are the same links backwards."""
@@ -43,8 +45,8 @@ DAMPING = 0.5
 
 
 @dataclass(frozen=True)
-class SpatialModel(PixelModel):
-    """The robust pixel model, and in the mask of the fit neighbours that agree.
+class SpatialMask:
+    """Settings of the spatial model of occlusion.
 
     Attributes:
         coupling: Nats lost where of two pixels of one colour one is visible and the other hidden.
@@ -59,16 +61,12 @@ class SpatialModel(PixelModel):
     sweeps: int = 5
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if not (self.coupling >= 0 and self.rim >= 0):
             raise ValueError(f"coupling and rim must be at least 0 nats; got {self.coupling}, {self.rim}")
         if not self.contrast > 0:
             raise ValueError(f"contrast must be a positive distance of sRGB colours; got {self.contrast}")
         if self.sweeps < 1:
             raise ValueError(f"sweeps must be at least 1; got {self.sweeps}")
-
-
-SPATIAL = SpatialModel(sigma=0.03, alpha=0.55)
 
 
 def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: torch.Tensor) -> torch.Tensor:
@@ -89,7 +87,7 @@ def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: 
 
 
 def links(
-    photo: torch.Tensor, covered: torch.Tensor, known: torch.Tensor, model: SpatialModel
+    photo: torch.Tensor, covered: torch.Tensor, known: torch.Tensor, model: SpatialMask
 ) -> torch.Tensor:
     """Weights w_ij (N, 4, H, W) between each pixel and its neighbour a step of `NEIGHBOURS` away.
 
@@ -159,7 +157,7 @@ def spatial_posterior(
     rendered: torch.Tensor,
     log_prior: torch.Tensor,
     covered: torch.Tensor,
-    model: SpatialModel,
+    model: SpatialMask,
     decorated: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """Posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the silhouette.

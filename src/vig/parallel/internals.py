@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 import torch
@@ -50,3 +52,8 @@ def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
     packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
     structures = ctypes.byref(bounds), ctypes.byref(packed)
     return lambda: forward(*structures), packed
+
+
+def process_of(executor: ProcessPoolExecutor) -> BaseProcess | None:
+    """The process of an executor that has one, for its exit code; None when unknown."""
+    return next(iter((getattr(executor, "_processes", None) or {}).values()), None)

@@ -5,26 +5,26 @@ Processes that die are replaced, and what they had to do is done by others.
 
 from __future__ import annotations
 
-import functools
 import multiprocessing
 import os
-import queue
 import signal
 import sys
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from vig.io.errors import UserError
+from vig.parallel.internals import process_of
 
-Given = TypeVar("Given")
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 AHEAD = 2
@@ -35,8 +35,6 @@ ATTEMPTS = 3
 """Processes that may die of one item."""
 RENEWED_AFTER = 4000
 """Items after which a process is replaced by a new one, which bounds memory leaks in libraries."""
-READY = -1
-"""Number of the message by which a process says that it has begun."""
 UNGUARDED = 78
 """Exit code of a process that asked for processes itself as it imported the program."""
 
@@ -49,7 +47,7 @@ class Lost:
 
 
 def map_in_processes(
-    prepare: Callable[[Any], Callable[[Given], Result]], shared: Any, items: Iterable[Given], processes: int
+    prepare: Callable[[Any], Callable[[Item], Result]], shared: Any, items: Iterable[Item], processes: int
 ) -> Iterator[Result]:
     """work(item) of each item in order; see `map_as_done`.
 
@@ -72,7 +70,7 @@ def map_in_processes(
 
 
 def map_as_done(
-    prepare: Callable[[Any], Callable[[Given], Result]], shared: Any, items: Iterable[Given], processes: int
+    prepare: Callable[[Any], Callable[[Item], Result]], shared: Any, items: Iterable[Item], processes: int
 ) -> Iterator[tuple[int, Result | Lost]]:
     """Number and work(item) of each item as they are done, work being each process's `prepare(shared)`.
 
@@ -99,86 +97,83 @@ def map_as_done(
 
 
 @dataclass
-class _Item(Generic[Given]):
+class _Task(Generic[Item]):
     number: int
-    given: Given
+    item: Item
     attempts: int = 0
 
 
 class _Worker:
-    """A process, and the items that it has yet to do. It is sent nothing before it says that it has begun:
-    a process that ends as it starts would leave this one waiting to send.
-    """
+    """A process in an executor of its own, so that one that dies breaks no other's futures."""
 
-    def __init__(self) -> None:
+    def __init__(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
         context = multiprocessing.get_context("spawn")
-        self.connection, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_serve, args=(theirs,))
+        self.stopping = context.Event()
+        self.executor = ProcessPoolExecutor(1, context, _initialise, (self.stopping,))
         with one_thread_in_children(), without_interrupts():
-            self.process.start()
-        theirs.close()
-        self.waiting: deque[_Item[Any]] = deque()
-        self.ready, self.done = False, 0
+            self.begun = self.executor.submit(_begin, bytes(ForkingPickler.dumps((prepare, shared))))
+        self.process = process_of(self.executor)
+        self.tasks: deque[_Task[Any]] = deque()
+        self.done = 0
 
-    def give(self, item: _Item[Any]) -> None:
-        self.waiting.append(item)
-        if self.ready:
-            self.connection.send((item.number, item.given))
+    def submit(self, task: _Task[Any]) -> Future[tuple[bool, Any]]:
+        """Queue a task. BrokenProcessPool when the process has died."""
+        self.tasks.append(task)
+        return self.executor.submit(_do, bytes(ForkingPickler.dumps(task.item)))
 
-    def begin(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
-        self.ready = True
-        self.connection.send((prepare, shared))
-        for item in self.waiting:
-            self.connection.send((item.number, item.given))
+    def ended_by_itself(self) -> int | None:
+        """The exit code of a process that ended before it could begin, not by a signal; else None."""
+        began = self.begun.done() and self.begun.exception() is None
+        if began or self.process is None:
+            return None
+        self.process.join()
+        code = self.process.exitcode
+        return code if code is not None and code >= 0 else None
 
 
 class _Pool:
-    """The parent's side: hands items out, and reacts when a process answers or dies."""
+    """Hands tasks out, and reacts when a process answers or dies."""
 
     def __init__(
         self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any, items: Iterable[Any], count: int
     ) -> None:
         self.prepare, self.shared, self.count = prepare, shared, count
         self.items = iter(enumerate(items))
-        self.again: deque[_Item[Any]] = deque()
-        self.handed: set[int] = set()
-        self.next: _Item[Any] | None = None
+        self.again: deque[_Task[Any]] = deque()
+        self.next: _Task[Any] | None = None
         self.exhausted = False
         self.workers: list[_Worker] = []
+        self.pending: dict[Future[tuple[bool, Any]], _Worker] = {}
 
     def run(self) -> Iterator[tuple[int, Any]]:
         while True:
             yield from self.hand_out()
-            if not self.workers:
+            if not self.pending:
                 return
-            by_connection = {worker.connection: worker for worker in self.workers}
-            for ready in wait(list(by_connection)):
-                assert isinstance(ready, Connection)
-                worker = by_connection[ready]
+            wait(self.pending, return_when=FIRST_COMPLETED)
+            for future in [future for future in self.pending if future.done()]:  # as they were submitted
+                if (worker := self.pending.pop(future, None)) is None:
+                    continue  # of a process that has died
                 try:
-                    number, succeeded, answer = ready.recv()
-                    if number == READY:
-                        worker.begin(self.prepare, self.shared)
-                        continue
-                except (EOFError, OSError):
+                    succeeded, answer = future.result()
+                except BrokenProcessPool:
                     yield from self.bury(worker)
                     continue
-                assert worker.waiting.popleft().number == number
-                self.handed.remove(number)
+                task = worker.tasks.popleft()
                 worker.done += 1
                 if not succeeded:
                     raise answer
-                yield number, answer
+                yield task.number, answer
 
-    def upcoming(self) -> _Item[Any] | None:
-        """The item to hand out next; None when there is none, or it would be too far ahead."""
+    def upcoming(self) -> _Task[Any] | None:
+        """The task to hand out next; None when there is none, or it would be too far ahead."""
         if self.again:
             return self.again[0]
         if self.next is None:
-            number, given = next(self.items, (-1, None))
+            number, item = next(self.items, (-1, None))
             self.exhausted = number < 0
-            self.next = None if self.exhausted else _Item(number, given)
-        oldest = min(self.handed, default=None)
+            self.next = None if self.exhausted else _Task(number, item)
+        oldest = min((worker.tasks[0].number for worker in self.workers if worker.tasks), default=None)
         if self.next is not None and oldest is not None and self.next.number > oldest + WINDOW * self.count:
             return None
         return self.next
@@ -186,98 +181,88 @@ class _Pool:
     def hand_out(self) -> Iterator[tuple[int, Any]]:
         """Keep every process busy, with a new one where there are too few; end those that have nothing."""
         for worker in [*self.workers]:
-            while (
-                len(worker.waiting) < AHEAD
-                and worker.done + len(worker.waiting) < RENEWED_AFTER
-                and self.upcoming()
-            ):
-                if not self.give(worker):
-                    yield from self.bury(worker)
-                    break
-            spent = worker.done >= RENEWED_AFTER or (self.exhausted and not self.again)
-            if worker in self.workers and not worker.waiting and spent:
+            full = RENEWED_AFTER - worker.done
+            while worker in self.workers and len(worker.tasks) < min(AHEAD, full) and self.upcoming():
+                yield from self.give(worker)
+            if worker in self.workers and not worker.tasks:
                 self.workers.remove(worker)
-                self.end(worker)
+                worker.executor.shutdown()
         while len(self.workers) < self.count and self.upcoming():
-            worker = _Worker()
-            self.workers.append(worker)
-            if not self.give(worker):
-                yield from self.bury(worker)
+            self.workers.append(_Worker(self.prepare, self.shared))
+            yield from self.give(self.workers[-1])
 
-    def give(self, worker: _Worker) -> bool:
-        """Hand the upcoming item out; False when the process has died."""
-        item = self.upcoming()
-        assert item is not None
+    def give(self, worker: _Worker) -> Iterator[tuple[int, Any]]:
+        """Hand the upcoming task out."""
+        task = self.upcoming()
+        assert task is not None
         if self.again:
             self.again.popleft()
         else:
             self.next = None
-        self.handed.add(item.number)
         try:
-            worker.give(item)
-        except OSError:
-            return False
-        return True
+            self.pending[worker.submit(task)] = worker
+        except BrokenProcessPool:
+            yield from self.bury(worker)
 
     def bury(self, worker: _Worker) -> Iterator[tuple[int, Any]]:
-        """Take back the items of a process that died; the first one it may have died of."""
+        """Take back the tasks of a process that died; the first one it may have died of."""
         self.workers.remove(worker)
-        worker.process.join()
-        worker.connection.close()
-        code = worker.process.exitcode or 0
-        if not worker.ready and code >= 0:  # ended by itself, not by a signal
+        self.pending = {future: other for future, other in self.pending.items() if other is not worker}
+        worker.executor.shutdown()
+        if (code := worker.ended_by_itself()) is not None:
             end = "asked for processes itself" if code == UNGUARDED else f"ended with exit code {code}"
             raise _no_start(f"one imported the program's main module and it {end}") from None
-        if worker.waiting:
-            first = worker.waiting[0]
-            first.attempts += 1
-            if first.attempts >= ATTEMPTS:
-                worker.waiting.popleft()
-                self.handed.remove(first.number)
-                yield first.number, Lost(first.attempts)
-        self.again.extendleft(reversed(worker.waiting))
-
-    @staticmethod
-    def end(worker: _Worker) -> None:
-        worker.connection.close()
-        worker.process.join()
+        first = worker.tasks[0]
+        first.attempts += 1
+        if first.attempts >= ATTEMPTS:
+            worker.tasks.popleft()
+            yield first.number, Lost(first.attempts)
+        self.again.extendleft(reversed(worker.tasks))
 
     def stop(self) -> None:
-        """Let every process finish its item, and wait for it."""
+        """Let every process finish its task, and wait for it."""
         for worker in self.workers:
-            worker.connection.close()
+            worker.stopping.set()
         for worker in self.workers:
-            worker.process.join()
+            worker.executor.shutdown(cancel_futures=True)
 
 
-def _serve(connection: Connection) -> None:
-    """The child's side: is sent (prepare, shared), then items, each answered by (number, whether it
-    succeeded, result or error).
-    """
+_stopping: Any = None
+_work: Callable[[Any], Any] | None = None
+
+
+def _initialise(stopping: Any) -> None:
+    """In a new process: end with its parent, not by Ctrl-C."""
+    global _stopping
+    _stopping = stopping
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(OSError):  # the parent may have stopped meanwhile
-        connection.send((READY, True, None))
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+    threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
+
+
+def _begin(start: bytes) -> None:
+    """In a new process: make its work of (prepare, shared). What that raises, each task does."""
+    global _work
     try:
-        prepare, shared = connection.recv()
-        work = prepare(shared)
-    except Exception as error:  # raised here it would end the process, its reason lost
-        work = functools.partial(_refuse, error)
-    given: queue.Queue[Any] = queue.Queue()
-    ended = threading.Event()
-    threading.Thread(target=_receive, args=(connection, given, ended), daemon=True).start()
-    while (received := given.get()) is not None and not ended.is_set():
-        number, item = received
-        try:
-            answer = number, True, work(item)
-        except Exception as error:
-            answer = number, False, _sendable(error)
-        try:
-            connection.send(answer)
-        except OSError:  # the parent has stopped
-            return
+        prepare, shared = ForkingPickler.loads(start)
+        _work = prepare(shared)
+    except Exception as error:
+        refused = error
+
+        def refuse(item: Any) -> Any:
+            raise refused
+
+        _work = refuse
+
+
+def _do(packed: bytes) -> tuple[bool, Any]:
+    """In a process: whether an item succeeded, with the result or the error."""
+    assert _work is not None
+    if _stopping.is_set():
+        return True, None
+    try:
+        return True, _work(ForkingPickler.loads(packed))
+    except Exception as error:
+        return False, _sendable(error)
 
 
 def check_main_module() -> None:
@@ -304,29 +289,15 @@ def _no_start(got: str) -> UserError:
     )
 
 
-def _receive(connection: Connection, given: queue.Queue[Any], ended: threading.Event) -> None:
-    """Take what is sent at once: a parent that waits to send while we wait to answer would wait for ever."""
-    try:
-        while True:
-            given.put(connection.recv())
-    except (EOFError, OSError):
-        ended.set()
-        given.put(None)
-
-
 def _sendable(error: Exception) -> Exception:
     """The error as it can be sent, with where it was raised; that of a library becomes a RuntimeError."""
     if isinstance(error, UserError):
         return error
-    told = "".join(traceback.format_exception(error))
+    trace = "".join(traceback.format_exception(error))
     if type(error).__module__ != "builtins":
         error = RuntimeError(f"{type(error).__name__}: {error}")
-    error.add_note(told)
+    error.add_note(trace)
     return error
-
-
-def _refuse(error: Exception, item: Any) -> None:
-    raise error
 
 
 def _follow(parent: Any) -> None:

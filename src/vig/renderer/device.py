@@ -6,9 +6,10 @@ import functools
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any, cast
 
 import torch
@@ -17,6 +18,9 @@ import warp as wp
 from vig.io.checks import check_indices
 from vig.io.errors import UserError
 from vig.parallel.internals import packed_launch
+
+TEMPLATES = Path(__file__).with_name("templates")
+"""Folder of the renderer's kernels; see `instantiate`."""
 
 
 class _Opaque(torch.autograd.Function):
@@ -179,6 +183,33 @@ def scalar_type(dtype: torch.dtype) -> type:
     if dtype not in (torch.float32, torch.float64):
         raise ValueError(f"the renderer works in float32 or float64; got {dtype}")
     return wp.float32 if dtype == torch.float32 else wp.float64
+
+
+def vector_types(dtype: torch.dtype) -> dict[str, Any]:
+    """Warp's types of one scalar by the names that templates use: real, vec2, vec3, vec4, mat33."""
+    initialise()
+    real = scalar_type(dtype)
+    vectors = {f"vec{length}": wp.types.vector(length, real) for length in (2, 3, 4)}
+    return {"real": real, "mat33": wp.types.matrix((3, 3), real), **vectors}
+
+
+def instantiate(templates: Iterable[Path], name: str, **names: Any) -> Any:
+    """Execute files of kernels, one after the other, in one new module in which `names` are defined.
+
+    A template is Python whose functions and structs Warp compiles. It is executed once for each scalar type
+    or size, which it names `real` or the like; an import would give it one meaning for all.
+
+    Args:
+        templates: Paths; a file sees what those before it define.
+        name: Of the module, and `module` in the files: that of Warp in which the kernels are cached.
+        names: What the files may name beside it.
+    """
+    made = ModuleType(name)
+    sys.modules[name] = made  # where Warp looks for the source of a function
+    vars(made).update(names, module=name)
+    for path in templates:
+        exec(compile(path.read_text(encoding="utf-8"), path, "exec", dont_inherit=True), vars(made))
+    return made
 
 
 def native_code(folder: Path, *files: str, real: type, **constants: int | float) -> str:

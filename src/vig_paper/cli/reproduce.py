@@ -12,7 +12,7 @@ from rich.console import Console
 
 from vig.io.machine import machine
 from vig_paper.cli.settings import Reproduce
-from vig_paper.reproduction import RENDERERS, Record, Run, RunFolder, Settings, reproduce
+from vig_paper.reproduction import RENDERERS, Record, ReproductionSettings, Run, RunFolder, reproduce
 from vig_paper.reproduction.page import write_page
 from vig_train.cli.common import check_workers
 from vig_train.evaluation.paper import compare, comparison_block
@@ -20,7 +20,9 @@ from vig_train.evaluation.paper import compare, comparison_block
 
 def reproduce_paper(chosen: Reproduce) -> int:
     """Do the remaining steps of a run and print its tables, or JSON; its folder comes last."""
-    settings = Settings.of(**{field.name: getattr(chosen, field.name) for field in fields(Settings)})
+    settings = ReproductionSettings.of(
+        **{field.name: getattr(chosen, field.name) for field in fields(ReproductionSettings)}
+    )
     check_workers(chosen.workers)
     folder = RunFolder(chosen.out)
 

@@ -16,14 +16,18 @@ from vig.io.files import atomic_write
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass, srgb8_from_linear, srgb_from_linear
 from vig.search.optimizer import Budget, Descent, Optimizer, Problem
-from vig_paper.figures.style import draw
+from vig_paper.figures.style import render_explanations
 
-MOST_FRAMES = 40
-MOST_BYTES = 1_000_000
-SIDE = 300
-"""Pixels of each of the two pictures, the photo and the explanation."""
-FRAME_MS, LAST_MS = 120, 2500
+MAX_FRAMES = 40
+MAX_BYTES = 1_000_000
+"""Greatest size of the file; the quality is lowered until it fits."""
+PICTURE_PIXELS = 300
+"""Side of each of the two pictures, the photo and the explanation."""
+FRAME_MS = 120
+LAST_FRAME_MS = 2500
+"""Duration of the last frame, the result."""
 OUTLINE = np.array([1.0, 0.82, 0.0])
+"""Colour of the silhouette's edge, sRGB in [0, 1]."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,10 @@ class Recorder:
         self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Run the other optimiser; see `Optimizer`."""
-        return self.optimizer(_Watched(problem, self.best), starts, photo, sigma, budget)
+        return self.optimizer(_RecordedProblem(problem, self.best), starts, photo, sigma, budget)
 
 
-class _Watched:
+class _RecordedProblem:
     """A problem that records the best point evaluated so far."""
 
     def __init__(self, problem: Problem, best: list[torch.Tensor]):
@@ -53,14 +57,14 @@ class _Watched:
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
     ) -> Any:
-        valued = self.problem(points, photo, sigma, derivatives)
-        value, place = valued.value.nan_to_num(nan=-torch.inf).max(0)
+        evaluation = self.problem(points, photo, sigma, derivatives)
+        value, index = evaluation.value.nan_to_num(nan=-torch.inf).max(0)
         if float(value) > self.highest or not self.best:
             self.highest = float(value)
-            self.best.append(points[int(place)].clone())
+            self.best.append(points[int(index)].clone())
         else:
             self.best.append(self.best[-1])
-        return valued
+        return evaluation
 
 
 def fit_animation(
@@ -72,7 +76,7 @@ def fit_animation(
 ) -> Path:
     """Write an animated WebP of one photo's fit: the photo, and the best explanation so far over it.
 
-    At most `MOST_FRAMES` frames, evenly spaced over all evaluations, and `MOST_BYTES`. The first frame is the
+    At most `MAX_FRAMES` frames, evenly spaced over all evaluations, and `MAX_BYTES`. The first frame is the
     recognition model's best guess, the last the result. The best is that of the current stage, since each
     stage has its own noise and scale.
 
@@ -85,50 +89,58 @@ def fit_animation(
     """
     recorder = Recorder(settings.optimizer)
     answer = explain_one(photo, prediction, object_class, replace(settings, optimizer=recorder))
-    taken = np.linspace(0, len(recorder.best) - 1, min(len(recorder.best), MOST_FRAMES - 2)).round()
-    points = [recorder.best[int(place)] for place in taken]
+    evaluations = np.linspace(0, len(recorder.best) - 1, min(len(recorder.best), MAX_FRAMES - 2)).round()
+    points = [recorder.best[int(evaluation)] for evaluation in evaluations]
     vectors = [
         prediction.best().to_vector()[0],
         *(point[: prediction.best().to_vector().shape[1]] for point in points),
         answer.latents.to_vector()[0],
     ]
     captions = ["recognition model"]
-    captions += [f"evaluation {int(place) + 1} of {len(recorder.best)}" for place in taken]
+    captions += [f"evaluation {int(evaluation) + 1} of {len(recorder.best)}" for evaluation in evaluations]
     captions += [answer.verdict.name.lower()]
-    shown = Latents.from_vector(torch.stack(vectors).float())
-    colours, coverage = draw(shown, object_class, settings.self_shadow)
+    explanations = Latents.from_vector(torch.stack(vectors).float())
+    colours, coverage = render_explanations(explanations, object_class, settings.self_shadow)
     linear = photo.numpy()
     frames = [
         _frame(linear, colour, covered, caption)
         for colour, covered, caption in zip(colours, coverage, captions, strict=True)
     ]
-    durations = [5 * FRAME_MS] + [FRAME_MS] * (len(frames) - 2) + [LAST_MS]
+    durations = [5 * FRAME_MS] + [FRAME_MS] * (len(frames) - 2) + [LAST_FRAME_MS]
     _write(Path(path), frames, durations)
     return Path(path)
 
 
 def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, caption: str) -> Image.Image:
     """The photo on the left; on the right the rendering over it with its outline, and a caption."""
-    over = (
+    overlay = (
         srgb_from_linear(photo) * (1 - coverage[..., None]) + srgb_from_linear(colour) * coverage[..., None]
     )
     silhouette = coverage >= 0.5
-    over[ndimage.binary_dilation(silhouette) & ~silhouette] = OUTLINE
-    sheet = Image.new("RGB", (2 * SIDE + 4, SIDE + 22), "white")
-    for left, picture in ((0, srgb8_from_linear(photo)), (SIDE + 4, (255 * over).round().astype(np.uint8))):
-        sheet.paste(Image.fromarray(picture).resize((SIDE, SIDE), Image.Resampling.BICUBIC), (left, 0))
-    ImageDraw.Draw(sheet).text((SIDE + 4, SIDE + 3), caption, fill="#22262e", font=ImageFont.load_default(13))
+    overlay[ndimage.binary_dilation(silhouette) & ~silhouette] = OUTLINE
+    sheet = Image.new("RGB", (2 * PICTURE_PIXELS + 4, PICTURE_PIXELS + 22), "white")
+    for left, picture in (
+        (0, srgb8_from_linear(photo)),
+        (PICTURE_PIXELS + 4, (255 * overlay).round().astype(np.uint8)),
+    ):
+        sheet.paste(
+            Image.fromarray(picture).resize((PICTURE_PIXELS, PICTURE_PIXELS), Image.Resampling.BICUBIC),
+            (left, 0),
+        )
+    ImageDraw.Draw(sheet).text(
+        (PICTURE_PIXELS + 4, PICTURE_PIXELS + 3), caption, fill="#22262e", font=ImageFont.load_default(13)
+    )
     return sheet
 
 
 def _write(path: Path, frames: list[Image.Image], durations: list[int]) -> None:
-    """Animated WebP of the best quality that stays under `MOST_BYTES`."""
+    """Animated WebP of the best quality that stays under `MAX_BYTES`."""
     with atomic_write(path) as temporary:
         for quality in (80, 60, 40, 20):
-            first, *others = frames
-            first.save(
-                temporary, "WEBP", save_all=True, append_images=others, duration=durations, loop=0,
+            opening, *following = frames
+            opening.save(
+                temporary, "WEBP", save_all=True, append_images=following, duration=durations, loop=0,
                 quality=quality, method=4,
             )  # fmt: skip
-            if temporary.stat().st_size < MOST_BYTES:
+            if temporary.stat().st_size < MAX_BYTES:
                 break

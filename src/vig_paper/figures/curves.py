@@ -8,16 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vig_paper.figures.style import COLOURS, FAINT, INK, NAMES, SOFT, bare, new_figure, save
+from vig_paper.figures.style import COLOURS, FAINT, INK, NAMES, SOFT, new_figure, save, style_axes
 from vig_train.evaluation.paper import MAX_OCCLUSION, paper_median
 from vig_train.evaluation.results import MethodResult
-from vig_train.evaluation.statistics import BINS, LEVELS, by_occlusion, coverage, standardised
+from vig_train.evaluation.statistics import (
+    OCCLUSION_BINS,
+    OCCLUSION_LEVELS,
+    by_occlusion,
+    coverage,
+    standardised_errors,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PANELS = {
+PANEL_TITLES = {
     "azimuth_deg": "azimuth error, degrees",
     "elevation_deg": "elevation error, degrees",
     "appearance": "appearance error",
@@ -25,16 +31,16 @@ PANELS = {
     "shape_mm": "shape error, mm",
     "segmentation_iou": "segmentation, IoU (more is better)",
 }
-GROUPS = {
+GROUP_COLOURS = {
     "azimuth": "#3b6fb6",
     "elevation": "#2f9e6e",
     "shape": "#c2357b",
     "albedo": "#e08a2e",
     "light": "#8a63c7",
 }
-AIM = 85, 95
+COVERAGE_AIM = 85, 95
 """Per cent of images whose truth should be within the predicted 90 % intervals."""
-NOMINAL = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
+NOMINAL_COVERAGES = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
 
 
 def figure3(
@@ -54,29 +60,39 @@ def figure3(
         cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
             75 % are crosses; otherwise over separate bins.
     """
-    ranges = [(0.0, level) for level in LEVELS] if cumulative else list(BINS)
-    places = 100 * np.array(LEVELS if cumulative else [sum(each) / 2 for each in BINS])
+    ranges = [(0.0, level) for level in OCCLUSION_LEVELS] if cumulative else list(OCCLUSION_BINS)
+    places = 100 * np.array(
+        OCCLUSION_LEVELS if cumulative else [sum(limits) / 2 for limits in OCCLUSION_BINS]
+    )
     figure = new_figure(12, 7)
     panels = figure.subplots(2, 3)
-    for axes, (metric, title) in zip(panels.flat, PANELS.items(), strict=True):
+    for axes, (metric, title) in zip(panels.flat, PANEL_TITLES.items(), strict=True):
         for method, result in results.items():
             if metric not in result.errors:
                 continue
             rng = np.random.default_rng(0)  # the same resamples for every line
-            found = by_occlusion(result.errors[metric], occlusion, ranges, rng)
+            summaries = by_occlusion(result.errors[metric], occlusion, ranges, rng)
             rows = [
-                (place, each["median"], *each["ci95"])
-                for place, each in zip(places, found, strict=True)
-                if each is not None
+                (place, summary["median"], *summary["ci95"])
+                for place, summary in zip(places, summaries, strict=True)
+                if summary is not None
             ]
-            at, median, low, high = np.array(rows).reshape(-1, 4).T
+            occlusions, median, low, high = np.array(rows).reshape(-1, 4).T
             colour = COLOURS[method]
-            axes.fill_between(at, low, high, color=colour, alpha=0.15, linewidth=0)
-            over = method == "robust"  # dashes over "spatial", whose line may be the same
-            axes.plot(at, median, color=colour, linewidth=1.7, marker="o", markersize=3, **_dashed(over))
+            axes.fill_between(occlusions, low, high, color=colour, alpha=0.15, linewidth=0)
+            dashed = method == "robust"  # dashes over "spatial", whose line may be the same
+            axes.plot(
+                occlusions,
+                median,
+                color=colour,
+                linewidth=1.7,
+                marker="o",
+                markersize=3,
+                **_line_style(dashed),
+            )
             if cumulative:
-                _paper(axes, renderer, metric, method)
-        bare(axes, title)
+                _paper_median(axes, renderer, metric, method)
+        style_axes(axes, title)
         axes.set_xlim(0, 90)
         axes.set_xticks(range(0, 91, 15))
         if metric == "segmentation_iou":
@@ -102,16 +118,22 @@ def reliability_figure(
     figure = new_figure(3.3 * max(len(uncertain), 1) + 0.4, 3.9)
     panels = figure.subplots(1, max(len(uncertain), 1), squeeze=False, sharey=True)[0]
     for axes, (method, result) in zip(panels, uncertain.items(), strict=False):
-        standard = standardised(result, truth_vector)
-        held = [coverage(standard, nominal) for nominal in NOMINAL]
+        standard = standardised_errors(result, truth_vector)
+        coverages = [coverage(standard, nominal) for nominal in NOMINAL_COVERAGES]
         axes.plot([0, 100], [0, 100], color=SOFT, linewidth=0.8, linestyle=(0, (2, 2)))
-        axes.fill_between([88, 92], *AIM, color=FAINT, linewidth=0, label="aim at 90 %")
-        for group, colour in GROUPS.items():
-            observed = [100 * shares[group] for shares in held]
+        axes.fill_between([88, 92], *COVERAGE_AIM, color=FAINT, linewidth=0, label="aim at 90 %")
+        for group, colour in GROUP_COLOURS.items():
+            observed = [100 * shares[group] for shares in coverages]
             axes.plot(
-                100 * NOMINAL, observed, color=colour, linewidth=1.5, marker="o", markersize=3, label=group
+                100 * NOMINAL_COVERAGES,
+                observed,
+                color=colour,
+                linewidth=1.5,
+                marker="o",
+                markersize=3,
+                label=group,
             )
-        bare(axes, NAMES.get(method, method))
+        style_axes(axes, NAMES.get(method, method))
         axes.set_xlim(0, 100)
         axes.set_ylim(0, 101)
         axes.set_aspect("equal")
@@ -125,7 +147,7 @@ def reliability_figure(
     return save(figure, path)
 
 
-def _paper(axes: Axes, renderer: str, metric: str, method: str) -> None:
+def _paper_median(axes: Axes, renderer: str, metric: str, method: str) -> None:
     """A cross at the paper's own median at 75 %, if it has one in the same unit."""
     if method not in ("rm", "gaussian", "robust"):
         return
@@ -146,7 +168,7 @@ def _logarithmic(axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _dashed(dashed: bool) -> dict[str, Any]:
+def _line_style(dashed: bool) -> dict[str, Any]:
     return {"linestyle": (0, (4, 2)), "zorder": 3} if dashed else {"linestyle": "-"}
 
 
@@ -154,7 +176,7 @@ def _legend(figure: Figure, methods: list[str], title: str, with_paper: bool) ->
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=COLOURS[method], linewidth=1.7, **_dashed(method == "robust"))
+        Line2D([], [], color=COLOURS[method], linewidth=1.7, **_line_style(method == "robust"))
         for method in methods
     ]
     labels = [NAMES.get(method, method) for method in methods]

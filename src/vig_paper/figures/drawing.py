@@ -19,11 +19,11 @@ from vig_paper.figures.curves import figure3, reliability_figure
 from vig_paper.figures.photos import figure4, figure5
 from vig_paper.figures.style import last_fit
 from vig_train.evaluation.results import MethodResult
-from vig_train.evaluation.statistics import BINS, within
+from vig_train.evaluation.statistics import OCCLUSION_BINS, within_occlusion
 from vig_train.evaluation.table import METRICS
 from vig_world.dataset import Dataset
 
-WORST = 8
+WORST_IMAGES = 8
 """Images of figure4_worst.png."""
 
 
@@ -61,7 +61,7 @@ def draw_figures(
     method = last_fit(results)
     if method is None:
         return paths
-    chosen, wrong = choose(results, dataset, method), worst(results, method, WORST)
+    chosen, wrong = choose(results, dataset, method), worst(results, method, WORST_IMAGES)
     paths += [
         reliability_figure(results, dataset.latents, folder / "reliability.png"),
         figure4(dataset, object_class, results, chosen, folder / "figure4.png"),
@@ -94,8 +94,8 @@ def choose(
         raise ValueError(f"quantiles must be from 0 to 1; got {tuple(quantiles)}")
     errors = results[method].errors
     chosen: list[int] = []
-    for least, most in BINS:
-        inside = np.flatnonzero(within(dataset.occlusion, least, most))
+    for least, most in OCCLUSION_BINS:
+        inside = np.flatnonzero(within_occlusion(dataset.occlusion, least, most))
         if not len(inside):
             continue
         columns = {metric: errors[metric][inside] for metric in METRICS if metric in errors}

@@ -11,7 +11,16 @@ import torch
 
 from vig.inference import ExplainSettings
 from vig.scene import Latents, ObjectClass, camera_rotation, irradiance, sh_basis, srgb_from_linear
-from vig_paper.figures.style import EXPLAINED, NAMES, draw, head, last_fit, new_figure, save, show
+from vig_paper.figures.style import (
+    EXPLAINING_METHODS,
+    NAMES,
+    last_fit,
+    new_figure,
+    render_explanations,
+    save,
+    set_titles,
+    show_picture,
+)
 from vig_train.evaluation.results import MethodResult
 from vig_world.dataset import Dataset
 from vig_world.dataset.format import read_info
@@ -21,14 +30,19 @@ from vig_world.library import Library
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CELL = 1.55
+CELL_INCHES = 1.55
 """Size of a picture in figure 4, inches."""
-OUTLINE, VISIBLE, HIDDEN = "#ffd200", "#19b36b", "#eb2878"
-FADED = 0.45
-"""How far what is not the object is faded to white behind a rendering or a mask."""
-HEIGHT = 1.3
-"""Of a row of figure 5, inches."""
-MAP_ROWS, SPHERE_ROWS = 64, 160
+OUTLINE_COLOUR = "#ffd200"
+VISIBLE_COLOUR = "#19b36b"
+HIDDEN_COLOUR = "#eb2878"
+FADE_SHARE = 0.45
+"""Share of white that is mixed into the photo behind a rendering or a mask."""
+ROW_INCHES = 1.3
+"""Height of a row of figure 5, inches."""
+MAP_ROWS = 64
+"""Rows of a map of light in figure 5; it has twice as many columns."""
+SPHERE_ROWS = 160
+"""Rows and columns of a sphere in figure 5."""
 EXPOSURE = 0.4
 """Radiance and irradiance are multiplied by it before they are shown as sRGB."""
 
@@ -53,43 +67,47 @@ def figure4(
     truth = Latents.from_vector(torch.from_numpy(dataset.latents[chosen]))
     azimuth = np.degrees(truth.azimuth.numpy()) % 360
     amodal, visible = dataset.read("mask", chosen), dataset.read("mask_visib", chosen)
-    shown = [method for method in EXPLAINED if method in results]
-    titles = ["photo", "truth", *(NAMES[method] for method in shown)]
-    titles += [f"{NAMES[shown[-1]]}: mask"] if shown else []
+    methods = [method for method in EXPLAINING_METHODS if method in results]
+    titles = ["photo", "truth", *(NAMES[method] for method in methods)]
+    titles += [f"{NAMES[methods[-1]]}: mask"] if methods else []
     titles += ["truth: mask"]
-    figure = new_figure(CELL * len(titles) + 0.2, (CELL + 0.12) * len(chosen) + 0.3)
+    figure = new_figure(CELL_INCHES * len(titles) + 0.2, (CELL_INCHES + 0.12) * len(chosen) + 0.3)
     panels = figure.subplots(len(chosen), len(titles), squeeze=False)
-    drawn = {method: _drawn(results[method], chosen, object_class) for method in shown}
+    renderings = {method: _render_explanations(results[method], chosen, object_class) for method in methods}
     for row, index in enumerate(chosen):
         cells = iter(panels[row])
         photo = photos[row]
-        show(next(cells), photo, f"{index}: {dataset.occlusion[index]:.0%} hidden")
+        show_picture(next(cells), photo, f"{index}: {dataset.occlusion[index]:.0%} hidden")
         axes = next(cells)
-        show(axes, photo, f"azimuth {azimuth[row]:.0f}\N{DEGREE SIGN}")
+        show_picture(axes, photo, f"azimuth {azimuth[row]:.0f}\N{DEGREE SIGN}")
         _outline(axes, amodal[row])
-        for method in shown:
-            colours, coverage = drawn[method][0][row], drawn[method][1][row]
+        for method in methods:
+            colours, coverage = renderings[method][0][row], renderings[method][1][row]
             axes = next(cells)
-            picture = _faded(photo) * (1 - coverage[..., None]) + colours * coverage[..., None]
-            show(axes, picture, _caption(results[method], index))
+            picture = _fade(photo) * (1 - coverage[..., None]) + colours * coverage[..., None]
+            show_picture(axes, picture, _caption(results[method], index))
             _outline(axes, coverage >= 0.5)
-        if shown:
-            masks = results[shown[-1]].masks
+        if methods:
+            masks = results[methods[-1]].masks
             mask = visible[row] & False if masks is None else masks[index]
-            iou = results[shown[-1]].errors["segmentation_iou"][index]
-            show(next(cells), _masked(photo, drawn[shown[-1]][1][row] >= 0.5, mask), f"IoU {iou:.2f}")
-        show(next(cells), _masked(photo, amodal[row], visible[row]))
-    head(panels[0], titles)
+            iou = results[methods[-1]].errors["segmentation_iou"][index]
+            show_picture(
+                next(cells),
+                _tint_masks(photo, renderings[methods[-1]][1][row] >= 0.5, mask),
+                f"IoU {iou:.2f}",
+            )
+        show_picture(next(cells), _tint_masks(photo, amodal[row], visible[row]))
+    set_titles(panels[0], titles)
     return save(figure, path)
 
 
-def _drawn(
+def _render_explanations(
     result: MethodResult, chosen: list[int], object_class: ObjectClass
 ) -> tuple[np.ndarray, np.ndarray]:
     """sRGB in [0, 1] and coverage of a method's explanations of the chosen images, shaded as fits are."""
     assert result.latents is not None
     latents = result.latents[torch.tensor(chosen)]
-    colours, coverage = draw(latents, object_class, ExplainSettings().self_shadow)
+    colours, coverage = render_explanations(latents, object_class, ExplainSettings().self_shadow)
     return srgb_from_linear(colours), coverage
 
 
@@ -99,23 +117,23 @@ def _caption(result: MethodResult, index: int) -> str:
     return f"{error}, {verdict}" if verdict else error
 
 
-def _faded(photo: np.ndarray) -> np.ndarray:
-    return (1 - FADED) * photo + FADED
+def _fade(photo: np.ndarray) -> np.ndarray:
+    return (1 - FADE_SHARE) * photo + FADE_SHARE
 
 
-def _masked(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
+def _tint_masks(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """The photo faded, with visible pixels in green and the silhouette's others in pink, half transparent."""
     from matplotlib.colors import to_rgb
 
-    picture = _faded(photo)
-    for mask, colour in ((amodal & ~visible, HIDDEN), (visible, VISIBLE)):
+    picture = _fade(photo)
+    for mask, colour in ((amodal & ~visible, HIDDEN_COLOUR), (visible, VISIBLE_COLOUR)):
         picture[mask] = 0.4 * photo[mask] + 0.6 * np.array(to_rgb(colour))
     return picture
 
 
 def _outline(axes: Axes, mask: np.ndarray) -> None:
     if mask.any() and not mask.all():
-        axes.contour(mask.astype(float), levels=[0.5], colors=[OUTLINE], linewidths=0.9)
+        axes.contour(mask.astype(float), levels=[0.5], colors=[OUTLINE_COLOUR], linewidths=0.9)
 
 
 def figure5(
@@ -145,21 +163,21 @@ def figure5(
     widths = [1.0, 2.0, 2.0, 2.0, 1.0, 1.0]
     if library is None:
         del titles[1], widths[1]
-    figure = new_figure(HEIGHT * sum(widths) + 0.8, (HEIGHT + 0.2) * len(chosen) + 0.3)
+    figure = new_figure(ROW_INCHES * sum(widths) + 0.8, (ROW_INCHES + 0.2) * len(chosen) + 0.3)
     panels = figure.subplots(len(chosen), len(titles), squeeze=False, width_ratios=widths)
     for row, index in enumerate(chosen):
         cells = iter(panels[row])
-        show(next(cells), photos[row], f"{index}: {dataset.occlusion[index]:.0%} hidden")
+        show_picture(next(cells), photos[row], f"{index}: {dataset.occlusion[index]:.0%} hidden")
         if library is not None and specs is not None:
-            seen = environment(library, specs[index], float(truth.azimuth[row]))
-            show(next(cells), _exposed(seen), f"panorama {specs[index].panorama}")
+            surroundings = environment(library, specs[index], float(truth.azimuth[row]))
+            show_picture(next(cells), _expose(surroundings), f"panorama {specs[index].panorama}")
         caption = f"{NAMES[method]}; error {result.errors['illumination'][index]:.3f}"
         for latents, text in ((truth, ""), (fitted, caption)):
             radiance = light_map(latents.light[row], float(latents.azimuth[row]))
-            show(next(cells), _exposed(_grey(radiance)), text)
+            show_picture(next(cells), _expose(_grey(radiance)), text)
         for latents in (truth, fitted):
-            show(next(cells), white_sphere(latents[row : row + 1]))
-    head(panels[0], titles)
+            show_picture(next(cells), white_sphere(latents[row : row + 1]))
+    set_titles(panels[0], titles)
     return save(figure, path)
 
 
@@ -205,7 +223,7 @@ def white_sphere(latents: Latents) -> np.ndarray:
     rotation = camera_rotation(latents.azimuth, latents.elevation)[0].double().numpy()
     normals = np.stack([x, y, facing], axis=-1) @ rotation
     reflected = irradiance(latents.light[0].double(), torch.from_numpy(normals)).numpy()
-    return np.where(inside[..., None], _exposed(_grey(reflected)), 1.0)
+    return np.where(inside[..., None], _expose(_grey(reflected)), 1.0)
 
 
 def _own_panoramas(dataset: Dataset) -> bool:
@@ -218,5 +236,5 @@ def _grey(values: np.ndarray) -> np.ndarray:
     return np.repeat(values[..., None], 3, axis=-1)
 
 
-def _exposed(radiance: np.ndarray) -> np.ndarray:
+def _expose(radiance: np.ndarray) -> np.ndarray:
     return srgb_from_linear(EXPOSURE * radiance)

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, SOFT, FAINT = "#22262e", "#6b7480", "#d9dde3"
+INK = "#22262e"
+SOFT = "#6b7480"
+FAINT = "#d9dde3"
 COLOURS = {
     "baseline": "#9aa3ae",
     "rm": "#3b6fb6",
@@ -32,7 +34,7 @@ COLOURS = {
 NAMES = {"rm": "recognition model", MASK_HEAD: "its mask head", "gaussian": "Gaussian fit"} | {
     name: f"{name} fit" for name in ("robust", "spatial")
 }
-EXPLAINED = ("rm", "gaussian", "robust", "spatial")
+EXPLAINING_METHODS = ("rm", "gaussian", "robust", "spatial")
 """The methods whose explanations are drawn; where there is room for one, it is the last."""
 
 
@@ -46,7 +48,7 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), facecolor="white", layout=spacing)
 
 
-def bare(axes: Axes, title: str) -> None:
+def style_axes(axes: Axes, title: str) -> None:
     """Axes with a plain frame and their title above it."""
     axes.set_title(title, loc="left", fontsize=10, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
@@ -56,7 +58,7 @@ def bare(axes: Axes, title: str) -> None:
     axes.set_axisbelow(True)
 
 
-def show(axes: Axes, picture: np.ndarray, caption: str = "") -> None:
+def show_picture(axes: Axes, picture: np.ndarray, caption: str = "") -> None:
     """Show a picture (H, W, 3) in [0, 1] without a frame, a small caption below it."""
     axes.imshow(np.clip(picture, 0, 1))
     axes.set_xticks([])
@@ -65,7 +67,7 @@ def show(axes: Axes, picture: np.ndarray, caption: str = "") -> None:
     axes.set_xlabel(caption, fontsize=7.5, color=SOFT, labelpad=2)
 
 
-def head(row: Iterable[Axes], titles: Sequence[str]) -> None:
+def set_titles(row: Iterable[Axes], titles: Sequence[str]) -> None:
     """Titles above a row of pictures."""
     for axes, title in zip(row, titles, strict=True):
         axes.set_title(title, fontsize=8.5, color=INK)
@@ -73,10 +75,10 @@ def head(row: Iterable[Axes], titles: Sequence[str]) -> None:
 
 def last_fit(results: Mapping[str, MethodResult]) -> str | None:
     """The last fit, else "rm"; None where there is neither."""
-    return next((method for method in reversed(EXPLAINED) if method in results), None)
+    return next((method for method in reversed(EXPLAINING_METHODS) if method in results), None)
 
 
-def draw(
+def render_explanations(
     latents: Latents, object_class: ObjectClass, self_shadow: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
     """Render N explanations in the standard camera.
@@ -86,9 +88,9 @@ def draw(
     """
     camera = object_class.camera()
     with torch.no_grad():
-        drawn = render_latents(latents, object_class, camera, self_shadow)
-    colours = drawn.rgb / drawn.coverage.clamp_min(1e-3)[..., None]  # they were blended with black
-    return colours.numpy(), drawn.coverage.numpy()
+        rendering = render_latents(latents, object_class, camera, self_shadow)
+    colours = rendering.rgb / rendering.coverage.clamp_min(1e-3)[..., None]  # they were blended with black
+    return colours.numpy(), rendering.coverage.numpy()
 
 
 def save(figure: Figure, path: str | Path, dpi: int = 110) -> Path:

@@ -25,7 +25,9 @@ FACTORS = ("pose", "shape", "appearance", "light")
 GREY_FACTORS = ("pose", "shape")
 
 _LUMA = (0.299, 0.587, 0.114)
+"""Weights of R, G, B in a grey image (ITU-R BT.601)."""
 _KERNEL = 5
+"""Side of the convolutions' kernels, pixels."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class FactorNetwork(nn.Module):
         super().__init__()
         self.grey = grey
         a, b, c = settings.filters
-        wide, narrow = settings.dense
+        first_width, second_width = settings.dense
         channels, side = 1 if grey else 3, IMAGE_SIZE
         for _ in settings.filters:
             side = (side - _KERNEL + 1) // 2
@@ -80,12 +82,12 @@ class FactorNetwork(nn.Module):
             *_convolution(b, c),
             nn.Flatten(),
             nn.Dropout(settings.dropout),
-            nn.Linear(c * side * side, wide),
+            nn.Linear(c * side * side, first_width),
             nn.ReLU(),
             nn.Dropout(settings.dropout),
-            nn.Linear(wide, narrow),
+            nn.Linear(first_width, second_width),
             nn.ReLU(),
-            nn.Linear(narrow, count),
+            nn.Linear(second_width, count),
         )
         self.register_buffer("mean_image", torch.full((channels, IMAGE_SIZE, IMAGE_SIZE), 0.5))
         self.register_buffer("centre", torch.zeros(count))

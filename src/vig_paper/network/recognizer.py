@@ -15,7 +15,7 @@ from vig_paper.network.network import networks_from
 
 
 class PaperRecognizer(Recognizer):
-    """The paper's four networks, from the weights of `vig train --net paper`."""
+    """The paper's four networks, from the weights of `vig reproduce --net paper`."""
 
     kind = "paper"
 
@@ -25,9 +25,9 @@ class PaperRecognizer(Recognizer):
     @torch.inference_mode()
     def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:
         with bfloat16(photos.device):
-            found = self.network(srgb_from_linear(photos).permute(0, 3, 1, 2))
+            outputs = self.network(srgb_from_linear(photos).permute(0, 3, 1, 2))
         count = len(photos)  # the paper knows neither a rolled camera nor photos without the object
-        azimuth, numbers, deviation, mask = found
+        azimuth, numbers, deviation, mask = outputs
         return Prediction(azimuth, numbers, deviation, mask, torch.zeros(count), torch.ones(count))
 
 

@@ -25,7 +25,7 @@ from vig_paper.network.network import FACTORS, FactorNetwork, PaperNetworks, Pap
 from vig_train.training.targets import numbers_of
 from vig_world.dataset import Dataset
 
-_NORMAL_MAD = 1.4826
+_DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian over the median of its absolute values."""
 
 
@@ -55,7 +55,7 @@ class PaperTrainingSettings:
 
 
 @dataclass
-class _Run:
+class _CheckpointState:
     """What a checkpoint holds.
 
     Attributes:
@@ -72,7 +72,7 @@ class _Run:
 
 
 @dataclass(frozen=True)
-class _Data:
+class _TrainingData:
     """images (N, H, W, 3) uint8 and latents on the training device; the first `count` are trained on."""
 
     images: torch.Tensor
@@ -125,10 +125,12 @@ def train_paper(
         torch.set_num_threads(settings.threads)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     latents = Latents.from_vector(torch.from_numpy(dataset.latents).to(device))
-    held = max(1, len(dataset) // 10)
-    data = _Data(torch.from_numpy(dataset.images).to(device), latents, len(dataset) - held)
+    held_out_count = max(1, len(dataset) // 10)
+    data = _TrainingData(torch.from_numpy(dataset.images).to(device), latents, len(dataset) - held_out_count)
     sizes = replace(settings.networks, modes=latents.shape.shape[1])
-    run = _Run(_untrained(sizes, data, settings.seed).to(device, memory_format=torch.channels_last))  # type: ignore[call-overload]
+    networks = _initialise_networks(sizes, data, settings.seed)
+    networks.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    run = _CheckpointState(networks)
     checkpoint, fingerprint = Path(out) / "checkpoint.safetensors", _fingerprint(settings, dataset)
     if checkpoint.exists():
         _resume(checkpoint, run, fingerprint)
@@ -142,9 +144,9 @@ def train_paper(
 
 def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
     """Write the networks with their settings: weights in half precision, what goes with them in single."""
-    halved = dict(networks.named_parameters())
+    parameters = dict(networks.named_parameters())
     tensors = {
-        f"network.{name}": (value.half() if name in halved else value).contiguous()
+        f"network.{name}": (value.half() if name in parameters else value).contiguous()
         for name, value in networks.state_dict().items()
     }
     metadata = {"net": "paper", "format": FORMAT, "settings": json.dumps(asdict(networks.settings))}
@@ -152,7 +154,7 @@ def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
         save_file(tensors, temporary, metadata=metadata)
 
 
-def _untrained(settings: PaperSettings, data: _Data, seed: int) -> PaperNetworks:
+def _initialise_networks(settings: PaperSettings, data: _TrainingData, seed: int) -> PaperNetworks:
     """Networks with Glorot's initial weights, and the training data's mean image, centre and scale.
 
     A factor has one scale, so that the learning rate means the same for each and its numbers weigh against
@@ -170,18 +172,18 @@ def _untrained(settings: PaperSettings, data: _Data, seed: int) -> PaperNetworks
     mean = (torch.as_tensor(total) / data.count).float().cpu()
     for factor, targets in targets_of(data.latents).items():
         network = networks.of(factor)
-        known = targets[: data.count].cpu()
+        training_targets = targets[: data.count].cpu()
         network.mean_image.copy_(network.channels(mean[None])[0])
-        network.centre.copy_(known.mean(0))
-        network.scale.copy_(known.var(0).mean().sqrt().clamp_min(1e-3))
+        network.centre.copy_(training_targets.mean(0))
+        network.scale.copy_(training_targets.var(0).mean().sqrt().clamp_min(1e-3))
     return networks
 
 
 def _train_factor(
     factor: str,
     number: int,
-    run: _Run,
-    data: _Data,
+    run: _CheckpointState,
+    data: _TrainingData,
     settings: PaperTrainingSettings,
     save: Callable[[], None],
     say: Callable[[str], None],
@@ -193,8 +195,8 @@ def _train_factor(
         network.parameters(), settings.learning_rate, momentum=settings.momentum, nesterov=True
     )
     for name in parameters.keys() & run.momentum.keys():
-        kept = torch.empty_like(parameters[name]).copy_(run.momentum[name])
-        optimizer.state[parameters[name]]["momentum_buffer"] = kept
+        momentum = torch.empty_like(parameters[name]).copy_(run.momentum[name])
+        optimizer.state[parameters[name]]["momentum_buffer"] = momentum
     targets = targets_of(data.latents)[factor]
     while not _done(curve, settings):
         started = time.monotonic()
@@ -210,7 +212,7 @@ def _train_factor(
             loss.backward()
             optimizer.step()
             total += loss.detach()
-        trained = time.monotonic() - started
+        training_seconds = time.monotonic() - started
         held_out = _held_out_loss(network, data, targets)
         curve.append([float(total) / len(steps), held_out, time.monotonic() - started])
         if not np.isfinite(curve[-1]).all():
@@ -225,7 +227,7 @@ def _train_factor(
         say(
             f"{factor}: epoch {len(curve)}/{settings.epochs}  loss {curve[-1][0]:.4f}"
             f"  held-out {held_out:.4f} (best {curve[best][1]:.4f} in epoch {best + 1})"
-            f"  {len(steps) * settings.batch / trained:.0f} images/s"
+            f"  {len(steps) * settings.batch / training_seconds:.0f} images/s"
         )
     network.load_state_dict({name: run.best[f"{factor}.{name}"] for name in network.state_dict()})
 
@@ -237,7 +239,7 @@ def _loss(network: FactorNetwork, images: torch.Tensor, targets: torch.Tensor) -
     return functional.mse_loss(predicted, targets) / network.scale**2
 
 
-def _held_out_loss(network: FactorNetwork, data: _Data, targets: torch.Tensor) -> float:
+def _held_out_loss(network: FactorNetwork, data: _TrainingData, targets: torch.Tensor) -> float:
     """The mean of `_loss` over the held-out images."""
     network.eval()
     with torch.inference_mode():
@@ -260,23 +262,23 @@ def _done(curve: list[list[float]], settings: PaperTrainingSettings) -> bool:
 
 
 @torch.inference_mode()
-def _calibrate(networks: PaperNetworks, data: _Data) -> None:
-    """Put in how far the networks are off on the held-out images.
+def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
+    """Set the networks' standard deviations from their errors on the held-out images.
 
-    Azimuth is off by half a turn at times, so its standard deviation is that of a Gaussian with the same
-    median; of the numbers it is the root mean square.
+    Azimuth is off by half a turn at times, so its deviation is robust: 1.4826 times the median absolute
+    error. Of the other numbers it is the root mean square error.
     """
     networks.eval()
     with bfloat16(data.images.device):
-        found = [networks.numbers(data.pixels(part)) for part in data.held_out.split(64)]
-    azimuth, numbers = (torch.cat(column) for column in zip(*found, strict=True))
-    right = data.latents[data.held_out]
-    off = angle_difference(azimuth, right.azimuth)
-    networks.azimuth_deviation.copy_((_NORMAL_MAD * off.abs().median()).clamp_min(1e-3))
-    networks.deviation.copy_((numbers - numbers_of(right)).square().mean(0).sqrt().clamp_min(1e-3))
+        outputs = [networks.numbers(data.pixels(part)) for part in data.held_out.split(64)]
+    azimuth, numbers = (torch.cat(column) for column in zip(*outputs, strict=True))
+    truth = data.latents[data.held_out]
+    azimuth_error = angle_difference(azimuth, truth.azimuth)
+    networks.azimuth_deviation.copy_((_DEVIATION_PER_MAD * azimuth_error.abs().median()).clamp_min(1e-3))
+    networks.deviation.copy_((numbers - numbers_of(truth)).square().mean(0).sqrt().clamp_min(1e-3))
 
 
-def _save(path: Path, run: _Run, fingerprint: str) -> None:
+def _save(path: Path, run: _CheckpointState, fingerprint: str) -> None:
     """Write the checkpoint, and the curves as a table beside it."""
     tensors = {f"now.{name}": value for name, value in run.networks.factors.state_dict().items()}
     tensors |= {f"best.{name}": value for name, value in run.best.items()}
@@ -294,7 +296,7 @@ def _save(path: Path, run: _Run, fingerprint: str) -> None:
                 writer.writerow([factor, epoch, f"{loss:.6g}", f"{held_out:.6g}", f"{seconds:.1f}"])
 
 
-def _resume(path: Path, run: _Run, fingerprint: str) -> None:
+def _resume(path: Path, run: _CheckpointState, fingerprint: str) -> None:
     """Put a checkpoint back into `run`."""
     with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
         tensors, state = read_tensors(path, "pt")
@@ -302,11 +304,11 @@ def _resume(path: Path, run: _Run, fingerprint: str) -> None:
             raise UserError(
                 f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
             )
-        now, run.best, run.momentum, curves = (
+        current, run.best, run.momentum, curves = (
             {name.removeprefix(part): value for name, value in tensors.items() if name.startswith(part)}
             for part in ("now.", "best.", "momentum.", "curve.")
         )
-        run.networks.factors.load_state_dict(now)
+        run.networks.factors.load_state_dict(current)
         run.curves = {factor: curves[factor].tolist() for factor in FACTORS}
 
 

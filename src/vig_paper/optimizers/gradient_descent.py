@@ -8,10 +8,10 @@ import torch
 
 from vig.search.optimizer import Budget, Descent, Problem, Searches, scales
 
-STALL = 10
+STALL_STEPS = 10
 """Steps over which the gain is compared with the budget's tolerance: single ones are small."""
 
-GIVE_UP = 1e-9
+MIN_RATE_SHARE = 1e-9
 """A search ends when its rate has fallen to this."""
 
 
@@ -40,24 +40,26 @@ class GradientDescent:
         searches = Searches(problem, starts, photo, sigma)
         scale = scales(searches.normal.nan_to_num())
         velocity, rate = torch.zeros_like(searches.points), torch.full_like(searches.noise, self.rate)
-        earlier = searches.value.clone()
+        value_before = searches.value.clone()
         for number in range(budget.iterations):
             active = searches.active
             if not len(active):
                 break
-            here = searches.points[active]
-            pace = rate[active, None] / (1 + self.decay * number)
-            push = pace * searches.gradient[active] / scale[active] ** 2
-            trial = (here + self.momentum * velocity[active] + push).clamp(problem.lower, problem.upper)
-            tried = searches.evaluate(active, trial)
-            better = tried[0] >= searches.value[active]
-            # What a bound stopped has no momentum left: the step that was made counts.
-            velocity[active] = torch.where(better[:, None], trial - here, 0.0)
+            points = searches.points[active]
+            current_rate = rate[active, None] / (1 + self.decay * number)
+            gradient_step = current_rate * searches.gradient[active] / scale[active] ** 2
+            trial = (points + self.momentum * velocity[active] + gradient_step).clamp(
+                problem.lower, problem.upper
+            )
+            evaluation = searches.evaluate(active, trial)
+            better = evaluation[0] >= searches.value[active]
+            # The velocity is the step after clamping: a parameter at its bound keeps no momentum.
+            velocity[active] = torch.where(better[:, None], trial - points, 0.0)
             rate[active] = torch.where(better, (1.1 * rate[active]).clamp_max(self.rate), rate[active] / 2)
-            searches.move(active, trial, tried, better)
-            done = rate[active] < GIVE_UP * self.rate
-            if (number + 1) % STALL == 0:
-                done |= searches.value[active] - earlier[active] < budget.tolerance
-                earlier[active] = searches.value[active]
+            searches.move(active, trial, evaluation, better)
+            done = rate[active] < MIN_RATE_SHARE * self.rate
+            if (number + 1) % STALL_STEPS == 0:
+                done |= searches.value[active] - value_before[active] < budget.tolerance
+                value_before[active] = searches.value[active]
             searches.end(done)
         return searches.descent()

@@ -58,7 +58,7 @@ class LBFGS:
             "ftol": 0.0,
             "gtol": 1e-12,
         }
-        found = scipy.optimize.minimize(
+        outcome = scipy.optimize.minimize(
             search.negative,
             search.scaled(search.point),
             jac=True,
@@ -68,7 +68,7 @@ class LBFGS:
             options=options,
         )
         # 0: the gradient vanished; 2: no point of the line is better. Nothing is left to gain either way.
-        search.converged |= found.status in (0, 2)
+        search.converged |= outcome.status in (0, 2)
 
 
 class _SpentError(Exception):
@@ -89,23 +89,23 @@ class _Search:
         self.noise = torch.full((1,), sigma, dtype=problem.dtype, device=problem.device)
         self.point, self.value, self.evaluations, self.steps = start.clone(), -np.inf, 0, 0
         self.converged = False
-        valued = self._valued(start)
-        assert valued is not None and valued[2] is not None
-        self.worst, self._known = valued[0], (start, valued[0], valued[1])
-        if not np.isfinite(valued[0]):
-            self.scale, self.gradient = np.ones(len(start)), valued[1]
+        evaluation = self._evaluate(start)
+        assert evaluation is not None and evaluation[2] is not None
+        self.worst, self._last_evaluation = evaluation[0], (start, evaluation[0], evaluation[1])
+        if not np.isfinite(evaluation[0]):
+            self.scale, self.gradient = np.ones(len(start)), evaluation[1]
             return
-        self.value, self.gradient = valued[0], valued[1]
-        self.scale = scales(valued[2][None].double())[0].cpu().numpy()
-        self._last = self.value
+        self.value, self.gradient = evaluation[0], evaluation[1]
+        self.scale = scales(evaluation[2][None].double())[0].cpu().numpy()
+        self._value_before = self.value
 
-    def _valued(self, point: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor | None]:
+    def _evaluate(self, point: torch.Tensor) -> tuple[float, torch.Tensor, torch.Tensor | None]:
         if self.evaluations > EVALUATIONS_PER_STEP * self.budget.iterations:
             raise _SpentError
         self.evaluations += 1
-        valued = self.problem(point[None], self.photo, self.noise)
-        assert valued.gradient is not None and valued.normal is not None
-        return float(valued.value[0]), valued.gradient[0].clone(), valued.normal[0]
+        evaluation = self.problem(point[None], self.photo, self.noise)
+        assert evaluation.gradient is not None and evaluation.normal is not None
+        return float(evaluation.value[0]), evaluation.gradient[0].clone(), evaluation.normal[0]
 
     def scaled(self, point: torch.Tensor) -> np.ndarray:
         """A point (P',) in scipy's coordinates."""
@@ -116,33 +116,33 @@ class _Search:
 
         Where the problem has no finite value it is as bad as the worst seen, falling towards the best.
         """
-        raw = torch.from_numpy(scaled / self.scale).to(self.point)
-        point = raw.clamp(self.problem.lower, self.problem.upper)
-        if not torch.equal(point, self._known[0]):
-            value, gradient, _ = self._valued(point)
-            self._known = point, value, gradient
-        _, value, gradient = self._known
+        unclamped = torch.from_numpy(scaled / self.scale).to(self.point)
+        point = unclamped.clamp(self.problem.lower, self.problem.upper)
+        if not torch.equal(point, self._last_evaluation[0]):
+            value, gradient, _ = self._evaluate(point)
+            self._last_evaluation = point, value, gradient
+        _, value, gradient = self._last_evaluation
         if not np.isfinite(value) or not torch.isfinite(gradient).all():
-            back = scaled - self.scaled(self.point)
-            return 1.0 - self.worst, back / max(float(np.linalg.norm(back)), 1e-12)
+            towards_best = scaled - self.scaled(self.point)
+            return 1.0 - self.worst, towards_best / max(float(np.linalg.norm(towards_best)), 1e-12)
         self.worst = min(self.worst, value)
         if value > self.value:
             self.point, self.value, self.gradient = point, value, gradient
-        inside = (raw == point) | torch.isclose(raw, point, rtol=1e-6, atol=0.0)
+        inside = (unclamped == point) | torch.isclose(unclamped, point, rtol=1e-6, atol=0.0)
         return -value, -torch.where(inside, gradient, 0.0).double().cpu().numpy() / self.scale
 
     def after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:
         """scipy's callback: counts the step, and ends the search when it gained less than the tolerance."""
         self.steps += 1
-        gain, self._last = self.value - self._last, self.value
+        gain, self._value_before = self.value - self._value_before, self.value
         self.converged = gain < self.budget.tolerance
         if self.converged or self.steps >= self.budget.iterations:
             raise StopIteration
 
     def free(self) -> np.ndarray:
         """Which parameters (P',) bool no bound holds at the best point."""
-        held = held_by_bounds(self.point[None], self.gradient[None], self.problem)
-        return ~held[0].cpu().numpy()
+        at_bound = held_by_bounds(self.point[None], self.gradient[None], self.problem)
+        return ~at_bound[0].cpu().numpy()
 
 
 def _search_each(
@@ -173,18 +173,18 @@ def _search_each(
 
 def _bfgs(search: _Search) -> None:
     while search.steps < search.budget.iterations:
-        before, free = search.value, search.free()
+        value_before, free = search.value, search.free()
         origin = search.scaled(search.point)
         search.converged = not free.any()
         if search.converged:
             return
 
         def negative(
-            part: np.ndarray, origin: np.ndarray = origin, free: np.ndarray = free
+            free_values: np.ndarray, origin: np.ndarray = origin, free: np.ndarray = free
         ) -> tuple[float, np.ndarray]:
-            whole = origin.copy()
-            whole[free] = part
-            value, gradient = search.negative(whole)
+            full_point = origin.copy()
+            full_point[free] = free_values
+            value, gradient = search.negative(full_point)
             return value, gradient[free]
 
         options = {"maxiter": search.budget.iterations - search.steps, "gtol": 1e-12}
@@ -192,6 +192,6 @@ def _bfgs(search: _Search) -> None:
         scipy.optimize.minimize(
             negative, origin[free], jac=True, method="BFGS", callback=search.after_step, options=options
         )
-        search.converged = search.value - before < search.budget.tolerance
+        search.converged = search.value - value_before < search.budget.tolerance
         if search.converged or search.steps == steps:
             return

@@ -14,7 +14,7 @@ TYPES = {".png": "image/png", ".webp": "image/webp"}
 
 
 @dataclass(frozen=True)
-class Cell:
+class HtmlCell:
     """A cell of a table: text, smaller lines below it, and whether it passes (None: undefined)."""
 
     text: str
@@ -28,20 +28,20 @@ class Cell:
         if self.passed is None:
             return f"<td>{escape(self.text)}{_small(lines)}</td>"
         label = "pass" if self.passed else "fail"
-        last = " · ".join([*lines[-1:], f"<b>{label}</b>"])
-        return f'<td class="{label}">{escape(self.text)}{_small([*lines[:-1], last])}</td>'
+        last_line = " · ".join([*lines[-1:], f"<b>{label}</b>"])
+        return f'<td class="{label}">{escape(self.text)}{_small([*lines[:-1], last_line])}</td>'
 
 
 def _small(lines: list[str]) -> str:
     return "".join(f"<small>{line}</small>" for line in lines)
 
 
-def table(caption: str, header: Sequence[str], rows: Iterable[tuple[str, Sequence[Cell | str]]]) -> str:
+def table(caption: str, header: Sequence[str], rows: Iterable[tuple[str, Sequence[HtmlCell | str]]]) -> str:
     """A table whose rows have a name and cells; on a narrow screen it scrolls on its own."""
     columns = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
     body = "".join(
         f'<tr><th scope="row">{escape(name)}</th>'
-        + "".join((cell if isinstance(cell, Cell) else Cell(cell)).html for cell in cells)
+        + "".join((cell if isinstance(cell, HtmlCell) else HtmlCell(cell)).html for cell in cells)
         + "</tr>\n"
         for name, cells in rows
     )

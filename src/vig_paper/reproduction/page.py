@@ -9,13 +9,13 @@ from typing import Any
 
 from vig.io.errors import UserError
 from vig_paper.ablation import ablation_blocks
-from vig_paper.reproduction.html import Cell, heading, listing, paragraph, picture, table, write_html
+from vig_paper.reproduction.html import HtmlCell, heading, listing, paragraph, picture, table, write_html
 from vig_paper.reproduction.run import duration
 from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, read_json
-from vig_paper.reproduction.work import LIMITS
+from vig_paper.reproduction.work import OCCLUSION_LIMITS
 from vig_train.evaluation import METRICS
-from vig_train.evaluation.paper import Entry, compare, comparison, comparison_title
-from vig_train.evaluation.presentation import Block, blocks
+from vig_train.evaluation.paper import ComparisonCell, compare, comparison, comparison_title
+from vig_train.evaluation.presentation import TableBlock, blocks
 from vig_train.record import read_record
 from vig_world.dataset.format import read_info
 
@@ -45,9 +45,11 @@ def write_page(root: Path) -> Path:
     """
     folder = RunFolder(root)
     record = read_record(folder.record)
-    found = {name: folder.read_table(name) for name in RENDERERS}
-    tables = {name: each for name, each in found.items() if each is not None}
-    results = [(name, TITLES[name], _results(folder, name, each)) for name, each in tables.items()]
+    by_renderer = {name: folder.read_table(name) for name in RENDERERS}
+    tables = {name: table_data for name, table_data in by_renderer.items() if table_data is not None}
+    results = [
+        (name, TITLES[name], _results(folder, name, table_data)) for name, table_data in tables.items()
+    ]
     write_html(
         folder.page,
         TITLE,
@@ -69,8 +71,8 @@ def _introduction(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
         f" the scale \u201c{record['settings']['scale']}\u201d. A cell of Table 1 passes when our median is"
         " better than the paper's. The photos are vig's own; training and test photos share no asset."
     )
-    for renderer, found in tables.items():
-        cells = compare(found)
+    for renderer, table_data in tables.items():
+        cells = compare(table_data)
         failed: dict[str, list[str]] = {}
         for cell in cells:
             if not cell.passed:
@@ -83,45 +85,45 @@ def _introduction(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
     return text + (paragraph(f"This run has no {' and no '.join(left_out)}.") if left_out else "")
 
 
-def _results(folder: RunFolder, renderer: str, found: Mapping[str, Any]) -> str:
+def _results(folder: RunFolder, renderer: str, table_data: Mapping[str, Any]) -> str:
     """Tables and figures of a renderer's photos."""
-    methods, rows = comparison(found)
+    methods, rows = comparison(table_data)
     cells = [(title, [_cell(row.get(method)) for method in methods]) for title, row in rows]
-    html = table(comparison_title(found), ["", *methods], cells)
-    for block in blocks(found)[1:]:  # the first is Table 1 without the paper's numbers
+    html = table(comparison_title(table_data), ["", *methods], cells)
+    for block in blocks(table_data)[1:]:  # the first is Table 1 without the paper's numbers
         html += _block(block)
-    for name, (least, most) in LIMITS.items():
-        hidden = folder.read_table(renderer, name) if name != "table" else None
-        if hidden is not None:
+    for name, (least, most) in OCCLUSION_LIMITS.items():
+        occluded_table = folder.read_table(renderer, name) if name != "table" else None
+        if occluded_table is not None:
             html += heading(f"{least:.0%} to {most:.0%} hidden")
-            html += "".join(_block(block) for block in blocks(hidden))
+            html += "".join(_block(block) for block in blocks(occluded_table))
     if folder.figures(renderer).exists():
         html += heading("Figures")
     return html + "".join(picture(folder.figures(renderer) / name, text) for name, text in PICTURES.items())
 
 
-def _cell(entry: Entry | None) -> Cell:
+def _cell(entry: ComparisonCell | None) -> HtmlCell:
     if entry is None:
-        return Cell("\u2013")
+        return HtmlCell("\u2013")
     below = f"{entry.interval}\npaper {entry.paper}" if entry.paper else entry.interval
-    return Cell(entry.median, below, entry.passed)
+    return HtmlCell(entry.median, below, entry.passed)
 
 
-def _block(block: Block) -> str:
+def _block(block: TableBlock) -> str:
     """A table of the evaluation; the second line of a cell is set smaller below the first."""
     rows = [(row[0], [_two_lines(cell) for cell in row[1:]]) for row in block.rows]
     return table(block.title, [name.replace("\n", " ") for name in block.header], rows)
 
 
-def _two_lines(text: str) -> Cell:
+def _two_lines(text: str) -> HtmlCell:
     above, _, below = text.partition("\n")
-    return Cell(above, below)
+    return HtmlCell(above, below)
 
 
 def _ablations(folder: RunFolder) -> str:
     """The fit with each part of the method switched off."""
-    found = read_json(folder.ablations)
-    return "" if found is None else "".join(_block(block) for block in ablation_blocks(found))
+    table_data = read_json(folder.ablations)
+    return "" if table_data is None else "".join(_block(block) for block in ablation_blocks(table_data))
 
 
 def _training(folder: RunFolder) -> str:
@@ -132,9 +134,11 @@ def _training(folder: RunFolder) -> str:
     html += picture(folder.recognition / "reliability.png", caption)
     if log.exists():
         with open(log, newline="") as file:
-            names, *_, last = csv.reader(file)
+            names, *_, last_row = csv.reader(file)
         html += table(
-            "The last line of its log", [name.replace("_", " ") for name in names], [(last[0], last[1:])]
+            "The last line of its log",
+            [name.replace("_", " ") for name in names],
+            [(last_row[0], last_row[1:])],
         )
     return html
 
@@ -169,8 +173,10 @@ def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[tuple[str, lis
     rows = []
     for name, (split, _) in DATASETS.items():
         try:
-            held = read_info(Path(record["settings"][name] or folder.data(name)))["splits"][split]
+            split_info = read_info(Path(record["settings"][name] or folder.data(name)))["splits"][split]
         except (UserError, KeyError):
             continue
-        rows.append((name.replace("_", " "), [split, *(str(held[key]) for key in ("tier", "count", "seed"))]))
+        rows.append(
+            (name.replace("_", " "), [split, *(str(split_info[key]) for key in ("tier", "count", "seed"))])
+        )
     return rows

@@ -85,13 +85,13 @@ def steps_of(run: Run, renderers: tuple[str, ...], write_page: Callable[[Path], 
     return [*data, *model, *evaluations, ablations, *figures, page]
 
 
-def following(step: Step, steps: list[Step]) -> list[str]:
+def dependent_steps(step: Step, steps: list[Step]) -> list[str]:
     """The names of all steps that take a step's product, or the product of one that does."""
-    found = {step.name}
-    for other in steps:  # they are in order, so that one pass is enough
-        if found & {*other.needs, *other.shows}:
-            found.add(other.name)
-    return sorted(found - {step.name})
+    dependent = {step.name}
+    for candidate in steps:  # they are in order, so that one pass is enough
+        if dependent & {*candidate.needs, *candidate.shows}:
+            dependent.add(candidate.name)
+    return sorted(dependent - {step.name})
 
 
 def reproduce(
@@ -140,7 +140,7 @@ def reproduce(
             raise UserError(
                 f"expected {' and '.join(missing)} done before {step.name}; choose those stages, too, or all."
             )
-        record.forget([step.name, *following(step, steps)])
+        record.forget([step.name, *dependent_steps(step, steps)])
         run.report(f"{step.name}: begun")
         with record.timed(step.name):
             step.work()
@@ -152,6 +152,6 @@ def duration(seconds: float) -> str:
     """Such as 12.3 s, 4 min 10 s, 2 h 5 min."""
     if seconds < 60:
         return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
+    minutes, remaining_seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {remaining_seconds} s"

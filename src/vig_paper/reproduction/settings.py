@@ -23,12 +23,12 @@ DATASETS = {
 RENDERERS = {"raster": "test_raster", "cycles": "test_cycles"}
 """The renderers whose test photos are evaluated, and the dataset of each."""
 
-LEAST_TRAINING = 16
-"""With fewer photos there is nothing to train on and hold out."""
+MIN_TRAINING_PHOTOS = 16
+"""Fewest training photos: some of them are held out."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class ReproductionSettings:
     """What a run's numbers depend on: the same settings give the same tables.
 
     Raises:
@@ -60,20 +60,20 @@ class Settings:
     test_cycles: Path | None = None
 
     def __post_init__(self) -> None:
-        least = {"train_images": LEAST_TRAINING, "epochs": 1, "seed": 0}
-        least |= dict.fromkeys(("validation_images", "test_images", "cycles_images", "ablation_images"), 1)
-        for name, smallest in least.items():
+        minimums = {"train_images": MIN_TRAINING_PHOTOS, "epochs": 1, "seed": 0}
+        minimums |= dict.fromkeys(("validation_images", "test_images", "cycles_images", "ablation_images"), 1)
+        for name, smallest in minimums.items():
             value = getattr(self, name)
             if value is not None and value < smallest:
                 option = "--" + name.replace("_", "-")
                 raise UserError(f"expected {option} of at least {smallest}; got {value}")
         unknown = [method for method in self.methods if method not in METHODS]
         if unknown or not self.methods:
-            came = ", ".join(unknown) or "none"
-            raise UserError(f"expected methods among {', '.join(METHODS)}; got {came}")
+            got = ", ".join(unknown) or "none"
+            raise UserError(f"expected methods among {', '.join(METHODS)}; got {got}")
 
     @staticmethod
-    def of(scale: Scale, **chosen: Any) -> Settings:
+    def of(scale: Scale, **chosen: Any) -> ReproductionSettings:
         """A scale's settings, replaced by those of `chosen` that are not None."""
         return replace(SCALES[scale], **{name: value for name, value in chosen.items() if value is not None})
 
@@ -83,10 +83,10 @@ class Settings:
         return {name: str(value) if isinstance(value, Path) else value for name, value in plain.items()}
 
 
-SCALES: dict[Scale, Settings] = {
-    "tiny": Settings("tiny", 200, 2, 50, 20, 6, 2),
-    "small": Settings("small", 6000, 12, 500, 200, 40, 50),
-    "paper": Settings("paper", 10000, None, 1000, 1000, 1000, 200),
+SCALES: dict[Scale, ReproductionSettings] = {
+    "tiny": ReproductionSettings("tiny", 200, 2, 50, 20, 6, 2),
+    "small": ReproductionSettings("small", 6000, 12, 500, 200, 40, 50),
+    "paper": ReproductionSettings("paper", 10000, None, 1000, 1000, 1000, 200),
 }
 """tiny checks an installation, small takes an hour on two cores, paper has the paper's counts."""
 
@@ -128,7 +128,7 @@ class RunFolder:
         return self.root / "tables" / "ablations.json"
 
     def read_table(self, renderer: str, name: str = "table") -> dict[str, Any] | None:
-        """One of a renderer's tables, see `work.LIMITS`; None when it does not exist."""
+        """One of a renderer's tables, see `work.OCCLUSION_LIMITS`; None when it does not exist."""
         return read_json(self.tables(renderer) / f"{name}.json")
 
     def data(self, name: str) -> Path:

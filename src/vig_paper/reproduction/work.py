@@ -20,16 +20,16 @@ from vig_paper.ablation import ablation_markdown, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
-from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, Settings
-from vig_train.calibration import calibrate_fits, describe, fits_of
+from vig_paper.reproduction.settings import DATASETS, RENDERERS, ReproductionSettings, RunFolder
+from vig_train.calibration import calibrate_fits, describe, fit_count
 from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
 from vig_train.evaluation.paper import comparison_block
-from vig_train.evaluation.protocol import fitted
-from vig_train.evaluation.statistics import within
+from vig_train.evaluation.protocol import fitted_likelihoods
+from vig_train.evaluation.statistics import within_occlusion
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.plots import train_and_plot as train_network
-from vig_train.training.calibration import LEAST_IMAGES as LEAST
+from vig_train.training.calibration import MIN_IMAGES
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import complete_split, read_info
@@ -37,11 +37,11 @@ from vig_world.generation.progress import Meter
 from vig_world.generation.show import contact_sheet
 from vig_world.generation.write import make_dataset
 
-LIMITS = {"table": (0.0, 0.75), "table_75_90": (0.75, 0.9)}
+OCCLUSION_LIMITS = {"table": (0.0, 0.75), "table_75_90": (0.75, 0.9)}
 """The tables of a renderer's photos: least and most of the object hidden in the photos of each."""
-SHEET = 48
-"""Test photos shown of each renderer."""
-LEAST_BATCHES = 8
+SHEET_PHOTOS = 48
+"""Test photos of each renderer's contact sheet."""
+MIN_BATCHES = 8
 """A small training set is trained on in smaller batches, so that an epoch has at least this many."""
 
 
@@ -50,7 +50,7 @@ class Run:
     """A run: its folder, its settings, and how it is carried out."""
 
     folder: RunFolder
-    settings: Settings
+    settings: ReproductionSettings
     cycles: bool = True
     """Evaluate on path-traced photos, too."""
     workers: int | None = None
@@ -146,16 +146,19 @@ def train(run: Run) -> None:
     chosen: dict[str, Any] = {"seed": run.settings.seed, "threads": run.threads}
     if run.settings.epochs is not None:
         chosen["epochs"] = run.settings.epochs
-    batch = len(dataset) // LEAST_BATCHES
+    batch = len(dataset) // MIN_BATCHES
     if run.settings.net == "paper":
-        paper = PaperTrainingSettings(**chosen)
+        paper_settings = PaperTrainingSettings(**chosen)
         train_paper(
-            dataset, run.folder.recognition, replace(paper, batch=min(paper.batch, batch)), run.report
+            dataset,
+            run.folder.recognition,
+            replace(paper_settings, batch=min(paper_settings.batch, batch)),
+            run.report,
         )
     else:
-        own = TrainingSettings(**chosen)
-        own = replace(own, batch=min(own.batch, batch))
-        train_network([dataset], run.folder.recognition, own, run.report)
+        vig_settings = TrainingSettings(**chosen)
+        vig_settings = replace(vig_settings, batch=min(vig_settings.batch, batch))
+        train_network([dataset], run.folder.recognition, vig_settings, run.report)
 
 
 def take_weights(run: Run) -> None:
@@ -163,9 +166,9 @@ def take_weights(run: Run) -> None:
     weights = run.settings.weights
     assert weights is not None
     recognizer_of(run.object_class, weights)  # refuses invalid weights
-    for path, kept in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
+    for path, copy in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
         if path.exists():
-            with atomic_write(kept) as temporary:
+            with atomic_write(copy) as temporary:
                 shutil.copyfile(path, temporary)
 
 
@@ -173,16 +176,16 @@ def calibrate(run: Run) -> None:
     """Calibrate uncertainties on the validation photos: the network's, then those of the fits.
 
     The network's are written into its weights' file, the fits' into calibration.json beside it. With fewer
-    than `LEAST` photos nothing is calibrated.
+    than `MIN_IMAGES` photos nothing is calibrated.
     """
     dataset = run.dataset("validation")
-    if len(dataset) < LEAST:
+    if len(dataset) < MIN_IMAGES:
         run.report(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are predicted")
         return
     if run.settings.net == "vig":  # the paper's networks predict what was measured on held-out photos
         calibrate_network(run.folder.weights, [dataset], run.report)
-    with Meter(fits_of(dataset), 0, run.progress, "fits") as meter:
-        learned, samples = calibrate_fits(
+    with Meter(fit_count(dataset), 0, run.progress, "fits") as meter:
+        calibration, samples = calibrate_fits(
             [dataset],
             run.object_class,
             run.recognizer(),
@@ -191,19 +194,19 @@ def calibrate(run: Run) -> None:
             cache=run.folder.fits("validation"),
             processes=True,
         )
-    learned.save(run.folder.calibration)
-    for line in describe(learned, samples):
+    calibration.save(run.folder.calibration)
+    for line in describe(calibration, samples):
         run.report(f"calibrate: {line}")
 
 
 def evaluate(run: Run, renderer: str) -> None:
-    """Run the methods over a renderer's test photos: errors.csv, and a table for each of `LIMITS`."""
+    """Run the methods over a renderer's test photos: errors.csv, a table for each of `OCCLUSION_LIMITS`."""
     dataset = run.dataset(RENDERERS[renderer])
     results = _results(run, renderer, dataset)
     folder = run.folder.tables(renderer)
     write_csv(folder / "errors.csv", dataset, results)
-    for name, (least, most) in LIMITS.items():
-        if not within(dataset.occlusion, least, most).any():
+    for name, (least, most) in OCCLUSION_LIMITS.items():
+        if not within_occlusion(dataset.occlusion, least, most).any():
             run.report(f"evaluate {renderer}: no photo has {least:.0%} to {most:.0%} of the object hidden")
             continue
         table = summarise(results, dataset, renderer, least, most, run.settings.seed)
@@ -216,7 +219,7 @@ def evaluate(run: Run, renderer: str) -> None:
 
 
 def ablate(run: Run) -> None:
-    """Fit the first rasterised test photos with each part of the method switched off: ablations.json, .md."""
+    """Fit the first rasterised test photos with each part of the method switched off; write the tables."""
     dataset = run.dataset("test_raster").first(run.settings.ablation_images)
     settings = run.explain_settings()
     with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
@@ -239,7 +242,7 @@ def draw_figures(run: Run, renderer: str) -> None:
     dataset = run.dataset(RENDERERS[renderer])
     results = _results(run, renderer, dataset)
     folder = run.folder.figures(renderer)
-    contact_sheet(dataset, folder / "photos.png", SHEET)
+    contact_sheet(dataset, folder / "photos.png", SHEET_PHOTOS)
     draw_all_figures(
         dataset, run.object_class, run.recognizer(), results, renderer, folder, run.explain_settings()
     )
@@ -247,7 +250,9 @@ def draw_figures(run: Run, renderer: str) -> None:
 
 def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResult]:
     """Results of the methods on a renderer's photos; fits made before are read from their folder."""
-    with Meter(len(dataset) * len(fitted(run.settings.methods)), 0, run.progress, "fits") as meter:
+    with Meter(
+        len(dataset) * len(fitted_likelihoods(run.settings.methods)), 0, run.progress, "fits"
+    ) as meter:
         return run_methods(
             dataset,
             run.object_class,

@@ -1,5 +1,5 @@
 """A class pack from a folder of meshes."""
 
-from vig_train.building.build import Builder, BuildSettings, Built
+from vig_train.building.build import Builder, BuildResult, BuildSettings
 
-__all__ = ["BuildSettings", "Builder", "Built"]
+__all__ = ["BuildResult", "BuildSettings", "Builder"]

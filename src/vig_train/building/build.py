@@ -1,4 +1,4 @@
-"""A class pack from a folder of meshes, stage by stage; what each stage found is kept for the next run."""
+"""A class pack from a folder of meshes, stage by stage; each stage's result is cached for the next run."""
 
 from __future__ import annotations
 
@@ -19,29 +19,35 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
 from vig_train.building import pictures
-from vig_train.building.acceptance import MOST_BESIDE, MOST_FAR, Quality, apart, quality_of
+from vig_train.building.acceptance import (
+    MAX_ATTACHMENT_SHARE,
+    MAX_UNMATCHED_SHARE,
+    Quality,
+    median_distance_ratios,
+    quality_of,
+)
 from vig_train.building.card import card
-from vig_train.building.families import families_of, holes
-from vig_train.building.model import Alike, Components, fitted
+from vig_train.building.families import families_of, genus
+from vig_train.building.model import Components, SymmetryProjection, fit_components
 from vig_train.building.pose import (
-    Cloud,
-    Shape,
-    aligned,
+    ClassSymmetry,
+    PointCloud,
+    align_clouds,
     axis_of_revolution,
-    front_turn,
-    levelled,
-    shape_of,
-    straightened,
-    to_up,
-    turned_up,
+    class_symmetry,
+    cube_turn_to_up,
+    front_angle,
+    levelling_rotation,
+    rotation_to_vertical,
+    straightening_angle,
     up_axis,
     usual_axes,
 )
 from vig_train.building.reading import Scan, read_scans
 from vig_train.building.registration import Registration
-from vig_train.building.surface import Surface, vertex_areas, visible_surface
-from vig_train.building.symmetries import ACROSS, image_map, mirror_map, round_map
-from vig_train.building.template import VERTICES, closed_template
+from vig_train.building.surface import SurfaceSample, vertex_areas, visible_surface
+from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
+from vig_train.building.template import TEMPLATE_VERTICES, closed_template
 from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
@@ -49,32 +55,33 @@ from vig_world.assets.props.families import ZONE_NAMES
 from vig_world.dataset.spec import Split
 from vig_world.rotations import about_z
 
-VERSION = 1
-"""Of the stages' results: those of another are made again."""
-TRAINED = ("recognition.safetensors", "calibration.json", "reliability.png")
+CACHE_VERSION = 1
+"""Version of the cached results of stages; those of another version are computed again."""
+TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png")
 """Files of a pack that `vig class train` writes."""
-VIEWING = 1.5
-"""Distance of the standard camera, in lengths of the object."""
-HOLD_OUT_FROM = 10
-"""With so many meshes every sixth is kept for validation and every sixth for the test."""
-LEAST_VERTICES, MOST_VERTICES = 200, 20_000
+VIEWING_LENGTHS = 1.5
+"""Distance of the standard camera, in longest sides of the mean shape."""
+MIN_MESHES_TO_HOLD_OUT = 10
+"""From so many meshes on, one in six is held out for validation and one in six for the test."""
+MIN_VERTICES = 200
+MAX_VERTICES = 20_000
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """What the user tells of a class.
+    """What the user states about a class.
 
     Attributes:
-        name: Of the class.
-        up: The axis that points up in most files, such as "z"; None: found.
-        front: The axis that the front faces in most files, such as "+x"; None: found.
+        name: The class's name.
+        up: The axis that points up in most files, such as "z"; None: estimated.
+        front: The axis that the front faces in most files, such as "+x"; None: estimated.
         shows: What the front shows, such as "the handle"; for texts.
-        symmetry: "none", "half-turn", "any-turn"; None: found.
+        symmetry: "none", "half-turn", "any-turn"; None: estimated.
         length: Longest side of the mean shape, metres.
-        turns: Degrees by which meshes, by number, are turned counter-clockwise about the vertical in the end.
+        turns: Degrees by which meshes, by number, are turned counter-clockwise about the vertical at last.
         drops: Numbers of meshes that are left out.
-        vertices: Of the template, about.
+        vertices: Number of vertices of the template, about.
         places: Zones of rooms where such things stand, with relative frequencies.
     """
 
@@ -86,24 +93,24 @@ class BuildSettings:
     length: float = 0.2
     turns: dict[int, float] = field(default_factory=dict)
     drops: tuple[int, ...] = ()
-    vertices: int = VERTICES
+    vertices: int = TEMPLATE_VERTICES
     places: dict[str, float] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Raise UserError for what no class can have."""
+        """Raise UserError when a setting is out of its range."""
         if not 0.001 <= self.length <= 10:
             raise UserError(f"expected a length from 0.001 to 10 metres; got {self.length}.")
-        if not LEAST_VERTICES <= self.vertices <= MOST_VERTICES:
+        if not MIN_VERTICES <= self.vertices <= MAX_VERTICES:
             raise UserError(
-                f"expected {LEAST_VERTICES} to {MOST_VERTICES} vertices; got {self.vertices}."
-                f" Take about {VERTICES}."
+                f"expected {MIN_VERTICES} to {MAX_VERTICES} vertices; got {self.vertices}."
+                f" Take about {TEMPLATE_VERTICES}."
             )
         for text in (self.name, self.shows or "-"):
             if not text or len(text) > 100 or not text.isprintable():
                 raise UserError(f"expected names of 1 to 100 printable characters; got {text[:100]!r}.")
         for axis in (self.up, self.front):
             if axis is not None:
-                _axis(axis)
+                _axis_vector(axis)
         if self.symmetry is not None and self.symmetry not in set(Symmetry):
             raise UserError(f"expected a symmetry among {', '.join(Symmetry)}; got '{self.symmetry}'.")
         if unknown := sorted(set(self.places) - set(ZONE_NAMES)):
@@ -111,29 +118,29 @@ class BuildSettings:
 
 
 @dataclass(frozen=True)
-class Stood:
+class UprightPoses:
     """The meshes upright in one frame: +X the front, the foot's middle at the origin, of one size.
 
     Attributes:
         rotations: (N, 3, 3) from each file's axes.
-        shape: Symmetries.
-        said: What was found and what was told, sentence by sentence.
+        symmetries: Of the class.
+        report: Axes and symmetries, and whether each was estimated or given, one line each.
     """
 
     rotations: np.ndarray
-    shape: Shape
-    said: tuple[str, ...]
+    symmetries: ClassSymmetry
+    report: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Built:
-    """A class that was built, and how.
+class BuildResult:
+    """A built class, and what it was built from.
 
     Attributes:
         object_class: As saved.
         scans: All meshes that could be read.
-        unread: Why other files were left out, by name.
-        stood: How the meshes stand.
+        unreadable: Why other files were left out, by name.
+        upright: Rotations of the meshes to the class's frame.
         medoid: Number of the mesh that the template was made from.
         qualities: Of each mesh that was not dropped, by its number.
         splits: Of each accepted mesh, by its number.
@@ -142,8 +149,8 @@ class Built:
 
     object_class: ObjectClass
     scans: list[Scan]
-    unread: dict[str, str]
-    stood: Stood
+    unreadable: dict[str, str]
+    upright: UprightPoses
     medoid: int
     qualities: dict[int, Quality]
     splits: dict[int, Split]
@@ -152,12 +159,12 @@ class Built:
     @property
     def refused(self) -> dict[str, str]:
         """Why each mesh that is not in the class was left out, by its file's name."""
-        found = dict(self.unread)
+        reasons = dict(self.unreadable)
         for number, scan in enumerate(self.scans):
             if number not in self.splits:
                 quality = self.qualities.get(number)
-                found[scan.name] = "dropped" if quality is None else quality.reason
-        return found
+                reasons[scan.name] = "dropped" if quality is None else quality.reason
+        return reasons
 
 
 class Builder:
@@ -166,13 +173,13 @@ class Builder:
     Args:
         folder: Of meshes.
         out: The pack's folder, made where it is missing.
-        settings: What is told.
-        say: Is called with a line for each step.
+        settings: What the user states.
+        say: Called with a line for each step.
     """
 
     def __init__(self, folder: Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print):
         self.folder, self.out, self.settings, self.say = Path(folder), Path(out), settings, say
-        self.kept = self.out / "build" / "kept"
+        self.cache_folder = self.out / "build" / "kept"
         settings.check()
         begun = (self.out / "build").is_dir()
         if self.out.exists() and not (begun or self.out.is_dir() and not any(self.out.iterdir())):
@@ -180,25 +187,29 @@ class Builder:
                 f"'{self.out}' holds what `vig class build` did not make. Choose a new or an empty folder."
             )
 
-    def build(self) -> Built:
-        """All stages; returns what the last one wrote.
+    def build(self) -> BuildResult:
+        """Run all stages; return the class as written.
 
         Raises UserError when the folder holds no usable mesh, or settings do not fit it.
         """
-        scans, unread = self.scans, self.unread
-        for name, why in unread.items():
-            self.say(f"left out {name}: {why}")
+        scans, unreadable = self.scans, self.unreadable
+        for name, reason in unreadable.items():
+            self.say(f"left out {name}: {reason}")
         self._check_numbers()
         self.say(f"{_counted(len(scans), 'mesh')} from {self.folder}")
         sheets = self.out / "build"
-        pictures.meshes(sheets / "1-as-they-are.png", [(s.vertices, s.faces) for s in scans])
-        stood = self.stood
-        for line in stood.said:
+        pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(s.vertices, s.faces) for s in scans])
+        poses = self.upright
+        for line in poses.report:
             self.say(line)
-        pictures.meshes(sheets / "2-upright.png", [self.placed(n) for n in range(len(scans))], above=True)
+        pictures.save_mesh_sheet(
+            sheets / "2-upright.png", [self.mesh_in_frame(n) for n in range(len(scans))], above=True
+        )
         medoid, vertices, faces = self.template
         self.say(f"template: {scans[medoid].name}, {len(vertices)} vertices, {len(faces)} faces")
-        pictures.meshes(sheets / "3-template.png", [self.placed(medoid), (vertices, faces)], side=320)
+        pictures.save_mesh_sheet(
+            sheets / "3-template.png", [self.mesh_in_frame(medoid), (vertices, faces)], side=320
+        )
         registered, qualities = self._registered()
         accepted = [n for n, quality in qualities.items() if not quality.reason]
         if not accepted:
@@ -219,21 +230,21 @@ class Builder:
         return self._read[0]
 
     @property
-    def unread(self) -> dict[str, str]:
+    def unreadable(self) -> dict[str, str]:
         """Why files were left out."""
         return self._read[1]
 
     @cached_property
-    def surfaces(self) -> list[Surface]:
-        """What is seen of each mesh from outside, in its file's axes."""
+    def surfaces(self) -> list[SurfaceSample]:
+        """The visible surface of each mesh, in its file's axes."""
         surfaces = []
         for scan in self.scans:
 
-            def made(scan: Scan = scan) -> dict[str, np.ndarray]:
+            def compute(scan: Scan = scan) -> dict[str, np.ndarray]:
                 return vars(visible_surface(scan.vertices, scan.faces))
 
-            held = self._keep("surface", [scan.mark], made)
-            surfaces.append(Surface(held["points"], held["normals"]))
+            arrays = self._cached("surface", [scan.content_hash], compute)
+            surfaces.append(SurfaceSample(arrays["points"], arrays["normals"]))
         return surfaces
 
     @cached_property
@@ -242,96 +253,113 @@ class Builder:
         return [n for n in range(len(self.scans)) if n + 1 not in self.settings.drops]
 
     @cached_property
-    def stood(self) -> Stood:
-        """How each mesh comes to stand; dropped ones as their files have them."""
-        marks = [self.scans[n].mark for n in self.used]
-        found = self._keep("pose", marks, self._common_pose)
+    def upright(self) -> UprightPoses:
+        """The upright pose of each mesh; dropped ones keep their file's axes."""
+        marks = [self.scans[n].content_hash for n in self.used]
+        pose = self._cached("pose", marks, self._common_pose)
         rotations = np.tile(np.eye(3), (len(self.scans), 1, 1))
-        rotations[self.used] = found["rotations"]
-        common = list(found["rotations"])
-        some = [self.surfaces[n] for n in self.used]
-        usual, told = usual_axes(common), self.settings
-        up = up_axis(some, common) if told.up is None else usual @ _axis(told.up)
-        said = [f"up: {_named(usual.T @ up)} of most files, {'found' if told.up is None else 'told'}"]
-        upright = [to_up(up) @ rotation for rotation in common]
-        if told.symmetry == "any-turn":
-            level = [_by_axis(s, r, usual.T @ up) for s, r in zip(some, upright, strict=True)]
+        rotations[self.used] = pose["rotations"]
+        rotations_to_common = list(pose["rotations"])
+        surfaces = [self.surfaces[n] for n in self.used]
+        usual_turn, settings = usual_axes(rotations_to_common), self.settings
+        if settings.up is None:
+            up = up_axis(surfaces, rotations_to_common)
         else:
-            level = [levelled(s.transformed(r, np.zeros(3))) @ r for s, r in zip(some, upright, strict=True)]
-        clouds = [Cloud.of(s.transformed(r, np.zeros(3))) for s, r in zip(some, level, strict=True)]
-        shape = shape_of(clouds)
-        if told.symmetry is not None:
-            shape = replace(shape, symmetry=told.symmetry)
-        if shape.symmetry == "any-turn":
-            shape = replace(shape, mirror=True)
-        said.append(f"symmetry: {shape.symmetry}, {'found' if told.symmetry is None else 'told'}")
-        if told.front is not None:
-            ahead = to_up(up) @ usual @ _axis(told.front)
+            up = usual_turn @ _axis_vector(settings.up)
+        report = [f"up: {_axis_name(usual_turn.T @ up)} of most files, {_source(settings.up)}"]
+        upright = [cube_turn_to_up(up) @ rotation for rotation in rotations_to_common]
+        if settings.symmetry == "any-turn":
+            levelled = [
+                _upright_by_axis(s, r, usual_turn.T @ up) for s, r in zip(surfaces, upright, strict=True)
+            ]
+        else:
+            levelled = [
+                levelling_rotation(s.transformed(r, np.zeros(3))) @ r
+                for s, r in zip(surfaces, upright, strict=True)
+            ]
+        clouds = [
+            PointCloud.from_surface(s.transformed(r, np.zeros(3)))
+            for s, r in zip(surfaces, levelled, strict=True)
+        ]
+        symmetries = class_symmetry(clouds)
+        if settings.symmetry is not None:
+            symmetries = replace(symmetries, symmetry=settings.symmetry)
+        if symmetries.symmetry == "any-turn":
+            symmetries = replace(symmetries, mirror=True)
+        report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}")
+        if settings.front is not None:
+            ahead = cube_turn_to_up(up) @ usual_turn @ _axis_vector(settings.front)
             if abs(ahead[2]) > 0.5:
-                raise UserError(f"expected a front that is level; got {told.front} with {said[0]}.")
+                raise UserError(f"expected a front that is level; got {settings.front} with {report[0]}.")
             front = math.atan2(ahead[1], ahead[0])
+        elif symmetries.mirror and symmetries.symmetry == "none":
+            front = front_angle(clouds, symmetries.mirror_plane)
         else:
-            front = front_turn(clouds, shape.plane) if shape.mirror and shape.symmetry == "none" else 0.0
-        ahead = usual.T @ to_up(up).T @ np.array([math.cos(front), math.sin(front), 0.0])
-        if shape.symmetry != "any-turn":
-            said.append(f"front: {_named(ahead)} of most files, {'found' if told.front is None else 'told'}")
-            said.append(f"mirror plane: {'yes' if shape.mirror else 'none'}")
-        for place, number in enumerate(self.used):
-            turned = about_z(-front) @ level[place]
-            cloud = Cloud.of(some[place].transformed(turned, np.zeros(3)))
-            if shape.mirror and shape.symmetry == "none":
-                turned = about_z(straightened(cloud)) @ turned
-            turned = about_z(math.radians(told.turns.get(number + 1, 0.0))) @ turned
-            rotations[number] = turned
-        return Stood(rotations, shape, tuple(said))
+            front = 0.0
+        ahead = usual_turn.T @ cube_turn_to_up(up).T @ np.array([math.cos(front), math.sin(front), 0.0])
+        if symmetries.symmetry != "any-turn":
+            report.append(f"front: {_axis_name(ahead)} of most files, {_source(settings.front)}")
+            report.append(f"mirror plane: {'yes' if symmetries.mirror else 'none'}")
+        for index, number in enumerate(self.used):
+            rotation = about_z(-front) @ levelled[index]
+            cloud = PointCloud.from_surface(surfaces[index].transformed(rotation, np.zeros(3)))
+            if symmetries.mirror and symmetries.symmetry == "none":
+                rotation = about_z(straightening_angle(cloud)) @ rotation
+            rotation = about_z(math.radians(settings.turns.get(number + 1, 0.0))) @ rotation
+            rotations[number] = rotation
+        return UprightPoses(rotations, symmetries, tuple(report))
 
     def _common_pose(self) -> dict[str, np.ndarray]:
         self.say("comparing poses")
-        _, rotations, costs = aligned([Cloud.of(self.surfaces[n]) for n in self.used])
+        _, rotations, costs = align_clouds([PointCloud.from_surface(self.surfaces[n]) for n in self.used])
         return {"rotations": np.array(rotations), "costs": costs}
 
     def _frame(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Linear map (3, 3) and offset (3,) from a file's axes to the class's frame, of unit size."""
-        turned = self.surfaces[number].points @ self.stood.rotations[number].T
-        scale = 1 / math.sqrt(((turned - turned.mean(0)) ** 2).sum(1).mean())
-        height = turned[:, 2] - turned[:, 2].min()
-        foot = turned[height < 0.02 * height.max()]
-        middle = np.append((foot[:, :2].min(0) + foot[:, :2].max(0)) / 2, turned[:, 2].min())
-        return scale * self.stood.rotations[number], -scale * middle
+        points = self.surfaces[number].points @ self.upright.rotations[number].T
+        scale = 1 / math.sqrt(((points - points.mean(0)) ** 2).sum(1).mean())
+        height = points[:, 2] - points[:, 2].min()
+        foot = points[height < 0.02 * height.max()]
+        middle = np.append((foot[:, :2].min(0) + foot[:, :2].max(0)) / 2, points[:, 2].min())
+        return scale * self.upright.rotations[number], -scale * middle
 
-    def placed(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+    def mesh_in_frame(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """A mesh in the class's frame."""
         linear, offset = self._frame(number)
         scan = self.scans[number]
         return scan.vertices @ linear.T + offset, scan.faces
 
     @cached_property
-    def placed_surfaces(self) -> list[Surface]:
+    def surfaces_in_frame(self) -> list[SurfaceSample]:
         """The surfaces in the class's frame."""
         return [s.transformed(*self._frame(n)) for n, s in enumerate(self.surfaces)]
 
     @cached_property
     def template(self) -> tuple[int, np.ndarray, np.ndarray]:
         """The medoid's number, and the template's vertices and faces."""
-        clouds = [Cloud.of(self.placed_surfaces[n]) for n in self.used]
-        same = np.eye(3)
-        costs = np.array([[a.off(b, same) for b in clouds] for a in clouds])
-        for place in np.argsort(np.median(costs, axis=1), kind="stable"):
-            number = self.used[int(place)]
+        clouds = [PointCloud.from_surface(self.surfaces_in_frame[n]) for n in self.used]
+        identity = np.eye(3)
+        costs = np.array([[a.distance(b, identity) for b in clouds] for a in clouds])
+        for index in np.argsort(np.median(costs, axis=1), kind="stable"):
+            number = self.used[int(index)]
 
-            def made(number: int = number) -> dict[str, np.ndarray]:
+            def compute(number: int = number) -> dict[str, np.ndarray]:
                 try:
                     vertices, faces = closed_template(
-                        *self.placed(number), self.placed_surfaces[number], self.settings.vertices
+                        *self.mesh_in_frame(number), self.surfaces_in_frame[number], self.settings.vertices
                     )
                 except ValueError:
                     return {"vertices": np.zeros((0, 3)), "faces": np.zeros((0, 3), np.int64)}
                 return {"vertices": vertices, "faces": faces}
 
-            marks = [self.scans[number].mark, repr(self.stood.rotations[number]), str(self.settings.vertices)]
-            held = self._keep("template", marks, made)
-            if len(held["vertices"]):
-                return number, held["vertices"], held["faces"]
+            marks = [
+                self.scans[number].content_hash,
+                repr(self.upright.rotations[number]),
+                str(self.settings.vertices),
+            ]
+            arrays = self._cached("template", marks, compute)
+            if len(arrays["vertices"]):
+                return number, arrays["vertices"], arrays["faces"]
         raise UserError(f"expected a mesh in '{self.folder}' that can be closed; none can. Mend one of them.")
 
     def _registered(self) -> tuple[np.ndarray, dict[int, Quality]]:
@@ -341,52 +369,60 @@ class Builder:
         results = np.zeros((len(self.scans), *vertices.shape))
         qualities: dict[int, Quality] = {}
         for number in self.used:
-            scan, target = self.scans[number], self.placed_surfaces[number]
+            scan, target = self.scans[number], self.surfaces_in_frame[number]
 
-            def made(target: Surface = target) -> dict[str, np.ndarray]:
+            def compute(target: SurfaceSample = target) -> dict[str, np.ndarray]:
                 nonlocal registration
                 registration = registration or Registration(vertices, faces)
                 return {"vertices": registration.onto(target)}
 
-            stands = repr(self.stood.rotations[[number, medoid]])
-            marks = [scan.mark, self.scans[medoid].mark, stands, str(self.settings.vertices)]
-            results[number] = self._keep("registered", marks, made)["vertices"]
+            pose = repr(self.upright.rotations[[number, medoid]])
+            marks = [scan.content_hash, self.scans[medoid].content_hash, pose, str(self.settings.vertices)]
+            results[number] = self._cached("registered", marks, compute)["vertices"]
             quality = quality_of(vertices, results[number], faces, target)
             qualities[number] = quality
             self.say(f"{number + 1:3d} {scan.name}: {quality.mean:.2%} of its size off")
-        # What a template of so few vertices cannot show of its own mesh it cannot show of others.
-        own = qualities[medoid].lacking
-        most = MOST_BESIDE if self.stood.shape.symmetry == "any-turn" else MOST_FAR
+        # What the template's few vertices cannot represent of its own mesh is not held against other meshes.
+        unmatched_of_medoid = qualities[medoid].unmatched_mesh
+        max_unmatched = (
+            MAX_ATTACHMENT_SHARE if self.upright.symmetries.symmetry == "any-turn" else MAX_UNMATCHED_SHARE
+        )
         for number in self.used:
-            lacking = max(0.0, qualities[number].lacking - own)
-            qualities[number] = replace(qualities[number], lacking=lacking, most_lacking=most)
-        alike = [number for number in self.used if not qualities[number].reason]
-        for number, far in zip(alike, apart(results[alike]), strict=True):
-            qualities[number] = replace(qualities[number], apart=float(far))
+            unmatched = max(0.0, qualities[number].unmatched_mesh - unmatched_of_medoid)
+            qualities[number] = replace(
+                qualities[number], unmatched_mesh=unmatched, max_unmatched_mesh=max_unmatched
+            )
+        well_registered = [number for number in self.used if not qualities[number].reason]
+        for number, ratio in zip(
+            well_registered, median_distance_ratios(results[well_registered]), strict=True
+        ):
+            qualities[number] = replace(qualities[number], median_ratio=float(ratio))
         for number in self.used:
-            if why := qualities[number].reason:
-                self.say(f"refused {number + 1} {self.scans[number].name}: {why}")
+            if reason := qualities[number].reason:
+                self.say(f"refused {number + 1} {self.scans[number].name}: {reason}")
         return results, qualities
 
     # -- the pack -----------------------------------------------------------------------------------------
 
-    def _write(self, registered: np.ndarray, qualities: dict[int, Quality], accepted: list[int]) -> Built:
+    def _write(
+        self, registered: np.ndarray, qualities: dict[int, Quality], accepted: list[int]
+    ) -> BuildResult:
         medoid, template, faces = self.template
         shapes, sheets = registered[accepted], self.out / "build"
-        alike: Alike | None = None
-        if self.stood.shape.symmetry == "any-turn":
-            alike = round_map(template, faces)
-            shapes = alike(shapes)
-        elif self.stood.shape.mirror:
-            alike = image_map(template)
+        symmetrise: SymmetryProjection | None = None
+        if self.upright.symmetries.symmetry == "any-turn":
+            symmetrise = rotation_projection(template, faces)
+            shapes = symmetrise(shapes)
+        elif self.upright.symmetries.mirror:
+            symmetrise = mirror_projection(template)
             mirrored = mirror_map(template, faces)
-            shapes = np.stack([(each + (mirrored @ each) * ACROSS) / 2 for each in shapes])
+            shapes = np.stack([(shape + (mirrored @ shape) * MIRROR_Y) / 2 for shape in shapes])
         shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
         shapes = shapes * self.settings.length / np.ptp(shapes.mean(0), axis=0).max()
         splits = splits_of(accepted)
-        trained = [place for place, number in enumerate(accepted) if splits[number] == "train"]
+        trained = [index for index, number in enumerate(accepted) if splits[number] == "train"]
         areas = vertex_areas(template, faces)
-        components = fitted(shapes[trained], areas / areas.sum(), alike)
+        components = fit_components(shapes[trained], areas / areas.sum(), symmetrise)
         model = ShapeModel(
             components.mean.astype(np.float32),
             components.basis.astype(np.float32),
@@ -396,50 +432,52 @@ class Builder:
             components.ratio.astype(np.float32),
         )
         families: tuple[Family, ...] = ()
-        if self.stood.shape.symmetry != "any-turn":  # else what has holes is not of the shape
-            kinds = [self._kind(accepted[place]) for place in trained]
+        if self.upright.symmetries.symmetry != "any-turn":  # else what has holes is not of the shape
+            kinds = [self._kind(accepted[index]) for index in trained]
             families = families_of(model, shapes[trained].astype(np.float32), kinds)
         mean, covariance = light_prior()
         size = np.ptp(components.mean, axis=0)
-        built = ObjectClass(
+        object_class = ObjectClass(
             self.settings.name,
             model,
             float(np.round(size[2] / 2, 4)),
             mean,
             covariance,
             families=families,
-            symmetry=Symmetry(self.stood.shape.symmetry),
-            mirror=self.stood.shape.mirror,
+            symmetry=Symmetry(self.upright.symmetries.symmetry),
+            mirror=self.upright.symmetries.mirror,
             front=self.settings.shows,
             points=named_points(components.mean),
-            viewing_distance=float(np.round(VIEWING * size.max(), 4)),
+            viewing_distance=float(np.round(VIEWING_LENGTHS * size.max(), 4)),
             places=self.settings.places,
         )
-        held = len(accepted) - len(trained)
+        held_out = len(accepted) - len(trained)
         self.say(
             f"{_counted(len(accepted), 'mesh')} taken"
-            + (f", {held} of them held out for validation and test" if held else "")
+            + (f", {held_out} of them held out for validation and test" if held_out else "")
             + f": {_counted(len(components.basis), 'component')},"
             f" {_counted(len(families) or 1, 'family')}"
             + (f"; leave-one-out error {min(components.errors):.2%} of the size" if components.errors else "")
         )
-        pictures.meshes(
+        pictures.save_mesh_sheet(
             sheets / "4-registered.png", [(registered[n], faces) for n in accepted], checks=template
         )
         refused = [n for n in self.used if n not in accepted]
         if refused:
-            pairs = [pair for n in refused for pair in (self.placed(n), (registered[n], faces))]
-            pictures.meshes(sheets / "5-refused.png", pairs)
-        pictures.components(sheets / "6-components.png", components, faces)
-        pictures.errors(sheets / "7-leave-one-out.png", components)
-        result = Built(built, self.scans, self.unread, self.stood, medoid, qualities, splits, components)
+            pairs = [pair for n in refused for pair in (self.mesh_in_frame(n), (registered[n], faces))]
+            pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
+        pictures.save_component_sheet(sheets / "6-components.png", components, faces)
+        pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
+        result = BuildResult(
+            object_class, self.scans, self.unreadable, self.upright, medoid, qualities, splits, components
+        )
         names = tuple(self.scans[n].name for n in accepted)
         with_splits = tuple(splits[n] for n in accepted)
         (self.out / "class.json").unlink(missing_ok=True)  # it comes last: a pack with it is whole
         staged = sheets / "staged"
-        built.save(staged)
+        object_class.save(staged)
         HeldOutDesigns(names, with_splits, shapes.astype(np.float32)).save(staged)
-        write_transfer(built, staged)
+        write_transfer(object_class, staged)
         with atomic_write(staged / "card.md") as temporary:
             temporary.write_text(card(result, self.settings), encoding="utf-8")
         self._put_aside_weights(staged)
@@ -449,37 +487,37 @@ class Builder:
         return result
 
     def _put_aside_weights(self, staged: Path) -> None:
-        """Weights and their calibration that were trained on other shapes go to build/outdated."""
+        """Move weights that were trained on other shapes, and their calibration, to build/outdated."""
         shapes = "shape.safetensors"
         before = self.out / shapes
         if not before.exists() or before.read_bytes() == (staged / shapes).read_bytes():
             return
         aside = self.out / "build" / "outdated"
-        for name in TRAINED:
+        for name in TRAINED_FILES:
             if (self.out / name).exists():
                 aside.mkdir(exist_ok=True)
                 (self.out / name).replace(aside / name)
                 self.say(f"{name} was trained on other shapes: it lies in {aside}; run vig class train again")
 
     def _kind(self, number: int) -> str:
-        """What family a mesh is of: how many holes go through it."""
-        target = self.placed_surfaces[number]
-        held = self._keep(
+        """Return the family of a mesh: the number of holes through it, in words."""
+        surface = self.surfaces_in_frame[number]
+        arrays = self._cached(
             "holes",
-            [self.scans[number].mark],
-            lambda: {"holes": np.array([holes(*self.placed(number), target)])},
+            [self.scans[number].content_hash],
+            lambda: {"holes": np.array([genus(*self.mesh_in_frame(number), surface)])},
         )
-        count = int(held["holes"][0])
+        count = int(arrays["holes"][0])
         return "no hole" if count == 0 else f"{count} hole{'s' if count > 1 else ''}"
 
-    # -- what is kept -------------------------------------------------------------------------------------
+    # -- cache --------------------------------------------------------------------------------------------
 
-    def _keep(
+    def _cached(
         self, stage: str, inputs: list[str], make: Callable[[], dict[str, Any]]
     ) -> dict[str, np.ndarray]:
-        """The result of a stage for these inputs, from the last run where it has one."""
-        key = hashlib.sha256(json.dumps([VERSION, stage, inputs]).encode()).hexdigest()[:24]
-        path = self.kept / f"{stage}-{key}.safetensors"
+        """Return a stage's result for these inputs, from the cache where an earlier run left it there."""
+        key = hashlib.sha256(json.dumps([CACHE_VERSION, stage, inputs]).encode()).hexdigest()[:24]
+        path = self.cache_folder / f"{stage}-{key}.safetensors"
         if path.exists():
             try:
                 return load_file(path)
@@ -499,7 +537,7 @@ class Builder:
             raise UserError("expected at least one mesh that is not dropped; got none.")
 
 
-def _axis(name: str) -> np.ndarray:
+def _axis_vector(name: str) -> np.ndarray:
     """The unit vector (3,) of an axis such as "+x"; UserError for others."""
     axis = AXES.get(name.lower().removeprefix("+"))
     if axis is None:
@@ -507,14 +545,20 @@ def _axis(name: str) -> np.ndarray:
     return np.array(axis, float)
 
 
-def _by_axis(surface: Surface, upright: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) that puts the axis of what any turn leaves the same upright.
+def _source(setting: str | None) -> str:
+    """Where a reported axis or symmetry comes from."""
+    return "found" if setting is None else "told"
 
-    Which end is up the axis `most` (3,) of most files says, where it is about this one, else the pose found.
+
+def _upright_by_axis(surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) that puts the axis of a surface of revolution upright.
+
+    Which end is up is decided by the up axis `usual_up` (3,) of most files where it is within about 26
+    degrees of the axis, else by the rotation `upright` of the common pose.
     """
-    own = upright[2]
-    axis = axis_of_revolution(Cloud.of(surface), own)
-    return turned_up(axis, most if abs(axis @ most) > 0.9 else own)
+    own_up = upright[2]
+    axis = axis_of_revolution(PointCloud.from_surface(surface), own_up)
+    return rotation_to_vertical(axis, usual_up if abs(axis @ usual_up) > 0.9 else own_up)
 
 
 def _counted(count: int, noun: str) -> str:
@@ -522,22 +566,22 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun if count == 1 else plural}"
 
 
-def _named(axis: np.ndarray) -> str:
+def _axis_name(axis: np.ndarray) -> str:
     """The axis nearest to a vector (3,), such as "+x"."""
     best = int(np.abs(axis).argmax())
     return f"{'+' if axis[best] > 0 else '-'}{'xyz'[best]}"
 
 
 def splits_of(accepted: list[int]) -> dict[int, Split]:
-    """Which split's scenes each accepted mesh is for: with ten or more, a third are held out."""
+    """Return the split of each accepted mesh: with ten or more, a third are held out."""
     order: tuple[Split, ...] = ("train", "train", "validation", "train", "train", "test")
-    if len(accepted) < HOLD_OUT_FROM:
+    if len(accepted) < MIN_MESHES_TO_HOLD_OUT:
         return dict.fromkeys(accepted, "train")
-    return {number: order[place % 6] for place, number in enumerate(accepted)}
+    return {number: order[index % 6] for index, number in enumerate(accepted)}
 
 
 def named_points(mean: np.ndarray) -> dict[str, int]:
-    """Vertices that a user may click: the farthest to the front, the back and the top."""
+    """Return vertices that a user may click: the farthest to the front, the back and the top."""
     return {
         "front": int(mean[:, 0].argmax()),
         "back": int(mean[:, 0].argmin()),

@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from vig_train.building.build import BuildSettings, Built
+    from vig_train.building.build import BuildResult, BuildSettings
 
 
-def card(built: Built, settings: BuildSettings) -> str:
+def card(result: BuildResult, settings: BuildSettings) -> str:
     """Markdown."""
-    made, components = built.object_class, built.components
-    size, count = np.ptp(made.shape_model.mean, axis=0), len(built.scans) + len(built.unread)
+    object_class, components = result.object_class, result.components
+    size, count = np.ptp(object_class.shape_model.mean, axis=0), len(result.scans) + len(result.unreadable)
     lines = [
-        f"# Class {made.name}",
+        f"# Class {object_class.name}",
         "",
-        f"Built by `vig class build` from {len(built.splits)} of {count} meshes."
+        f"Built by `vig class build` from {len(result.splits)} of {count} meshes."
         " Licences of the meshes are those of their authors; the pack holds shapes derived from them.",
         "",
         f"Mean size {size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m (length, width, height):"
         f" metres are only as true as `--length {settings.length:g}`.",
         "",
-        *(f"- {line}" for line in built.stood.said),
+        *(f"- {line}" for line in result.upright.report),
         "",
         "![upright](build/2-upright.png)",
         "",
@@ -32,22 +32,25 @@ def card(built: Built, settings: BuildSettings) -> str:
         "| number | file | taken | off, % of size | lacking | spare | folded |",
         "|---|---|---|---|---|---|---|",
     ]
-    for number, scan in enumerate(built.scans):
-        quality = built.qualities.get(number)
+    for number, scan in enumerate(result.scans):
+        quality = result.qualities.get(number)
         if quality is None:
             lines.append(f"| {number + 1} | {scan.name} | dropped | | | | |")
             continue
-        taken = built.splits[number] if number in built.splits else f"refused: {quality.reason}"
-        shares = " | ".join(f"{share:.1%}" for share in (quality.lacking, quality.spare, quality.folded))
-        lines.append(f"| {number + 1} | {scan.name} | {taken} | {100 * quality.mean:.2f} | {shares} |")
-    lines += [f"| - | {name} | left out: {why} | | | | |" for name, why in built.unread.items()]
+        split = result.splits[number] if number in result.splits else f"refused: {quality.reason}"
+        shares = " | ".join(
+            f"{share:.1%}"
+            for share in (quality.unmatched_mesh, quality.unmatched_template, quality.folded_share)
+        )
+        lines.append(f"| {number + 1} | {scan.name} | {split} | {100 * quality.mean:.2f} | {shares} |")
+    lines += [f"| - | {name} | left out: {why} | | | | |" for name, why in result.unreadable.items()]
     lines += [
         "",
-        f"The template is {built.scans[built.medoid].name}. Off: mean distance both ways. Lacking: share of"
+        f"The template is {result.scans[result.medoid].name}. Off: mean distance both ways. Lacking: share of"
         " the mesh that the template does not reach. Spare: share of the template that the mesh lacks."
         + (
             " Any turn leaves the shapes the same: up to 9 % of a mesh, as handles, may be left out of them."
-            if built.stood.shape.symmetry == "any-turn"
+            if result.upright.symmetries.symmetry == "any-turn"
             else ""
         ),
         "",
@@ -72,8 +75,8 @@ def card(built: Built, settings: BuildSettings) -> str:
         lines.append(
             "Too few meshes for a leave-one-out error: shapes other than these are guessed as smooth."
         )
-    if made.families:
+    if object_class.families:
         lines += ["", "| family | share |", "|---|---|"]
-        lines += [f"| {family.name} | {family.share:.0%} |" for family in made.families]
+        lines += [f"| {family.name} | {family.share:.0%} |" for family in object_class.families]
     lines += ["", "![components](build/6-components.png)", "", "![errors](build/7-leave-one-out.png)", ""]
     return "\n".join(lines)

@@ -14,45 +14,48 @@ from vig_train.building.model import Components
 from vig_world.mesh import vertex_normals
 from vig_world.raster.rasterize import rasterize
 
-FAR = 50.0
-ASIDE, ABOVE = (0.35, -1.0, 0.45), (0.0, -0.02, 1.0)
-"""Directions from which meshes are shown."""
+EYE_DISTANCE = 50.0
+"""Distance of the eye, in radii of the mesh: nearly parallel."""
+ASIDE = (0.35, -1.0, 0.45)
+"""Direction from which meshes are shown, not of unit length."""
+ABOVE = (0.0, -0.02, 1.0)
+"""Direction of the view from above."""
 LIGHT = np.array([0.3, -0.5, -0.8]) / math.sqrt(0.98)
-"""In the camera's frame."""
+"""Direction of the light in the camera's frame."""
 
 Drawable = tuple[np.ndarray, np.ndarray]
 """Vertices (V, 3) and faces (F, 3)."""
 
 
-def shaded(
+def shade_mesh(
     vertices: np.ndarray,
     faces: np.ndarray,
     direction: tuple[float, float, float],
     side: int,
     colours: np.ndarray | None = None,
-    sphere: tuple[np.ndarray, float] | None = None,
+    frame: tuple[np.ndarray, float] | None = None,
 ) -> np.ndarray:
     """A picture (side, side, 3) uint8 of a mesh on white.
 
-    colours: (V, 3) of the vertices. sphere: what the picture frames, middle (3,) and radius; the mesh's own
-    by default.
+    colours: (V, 3) of the vertices, in [0, 1]. frame: middle (3,) and radius of the sphere that fills the
+    picture; the mesh's own by default.
     """
     towards = np.array(direction) / np.linalg.norm(direction)
     aside = np.cross(-towards, [0, 0, 1])
     aside /= np.linalg.norm(aside)
     rotation = np.stack([aside, np.cross(-towards, aside), -towards])
-    middle, radius = sphere or sphere_of(vertices)
+    middle, radius = frame or sphere_of(vertices)
     unit = (vertices - middle) / radius
-    camera = Camera(side, side, 0.5 * side * FAR / 1.03, side / 2, side / 2)
-    seen = rasterize(unit, faces, rotation, np.array([0.0, 0.0, FAR]), camera)
-    on = seen.face >= 0
-    corners, weights = faces[seen.face[on]], seen.barycentric[on]
+    camera = Camera(side, side, 0.5 * side * EYE_DISTANCE / 1.03, side / 2, side / 2)
+    raster = rasterize(unit, faces, rotation, np.array([0.0, 0.0, EYE_DISTANCE]), camera)
+    covered = raster.face >= 0
+    corners, weights = faces[raster.face[covered]], raster.barycentric[covered]
     normal = np.einsum("nk,nkd->nd", weights, vertex_normals(unit, faces)[corners]) @ rotation.T
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-9
     light = 0.15 + 0.8 * np.abs(normal @ LIGHT)
     picture = np.full((side, side, 3), 255.0)
     colour = 0.9 if colours is None else np.einsum("nk,nkd->nd", weights, colours[corners])
-    picture[on] = 255 * light[:, None] * colour
+    picture[covered] = 255 * light[:, None] * colour
     return picture.clip(0, 255).astype(np.uint8)
 
 
@@ -62,9 +65,9 @@ def sphere_of(vertices: np.ndarray) -> tuple[np.ndarray, float]:
     return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
 
 
-def meshes(
+def save_mesh_sheet(
     path: Path,
-    drawn: list[Drawable],
+    meshes: list[Drawable],
     above: bool = False,
     side: int = 150,
     checks: np.ndarray | None = None,
@@ -78,26 +81,28 @@ def meshes(
     if checks is not None:
         colours = 0.55 + 0.45 * np.sin(30 * (checks - checks.min(0)) / np.ptp(checks, axis=0).max())
     tiles = []
-    for number, (vertices, faces) in enumerate(drawn, 1):
-        views = [shaded(vertices, faces, ASIDE, side, colours)]
+    for number, (vertices, faces) in enumerate(meshes, 1):
+        views = [shade_mesh(vertices, faces, ASIDE, side, colours)]
         if above:
-            views.append(shaded(vertices, faces, ABOVE, side, colours))
+            views.append(shade_mesh(vertices, faces, ABOVE, side, colours))
         tiles.append(_labelled(np.concatenate(views), str(number)))
     _save(path, _grid(tiles))
 
 
-def components(path: Path, model: Components, faces: np.ndarray) -> None:
+def save_component_sheet(path: Path, model: Components, faces: np.ndarray) -> None:
     """Write a sheet of the mean and of each component at -2 and +2 standard deviations."""
-    sphere = sphere_of(model.mean)
-    sphere = sphere[0], 1.15 * sphere[1]
-    tiles = [_labelled(np.concatenate([shaded(model.mean, faces, ASIDE, 150, None, sphere)] * 2), "mean")]
+    frame = sphere_of(model.mean)
+    frame = frame[0], 1.15 * frame[1]
+    tiles = [_labelled(np.concatenate([shade_mesh(model.mean, faces, ASIDE, 150, None, frame)] * 2), "mean")]
     for number, component in enumerate(model.basis, 1):
-        two = [shaded(model.mean + sign * 2 * component, faces, ASIDE, 150, None, sphere) for sign in (-1, 1)]
-        tiles.append(_labelled(np.concatenate(two), f"{number}: -2, +2"))
+        pair = [
+            shade_mesh(model.mean + sign * 2 * component, faces, ASIDE, 150, None, frame) for sign in (-1, 1)
+        ]
+        tiles.append(_labelled(np.concatenate(pair), f"{number}: -2, +2"))
     _save(path, _grid(tiles))
 
 
-def errors(path: Path, model: Components) -> None:
+def save_error_curve(path: Path, model: Components) -> None:
     """Write the curve of the leave-one-out error by number of components."""
     import matplotlib
     from matplotlib.figure import Figure

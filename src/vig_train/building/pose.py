@@ -10,76 +10,86 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.transform import Rotation
 
-from vig_train.building.surface import Surface
+from vig_train.building.surface import SurfaceSample
 from vig_world.rotations import about_z
 
-FEW, MANY = 250, 2000
-"""Points of a surface that look for another, and that are looked among."""
-ANCHORS = 8
-"""Meshes with which all are compared, at most, to choose the one that the others are turned to."""
-BEYOND = 0.3
-"""Distances count no more than this, in root mean square radii: parts that only one has are to be there."""
-NORMAL = 0.3
-"""Root mean square radii that a difference of normals of one counts as."""
-TRIED, STEPS = 8, 20
-"""Best starts that are refined, and steps of each."""
-JURY, PLAIN = 6, 0.92
-"""Meshes with which a pose is compared in the end, and the share that a likelier pose's distance counts."""
-ROTATIONS = 400
-"""Starts besides the turns of a cube."""
-TILT = math.radians(15.0)
-"""A foot within this of level is put level."""
-SAME = 0.022
-"""A shape that a turn changes by less, in root mean square radii, is the same after it."""
+CLOUD_POINTS = 2000
+"""Points of a surface among which nearest ones are searched."""
+QUERY_POINTS = 250
+"""Points of a surface, at most about, for which the nearest point of another is searched."""
+MAX_ANCHORS = 8
+"""Meshes with which all are compared, at most, to choose the medoid, to which the others are turned."""
+MAX_DISTANCE = 0.3
+"""Root mean square radii; longer distances are truncated, lest a part of one mesh alone dominates."""
+NORMAL_WEIGHT = 0.3
+"""Distance, in root mean square radii, that two normals count as whose difference has length one."""
+REFINED_STARTS = 8
+"""Starts of least distance that are refined by ICP (iterative closest points)."""
+ICP_STEPS = 20
+"""Steps of ICP for each start."""
+REFERENCE_MESHES = 6
+"""Meshes nearest to the medoid, with which every pose is compared at last."""
+LIKELY_POSE_FACTOR = 0.92
+"""Factor on the distance of a pose that is likely beforehand."""
+SPREAD_STARTS = 400
+"""Starts besides the turns of a cube, evenly spread over all rotations."""
+MAX_TILT = math.radians(15.0)
+"""Radians; a foot within this of level is put level."""
+SYMMETRY_TOLERANCE = 0.022
+"""Root mean square radii; a shape that a turn changes by less has that turn as its symmetry."""
 
 
 @dataclass(frozen=True)
-class Cloud:
-    """A surface about its middle, of unit size, ready to be compared.
+class PointCloud:
+    """A sample of a surface about its middle, of unit size, with a tree for nearest neighbours.
 
     Attributes:
         points: (N, 3).
         normals: (N, 3).
-        tree: Of both.
-        apart: Mean distance of neighbours, which two samples of one surface have too.
+        tree: Of features (N, 6), the points beside `NORMAL_WEIGHT` times the normals.
+        spacing: Mean distance of nearest neighbours: the distance of two samples of one surface.
     """
 
     points: np.ndarray
     normals: np.ndarray
     tree: cKDTree
-    apart: float
+    spacing: float
 
     @staticmethod
-    def of(surface: Surface) -> Cloud:
+    def from_surface(surface: SurfaceSample) -> PointCloud:
         """Centred at the mean of its points; the unit is their root mean square distance from it."""
-        some = surface.some(MANY)
+        some = surface.some(CLOUD_POINTS)
         points = some.points - some.points.mean(0)
         points = points / math.sqrt((points**2).sum(1).mean())
-        features = np.concatenate([points, NORMAL * some.normals], axis=1)
+        features = np.concatenate([points, NORMAL_WEIGHT * some.normals], axis=1)
         tree = cKDTree(features)
-        return Cloud(points, some.normals, tree, float(tree.query(features, 2)[0][:, 1].mean()))
+        return PointCloud(points, some.normals, tree, float(tree.query(features, 2)[0][:, 1].mean()))
 
-    def off(self, other: Cloud, rotation: np.ndarray) -> float:
-        """Mean distance both ways to another that is turned by a rotation (3, 3)."""
-        return 0.5 * (self._from(other, rotation) + other._from(self, rotation.T))
+    def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
+        """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
+        return 0.5 * (self._one_way_distance(other, rotation) + other._one_way_distance(self, rotation.T))
 
-    def _from(self, other: Cloud, rotation: np.ndarray) -> float:
-        step = max(1, len(other.points) // FEW)
-        turned = np.concatenate(
-            [other.points[::step] @ rotation.T, NORMAL * other.normals[::step] @ rotation.T], axis=1
+    def _one_way_distance(self, other: PointCloud, rotation: np.ndarray) -> float:
+        step = max(1, len(other.points) // QUERY_POINTS)
+        features = np.concatenate(
+            [other.points[::step] @ rotation.T, NORMAL_WEIGHT * other.normals[::step] @ rotation.T], axis=1
         )
-        return float(np.minimum(self.tree.query(turned)[0], BEYOND).mean())
+        return float(np.minimum(self.tree.query(features)[0], MAX_DISTANCE).mean())
 
-    def refined(self, other: Cloud, rotation: np.ndarray) -> np.ndarray:
-        """The rotation near one given that brings another nearest, by pairs found anew in each step."""
-        for _ in range(STEPS):
+    def refine_rotation(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
+        """Return the rotation (3, 3) near a start that brings another cloud nearest, by ICP.
+
+        Pairs are weighted by the Geman-McClure weight of their distance, w = 1 / (1 + (d / 0.15)^2)^2; the
+        rotation of each step is the weighted least-squares one (Kabsch).
+        """
+        for _ in range(ICP_STEPS):
             points, normals = other.points @ rotation.T, other.normals @ rotation.T
-            far, index = self.tree.query(np.concatenate([points, NORMAL * normals], axis=1))
-            weight = 1 / (1 + (far / 0.15) ** 2) ** 2
-            mine, theirs = self.points[index], points
-            centred = (mine * weight[:, None]).sum(0), (theirs * weight[:, None]).sum(0)
+            distance, index = self.tree.query(np.concatenate([points, NORMAL_WEIGHT * normals], axis=1))
+            weight = 1 / (1 + (distance / 0.15) ** 2) ** 2
+            target, source = self.points[index], points
+            centred = (target * weight[:, None]).sum(0), (source * weight[:, None]).sum(0)
             total = weight.sum()
-            a, b = theirs - centred[1] / total, mine - centred[0] / total
+            a, b = source - centred[1] / total, target - centred[0] / total
             u, _, v = np.linalg.svd((a * weight[:, None]).T @ b)
             turn = v.T @ np.diag([1, 1, np.linalg.det(v.T @ u.T)]) @ u.T
             rotation = turn @ rotation
@@ -90,14 +100,14 @@ class Cloud:
 
 def cube_turns() -> list[np.ndarray]:
     """The 24 rotations that take the axes to axes, the identity first."""
-    found = []
+    turns = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1, -1), repeat=3):
             matrix = np.zeros((3, 3))
             matrix[range(3), order] = signs
             if np.linalg.det(matrix) > 0:
-                found.append(matrix)
-    return sorted(found, key=lambda matrix: -np.trace(matrix))
+                turns.append(matrix)
+    return sorted(turns, key=lambda matrix: -np.trace(matrix))
 
 
 def spread_rotations(count: int) -> list[np.ndarray]:
@@ -114,64 +124,69 @@ def spread_rotations(count: int) -> list[np.ndarray]:
     return list(np.moveaxis(np.array(rows), 2, 0))
 
 
-def aligned(clouds: list[Cloud]) -> tuple[int, list[np.ndarray], np.ndarray]:
-    """Turn all to the one that is most like the others.
+def align_clouds(clouds: list[PointCloud]) -> tuple[int, list[np.ndarray], np.ndarray]:
+    """Turn all clouds to their medoid, the one that is most like the others.
 
     Returns:
-        Its number, rotations (3, 3) of each to it, and the costs (N,).
+        The medoid's number, rotations (3, 3) of each cloud to it, and the mean distances (N,) that remain.
     """
     turns = cube_turns()
-    anchors = np.unique(np.linspace(0, len(clouds) - 1, min(ANCHORS, len(clouds))).astype(int))
+    anchors = np.unique(np.linspace(0, len(clouds) - 1, min(MAX_ANCHORS, len(clouds))).astype(int))
     costs = np.zeros((len(anchors), len(clouds)))
     for row, anchor in enumerate(anchors):
         for number, cloud in enumerate(clouds):
             if number != anchor:
-                costs[row, number] = min(clouds[anchor].off(cloud, turn) for turn in turns)
-    first = int(anchors[np.median(costs, axis=1).argmin()])
-    starts = turns + spread_rotations(ROTATIONS)
-    tried: list[list[np.ndarray]] = []
-    rotations, off = [], np.zeros(len(clouds))
+                costs[row, number] = min(clouds[anchor].distance(cloud, turn) for turn in turns)
+    medoid = int(anchors[np.median(costs, axis=1).argmin()])
+    starts = turns + spread_rotations(SPREAD_STARTS)
+    candidates: list[list[np.ndarray]] = []
+    rotations, medoid_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
-        order = np.argsort([clouds[first].off(cloud, start) for start in starts], kind="stable")[:TRIED]
-        tried.append(turns + [clouds[first].refined(cloud, starts[each]) for each in order])
-        found = [clouds[first].off(cloud, each) for each in tried[-1]]
-        rotations.append(np.eye(3) if number == first else tried[-1][int(np.argmin(found))])
-        off[number] = 0.0 if number == first else min(found)
-    # One mesh may be like the first upside down, not like most: those that are most alike decide together.
-    usual, jury = usual_axes(rotations), np.argsort(off, kind="stable")[:JURY]
-    decided, final = [], np.zeros(len(clouds))
+        start_costs = [clouds[medoid].distance(cloud, start) for start in starts]
+        order = np.argsort(start_costs, kind="stable")[:REFINED_STARTS]
+        candidates.append(turns + [clouds[medoid].refine_rotation(cloud, starts[index]) for index in order])
+        candidate_costs = [clouds[medoid].distance(cloud, candidate) for candidate in candidates[-1]]
+        rotations.append(np.eye(3) if number == medoid else candidates[-1][int(np.argmin(candidate_costs))])
+        medoid_costs[number] = 0.0 if number == medoid else min(candidate_costs)
+    # A mesh may match the medoid upside down but not most others: the meshes nearest to the medoid decide.
+    usual_turn, references = usual_axes(rotations), np.argsort(medoid_costs, kind="stable")[:REFERENCE_MESHES]
+    chosen, final_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
-        others = [each for each in jury if each != number] or [first]
-        distances = [[clouds[a].off(cloud, rotations[a].T @ each) for a in others] for each in tried[number]]
-        mean = np.mean(distances, axis=1)
+        others = [reference for reference in references if reference != number] or [medoid]
+        distances = [
+            [clouds[other].distance(cloud, rotations[other].T @ candidate) for other in others]
+            for candidate in candidates[number]
+        ]
+        mean_distances = np.mean(distances, axis=1)
         # Turns of the file's axes are likelier than others, the turns of most files likelier still.
-        mean[: len(turns)] *= PLAIN
-        upright = np.array([(np.abs(each - usual)[:, 1:].max(0) < 1e-6).any() for each in turns])  # in Y or Z
-        mean[: len(turns)][upright] *= PLAIN
-        decided.append(tried[number][int(mean.argmin())])
-        final[number] = mean.min()
-    return first, decided, final
+        mean_distances[: len(turns)] *= LIKELY_POSE_FACTOR
+        # Up is Y or Z in files: a turn is usual where it takes one of the two as most files' turn does.
+        upright = np.array([(np.abs(turn - usual_turn)[:, 1:].max(0) < 1e-6).any() for turn in turns])
+        mean_distances[: len(turns)][upright] *= LIKELY_POSE_FACTOR
+        chosen.append(candidates[number][int(mean_distances.argmin())])
+        final_costs[number] = mean_distances.min()
+    return medoid, chosen, final_costs
 
 
 def usual_axes(rotations: list[np.ndarray]) -> np.ndarray:
-    """The turn of a cube (3, 3) that takes the axes of most files to those of the common pose, about."""
+    """Return the turn of a cube (3, 3) nearest to the rotations of most files to the common pose."""
     turns = np.array(cube_turns())
     nearest = [int(np.einsum("nij,ij->n", turns, rotation).argmax()) for rotation in rotations]
     return np.asarray(turns[np.bincount(nearest).argmax()])
 
 
-def up_axis(surfaces: list[Surface], rotations: list[np.ndarray]) -> np.ndarray:
+def up_axis(surfaces: list[SurfaceSample], rotations: list[np.ndarray]) -> np.ndarray:
     """The axis (3,) of the common pose that points up: Y or Z of most files, where they stand broader."""
     usual = usual_axes(rotations)
     broad = [
-        float(np.median([standing(s, r, up) for s, r in zip(surfaces, rotations, strict=True)]))
+        float(np.median([stance_breadth(s, r, up) for s, r in zip(surfaces, rotations, strict=True)]))
         for up in (usual[:, 1], usual[:, 2])
     ]
     return np.asarray(usual[:, 1 + int(np.argmax(broad))])
 
 
-def standing(surface: Surface, rotation: np.ndarray, up: np.ndarray) -> float:
-    """How broadly a surface stands: area of its foot's hull over that of the whole, seen along an axis."""
+def stance_breadth(surface: SurfaceSample, rotation: np.ndarray, up: np.ndarray) -> float:
+    """Return the area of the foot's convex hull over that of the whole surface, both seen along an axis."""
     points = surface.points @ rotation.T
     height = points @ up
     flat = points[:, np.abs(up) < 0.5]
@@ -186,12 +201,12 @@ def _hull_area(points: np.ndarray) -> float:
         return 0.0
 
 
-def to_up(up: np.ndarray) -> np.ndarray:
-    """The turn of a cube (3, 3) that takes an axis to +Z, with the least turn of the others."""
+def cube_turn_to_up(up: np.ndarray) -> np.ndarray:
+    """Return the turn of a cube (3, 3) that takes an axis to +Z and turns the others least."""
     return next(turn for turn in cube_turns() if np.allclose(turn @ up, [0, 0, 1]))
 
 
-def axis_of_revolution(cloud: Cloud, likely: np.ndarray) -> np.ndarray:
+def axis_of_revolution(cloud: PointCloud, file_axis: np.ndarray) -> np.ndarray:
     """The axis (3,), in either sense, about which turns change a cloud least.
 
     It is sought near a likely one (3,), those of the file, and those of the shape's second moments.
@@ -199,24 +214,24 @@ def axis_of_revolution(cloud: Cloud, likely: np.ndarray) -> np.ndarray:
 
     def change(axis: np.ndarray) -> float:
         turns = [Rotation.from_rotvec(turn * axis, degrees=True).as_matrix() for turn in (40, 90, 140)]
-        return float(np.mean([cloud.off(cloud, turn) for turn in turns])) - cloud.apart
+        return float(np.mean([cloud.distance(cloud, turn) for turn in turns])) - cloud.spacing
 
     _, _, moments = np.linalg.svd(cloud.points, full_matrices=False)
-    found = [likely, *np.eye(3), *moments]
-    costs = np.array([change(axis) for axis in found])
-    costs[0] *= PLAIN
-    best = np.asarray(found[int(costs.argmin())])
+    candidates = [file_axis, *np.eye(3), *moments]
+    costs = np.array([change(axis) for axis in candidates])
+    costs[0] *= LIKELY_POSE_FACTOR
+    best = np.asarray(candidates[int(costs.argmin())])
     for step in (8.0, 4.0, 2.0, 1.0):
         across = np.linalg.svd(best[None])[2][1:]
-        for way in (across[0], -across[0], across[1], -across[1]):
-            near = best + math.radians(step) * way
-            near = near / np.linalg.norm(near)
-            if change(near) < PLAIN * change(best):
-                best = near
+        for direction in (across[0], -across[0], across[1], -across[1]):
+            tilted = best + math.radians(step) * direction
+            tilted = tilted / np.linalg.norm(tilted)
+            if change(tilted) < LIKELY_POSE_FACTOR * change(best):
+                best = tilted
     return best
 
 
-def levelled(surface: Surface) -> np.ndarray:
+def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
     """The small rotation (3, 3) that puts the foot of an about upright surface level."""
     try:
         hull = ConvexHull(surface.points)
@@ -225,87 +240,93 @@ def levelled(surface: Surface) -> np.ndarray:
     normals = hull.equations[:, :3]
     corners = surface.points[hull.simplices]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    down = -normals[:, 2] > math.cos(TILT)
-    if not down.any():
+    faces_down = -normals[:, 2] > math.cos(MAX_TILT)
+    if not faces_down.any():
         return np.eye(3)
-    # Facets that lie in one plane count together.
-    like = normals[down] @ normals[down].T > math.cos(math.radians(2.0))
-    total = like @ area[down]
-    normal = (like[int(total.argmax())] * area[down]) @ normals[down]
-    return _between(normal / np.linalg.norm(normal), np.array([0.0, 0.0, -1.0]))
+    # The normal of the largest support: facets within 2 degrees of each other count as one plane.
+    coplanar = normals[faces_down] @ normals[faces_down].T > math.cos(math.radians(2.0))
+    plane_area = coplanar @ area[faces_down]
+    normal = (coplanar[int(plane_area.argmax())] * area[faces_down]) @ normals[faces_down]
+    return _rotation_between(normal / np.linalg.norm(normal), np.array([0.0, 0.0, -1.0]))
 
 
-def turned_up(axis: np.ndarray, up: np.ndarray) -> np.ndarray:
+def rotation_to_vertical(axis: np.ndarray, up: np.ndarray) -> np.ndarray:
     """A rotation (3, 3) that takes to +Z the axis (3,) in the sense in which it is nearer to `up`."""
     axis = axis if axis @ up >= 0 else -axis
-    below = to_up(np.array([0.0, 0.0, -1.0])) if axis[2] < 0 else np.eye(3)
-    return _between(below @ axis, np.array([0.0, 0.0, 1.0])) @ below
+    below = cube_turn_to_up(np.array([0.0, 0.0, -1.0])) if axis[2] < 0 else np.eye(3)
+    return _rotation_between(below @ axis, np.array([0.0, 0.0, 1.0])) @ below
 
 
-def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The least rotation (3, 3) that takes one unit vector to another, not opposite one."""
+def _rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the least rotation (3, 3) that takes unit vector a to b, not opposite to it (Rodrigues)."""
     axis, cosine = np.cross(a, b), float(a @ b)
     skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     return np.asarray(np.eye(3) + skew + skew @ skew / (1 + cosine))
 
 
 @dataclass(frozen=True)
-class Shape:
-    """What all meshes of a class share.
+class ClassSymmetry:
+    """The symmetries that all meshes of a class share.
 
     Attributes:
         symmetry: "none", "half-turn" or "any-turn".
         mirror: Whether a mesh is its own mirror image in a plane through +Z.
-        plane: Angle of that plane about +Z, radians.
-        turned: Change by the turn that is undone best and worst, in root mean square radii.
-        mirrored: Change by the best mirror.
+        mirror_plane: Angle of that plane about +Z, radians.
+        turn_changes: Least and greatest change of the shape by a turn about +Z, in root mean square radii.
+        mirror_change: Change by the best mirror, in root mean square radii.
     """
 
     symmetry: str
     mirror: bool
-    plane: float
-    turned: tuple[float, float]
-    mirrored: float
+    mirror_plane: float
+    turn_changes: tuple[float, float]
+    mirror_change: float
 
 
-def shape_of(clouds: list[Cloud]) -> Shape:
-    """Symmetries of upright clouds in one pose: what most of them have."""
+def class_symmetry(clouds: list[PointCloud]) -> ClassSymmetry:
+    """Return the symmetries that most of the upright clouds in one pose have."""
     turns = np.radians(np.arange(15, 181, 15))
-    changes = np.median([[each.off(each, about_z(turn)) for turn in turns] for each in clouds], axis=0)
-    own = float(np.median([each.apart for each in clouds]))
-    changes = changes - own
+    changes = np.median(
+        [[cloud.distance(cloud, about_z(turn)) for turn in turns] for cloud in clouds], axis=0
+    )
+    spacing = float(np.median([cloud.spacing for cloud in clouds]))
+    changes = changes - spacing
     angles = np.radians(np.arange(0, 180, 5))
-    mirrors = np.median([[_mirrored(each, angle) for angle in angles] for each in clouds], axis=0) - own
+    mirrors = (
+        np.median([[_mirror_change(cloud, angle) for angle in angles] for cloud in clouds], axis=0) - spacing
+    )
     plane = float(angles[mirrors.argmin()])
-    if changes.max() < SAME:
+    if changes.max() < SYMMETRY_TOLERANCE:
         symmetry = "any-turn"
     else:
-        symmetry = "half-turn" if changes[-1] < SAME else "none"
+        symmetry = "half-turn" if changes[-1] < SYMMETRY_TOLERANCE else "none"
     worst = (float(changes.min()), float(changes.max()))
-    return Shape(symmetry, bool(mirrors.min() < 1.5 * SAME), plane, worst, float(mirrors.min()))
+    return ClassSymmetry(
+        symmetry, bool(mirrors.min() < 1.5 * SYMMETRY_TOLERANCE), plane, worst, float(mirrors.min())
+    )
 
 
-def _mirrored(cloud: Cloud, angle: float) -> float:
+def _mirror_change(cloud: PointCloud, angle: float) -> float:
     """How much a mirror in the upright plane at an angle changes a cloud."""
     across = np.array([-math.sin(angle), math.cos(angle), 0.0])
-    return cloud.off(cloud, np.eye(3) - 2 * np.outer(across, across))
+    return cloud.distance(cloud, np.eye(3) - 2 * np.outer(across, across))
 
 
-def front_turn(clouds: list[Cloud], plane: float) -> float:
-    """The angle about +Z, of the two along the mirror plane, to which most reach out farther."""
-    way = np.array([math.cos(plane), math.sin(plane), 0.0])
+def front_angle(clouds: list[PointCloud], plane: float) -> float:
+    """Return the angle about +Z, of the two along the mirror plane, where most clouds reach out farther."""
+    direction = np.array([math.cos(plane), math.sin(plane), 0.0])
     lean = []
-    for each in clouds:
-        along = each.points @ way
+    for cloud in clouds:
+        along = cloud.points @ direction
         middle = np.median(along)
         lean.append(along.max() - middle - (middle - along.min()))
     return plane if np.median(lean) >= 0 else plane + math.pi
 
 
-def straightened(cloud: Cloud) -> float:
+def straightening_angle(cloud: PointCloud) -> float:
     """The small angle about +Z by which a cloud is to be turned for its mirror plane to be y = 0; else 0."""
     angles = np.radians(np.arange(-20, 21, 2))
-    costs = np.array([_mirrored(cloud, angle) for angle in angles])
+    costs = np.array([_mirror_change(cloud, angle) for angle in angles])
     fine = angles[costs.argmin()] + np.radians(np.arange(-2, 2.1, 0.5))
-    found = [_mirrored(cloud, angle) for angle in fine]
-    return -float(fine[int(np.argmin(found))])
+    fine_costs = [_mirror_change(cloud, angle) for angle in fine]
+    return -float(fine[int(np.argmin(fine_costs))])

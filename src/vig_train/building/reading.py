@@ -12,7 +12,7 @@ from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, load
 from vig_world.mesh import face_normals
 
-SAME_SHAPE = 3e-4
+SAME_SHAPE_TOLERANCE = 3e-4
 """Difference of `shape_invariants` up to which two surfaces are one."""
 
 
@@ -24,13 +24,13 @@ class Scan:
         name: Of the file, relative to its folder.
         vertices: (V, 3) float64, in the file's units and axes; equal ones are one.
         faces: (F, 3), each with an area.
-        mark: Of the file's content.
+        content_hash: Of the file's content.
     """
 
     name: str
     vertices: np.ndarray
     faces: np.ndarray
-    mark: str
+    content_hash: str
 
 
 def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
@@ -50,7 +50,7 @@ def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
             starts = np.cumsum([0] + [len(piece.vertices) for piece in loaded.pieces])
             vertices = np.concatenate([piece.vertices for piece in loaded.pieces])
             faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
-            scans.append(Scan(name, *_welded(vertices, faces), fingerprint(loaded.files)))
+            scans.append(Scan(name, *_weld(vertices, faces), fingerprint(loaded.files)))
         except UserError as error:
             refused[name] = str(error).removeprefix(f"{path}: ")
     copies = same_shapes(scans)
@@ -84,32 +84,32 @@ def same_shapes(scans: list[Scan]) -> dict[int, int]:
     """Which scans show the surface of an earlier one, by its number: copies, other formats, other units."""
     invariants = [shape_invariants(scan.vertices, scan.faces) for scan in scans]
     copies: dict[int, int] = {}
-    for number, own in enumerate(invariants):
+    for number, invariant in enumerate(invariants):
         for earlier in range(number):
-            same = np.abs(own - invariants[earlier]).max() < SAME_SHAPE
-            if earlier not in copies and same:
+            is_copy = np.abs(invariant - invariants[earlier]).max() < SAME_SHAPE_TOLERANCE
+            if earlier not in copies and is_copy:
                 copies[number] = earlier
                 break
     return copies
 
 
-def _welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices at one place made one, faces without area or given twice left out."""
     used = np.unique(faces)
     low, size = vertices[used].min(0), float(np.ptp(vertices[used], axis=0).max())
     if not size > 0:
         raise UserError("expected a mesh with an extent; all of its vertices are at one place.")
     unit = (vertices - low) / size
-    _, first, same = np.unique(
+    _, representative, merged = np.unique(
         np.round(unit * 1e6).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
-    corners = same.ravel()[faces]
-    points = unit[first]
+    corners = merged.ravel()[faces]
+    points = unit[representative]
     area = np.linalg.norm(face_normals(points, corners), axis=1)
-    _, once = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
-    kept = np.zeros(len(corners), bool)
-    kept[once] = True
-    corners = corners[kept & (area > 1e-14)]
+    _, first_of_face = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    is_first = np.zeros(len(corners), bool)
+    is_first[first_of_face] = True
+    corners = corners[is_first & (area > 1e-14)]
     if not len(corners):
         raise UserError("expected triangles with an area; all of its are degenerate.")
     return points * size + low, corners

@@ -20,69 +20,71 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import Surface, edges_of, vertex_areas
+from vig_train.building.surface import SurfaceSample, face_edges, vertex_areas
 from vig_world.mesh import vertex_normals
 
 
 @dataclass(frozen=True)
-class Level:
+class RegistrationStage:
     """A stage of registration.
 
     Attributes:
-        nodes: Of the template; 1 for one affine map.
+        nodes: Nodes of the deformation graph; 1 for one affine map.
         stiffness: alpha, from first to last step.
         reach: Distance at which a pair counts a quarter, in sizes, from first to last step.
-        steps: Of Gauss-Newton.
-        back: b, the weight of the way from the target to the template.
-        slides: Whether vertices slide along planes freely; else each is drawn to its projection, coordinate
-            by coordinate, which is several times quicker where nodes are many.
+        steps: Gauss-Newton steps.
+        reverse_weight: b, the weight of distances from the target to the template.
+        free_sliding: Whether vertices slide along planes freely; else each is drawn to its projection,
+            coordinate by coordinate, which is several times quicker where nodes are many.
     """
 
     nodes: int
     stiffness: tuple[float, float]
     reach: tuple[float, float]
     steps: int
-    back: float
-    slides: bool = True
+    reverse_weight: float
+    free_sliding: bool = True
 
 
-LEVELS = (
-    Level(1, (1.0, 1.0), (0.5, 0.3), 8, 0.5),
-    Level(60, (0.03, 0.0005), (0.3, 0.2), 10, 0.5),
-    Level(250, (0.005, 0.0005), (0.2, 0.1), 8, 0.4),
-    Level(900, (0.01, 0.001), (0.1, 0.05), 6, 0.3, slides=False),
+STAGES = (
+    RegistrationStage(1, (1.0, 1.0), (0.5, 0.3), 8, 0.5),
+    RegistrationStage(60, (0.03, 0.0005), (0.3, 0.2), 10, 0.5),
+    RegistrationStage(250, (0.005, 0.0005), (0.2, 0.1), 8, 0.4),
+    RegistrationStage(900, (0.01, 0.001), (0.1, 0.05), 6, 0.3, free_sliding=False),
 )
-SLIDING = 0.03
+TANGENTIAL_WEIGHT = 0.03
 """s, the weight of distances along the surface over that of distances to it."""
-DIRECTION = 0.05
-"""Sizes of the object that a difference of normals of one counts as, when nearest points are found."""
-SAMPLES = 6000
-"""Of the target's points that look for the template."""
+NORMAL_WEIGHT = 0.05
+"""Sizes of the object that a difference of normals of length one counts as in the nearest-point search."""
+TARGET_SAMPLES = 6000
+"""Points of the target for which the nearest vertex of the template is searched."""
 INFLUENCES = 4
 """Nodes that move a vertex."""
-NEIGHBOURS, DETOUR = 4, 3.0
-"""Vertices near in space to which a vertex is joined, and how much longer that way counts than an edge."""
-ALONG = 200
-"""With more nodes than this they are spread by distances in space, else by those along the surface."""
+SPATIAL_NEIGHBOURS = 4
+"""Vertices near in space to which a vertex is joined, so that parts that only touch move together."""
+SPATIAL_LENGTH_FACTOR = 3.0
+"""Length of such a joint over its distance in space; an edge of the mesh counts its own length."""
+MAX_GEODESIC_NODES = 200
+"""Up to so many nodes are spread by distances along the surface; more by distances in space, for speed."""
 
 
 @dataclass(frozen=True)
-class Rig:
-    """Nodes of a template, and how they move its vertices.
+class DeformationGraph:
+    """Nodes of a template, and how they move its vertices (embedded deformation).
 
     Attributes:
-        moves: (V, 4G) sparse; times maps (4G, 3) it gives vertices (V, 3).
-        differs: (E, 4G) sparse; times maps it gives differences between neighbouring nodes.
-        rest: (4G, 3) maps that leave the template as it is.
+        skinning: (V, 4G) sparse; times maps (4G, 3) it gives vertices (V, 3).
+        smoothness: (E, 4G) sparse; times maps it gives differences between neighbouring nodes.
+        identity: (4G, 3) maps that leave the template as it is.
     """
 
-    moves: sp.csr_matrix
-    differs: sp.csr_matrix
-    rest: np.ndarray
+    skinning: sp.csr_matrix
+    smoothness: sp.csr_matrix
+    identity: np.ndarray
 
     @staticmethod
-    def of(vertices: np.ndarray, faces: np.ndarray, count: int) -> Rig:
-        """So many nodes, far from each other along the surface."""
+    def of(vertices: np.ndarray, faces: np.ndarray, count: int) -> DeformationGraph:
+        """Make a graph of `count` nodes, far from each other along the surface."""
         chosen, distance = spread_nodes(vertices, edge_graph(vertices, faces), min(count, len(vertices)))
         nodes, influences = vertices[chosen], min(INFLUENCES, len(chosen))
         near = np.argsort(distance, axis=0, kind="stable")[: influences + 1]
@@ -95,17 +97,20 @@ class Rig:
         rows = np.repeat(np.arange(len(vertices)), influences * 4)
         columns = (4 * node[..., None] + np.arange(4)).ravel()
         values = (weight.T[..., None] * local).ravel()
-        moves = sp.csr_matrix((values, (rows, columns)), (len(vertices), 4 * len(chosen)))
-        rest = np.concatenate([np.tile(np.eye(3), (len(chosen), 1, 1)), nodes[:, None]], axis=1)
-        return Rig(moves, _differences(nodes, near[:influences]), rest.reshape(-1, 3))
+        skinning = sp.csr_matrix((values, (rows, columns)), (len(vertices), 4 * len(chosen)))
+        identity = np.concatenate([np.tile(np.eye(3), (len(chosen), 1, 1)), nodes[:, None]], axis=1)
+        return DeformationGraph(skinning, _differences(nodes, near[:influences]), identity.reshape(-1, 3))
 
 
 def edge_graph(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
-    """Lengths (V, V) of a mesh's edges, and of ways to neighbours in space, which join parts that touch."""
-    _, near = cKDTree(vertices).query(vertices, NEIGHBOURS + 1)
-    beside = np.stack([np.repeat(np.arange(len(vertices)), NEIGHBOURS), near[:, 1:].ravel()], axis=1)
+    """Return lengths (V, V) of a mesh's edges, and of joints to neighbours in space, for parts that touch."""
+    _, near = cKDTree(vertices).query(vertices, SPATIAL_NEIGHBOURS + 1)
+    beside = np.stack([np.repeat(np.arange(len(vertices)), SPATIAL_NEIGHBOURS), near[:, 1:].ravel()], axis=1)
     lengths: dict[tuple[int, int], float] = {}
-    for pairs, factor in ((beside, DETOUR), (edges_of(faces), 1.0)):  # an edge counts where both are
+    for pairs, factor in (
+        (beside, SPATIAL_LENGTH_FACTOR),
+        (face_edges(faces), 1.0),
+    ):  # an edge counts where both are
         length = factor * np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1) + 1e-12
         ordered = np.sort(pairs, axis=1)
         lengths |= dict(zip(map(tuple, ordered.tolist()), length.tolist(), strict=True))
@@ -117,7 +122,7 @@ def edge_graph(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
 def spread_nodes(vertices: np.ndarray, graph: sp.csr_matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (G,) that are far from each other, and distances (G, V) from them along the surface."""
     chosen = [int(np.linalg.norm(vertices - vertices.mean(0), axis=1).argmax())]
-    if count <= ALONG:
+    if count <= MAX_GEODESIC_NODES:
         rows = [dijkstra(graph, directed=False, indices=chosen[0])]
         while len(chosen) < count:
             least = np.min(rows, axis=0)
@@ -135,22 +140,22 @@ def spread_nodes(vertices: np.ndarray, graph: sp.csr_matrix, count: int) -> tupl
 
 
 def _differences(nodes: np.ndarray, near: np.ndarray) -> sp.csr_matrix:
-    """Rows that compare the maps of nodes which move one vertex together: their linear parts, and where they
-    take the middle between them.
+    """Return rows that compare the affine maps of nodes that share a vertex: the difference of their linear
+    parts, times their distance, and of where they take the middle between them.
     """
     if len(nodes) == 1:
         return sp.csr_matrix((0, 4))
     pairs = np.concatenate([near[[i, j]].T for i in range(len(near)) for j in range(i)])
     a, b = np.unique(np.sort(pairs, axis=1), axis=0).T
     length, middle = np.linalg.norm(nodes[a] - nodes[b], axis=1), (nodes[a] + nodes[b]) / 2
-    first = 4 * np.arange(len(a))
+    row_start = 4 * np.arange(len(a))
     rows, columns, values = [], [], []
     for node, sign in ((a, 1.0), (b, -1.0)):
         for axis in range(3):
-            rows += [first + axis, first + 3]
+            rows += [row_start + axis, row_start + 3]
             columns += [4 * node + axis] * 2
             values += [0.5 * sign * length, sign * (middle - nodes[node])[:, axis]]
-        rows.append(first + 3)
+        rows.append(row_start + 3)
         columns.append(4 * node + 3)
         values.append(np.full(len(a), sign))
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
@@ -158,15 +163,15 @@ def _differences(nodes: np.ndarray, near: np.ndarray) -> sp.csr_matrix:
 
 
 @dataclass(frozen=True)
-class _Pairs:
+class _Correspondences:
     """What each vertex is drawn to.
 
     Attributes:
         normal: (V, 3) of the plane at the nearest point of the target.
         gap: (V, 3) from the vertex to that point.
-        weight: (V,) of the distance to the plane; times `SLIDING` of that to the point.
-        pull: (V, 3) from the vertex to the mean of the target's points that are nearest to it.
-        strength: (V,) weight of that.
+        weight: (V,) of the distance to the plane; times `TANGENTIAL_WEIGHT` of that to the point.
+        pull: (V, 3) from the vertex to the mean of the target's points whose nearest vertex it is.
+        strength: (V,) weight of the pull.
     """
 
     normal: np.ndarray
@@ -175,34 +180,41 @@ class _Pairs:
     pull: np.ndarray
     strength: np.ndarray
 
-    def slid(self, rig: Rig, stiffness: float, smooth: sp.csc_matrix, maps: np.ndarray) -> np.ndarray:
+    def point_to_plane_step(
+        self, rig: DeformationGraph, stiffness: float, smooth: sp.csc_matrix, maps: np.ndarray
+    ) -> np.ndarray:
         """The change of maps (4G, 3) of a Gauss-Newton step, all coordinates at once."""
         blocks = self.weight[:, None, None] * self.normal[:, :, None] * self.normal[:, None, :]
-        blocks += (SLIDING * self.weight + self.strength)[:, None, None] * np.eye(3)
+        blocks += (TANGENTIAL_WEIGHT * self.weight + self.strength)[:, None, None] * np.eye(3)
         along = (self.weight * (self.gap * self.normal).sum(1))[:, None] * self.normal
-        total = rig.moves.shape[1]
+        total = rig.skinning.shape[1]
         parts = {
-            (i, j): rig.moves.T @ sp.diags(blocks[:, i, j]) @ rig.moves for i in range(3) for j in range(i, 3)
+            (i, j): rig.skinning.T @ sp.diags(blocks[:, i, j]) @ rig.skinning
+            for i in range(3)
+            for j in range(i, 3)
         }
         rows = [[parts[min(i, j), max(i, j)] for j in range(3)] for i in range(3)]
-        by_node = np.arange(3 * total).reshape(3, total).T.ravel()  # from coordinate by coordinate
+        # Unknowns are reordered from coordinate by coordinate to node by node: less fill-in of the factor.
+        by_node = np.arange(3 * total).reshape(3, total).T.ravel()
         matrix = sp.bmat(rows, format="csc")[by_node][:, by_node]
         matrix = matrix + stiffness * sp.kron(smooth, sp.eye(3), format="csc")
-        right = rig.moves.T @ (along + self._towards_points()) - stiffness * (smooth @ maps)
-        return _solved(matrix, right.ravel()).reshape(-1, 3)
+        right = rig.skinning.T @ (along + self._towards_points()) - stiffness * (smooth @ maps)
+        return _solve(matrix, right.ravel()).reshape(-1, 3)
 
-    def projected(self, rig: Rig, stiffness: float, smooth: sp.csc_matrix, maps: np.ndarray) -> np.ndarray:
+    def projected_step(
+        self, rig: DeformationGraph, stiffness: float, smooth: sp.csc_matrix, maps: np.ndarray
+    ) -> np.ndarray:
         """The change of maps (4G, 3) that draws each vertex to its projection on the plane."""
         along = (self.weight * (self.gap * self.normal).sum(1))[:, None] * self.normal
-        weight = (1 + SLIDING) * self.weight + self.strength
-        matrix = rig.moves.T @ sp.diags(weight) @ rig.moves + stiffness * smooth
-        return _solved(matrix, rig.moves.T @ (along + self._towards_points()) - stiffness * (smooth @ maps))
+        weight = (1 + TANGENTIAL_WEIGHT) * self.weight + self.strength
+        matrix = rig.skinning.T @ sp.diags(weight) @ rig.skinning + stiffness * smooth
+        return _solve(matrix, rig.skinning.T @ (along + self._towards_points()) - stiffness * (smooth @ maps))
 
     def _towards_points(self) -> np.ndarray:
-        return (SLIDING * self.weight)[:, None] * self.gap + self.strength[:, None] * self.pull
+        return (TANGENTIAL_WEIGHT * self.weight)[:, None] * self.gap + self.strength[:, None] * self.pull
 
 
-def _solved(matrix: sp.spmatrix, right: np.ndarray) -> np.ndarray:
+def _solve(matrix: sp.spmatrix, right: np.ndarray) -> np.ndarray:
     """Solve a symmetric positive definite system."""
     damped = (matrix + 1e-9 * sp.eye(matrix.shape[0])).tocsc()
     factor = splu(damped, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
@@ -210,7 +222,7 @@ def _solved(matrix: sp.spmatrix, right: np.ndarray) -> np.ndarray:
 
 
 class Registration:
-    """A template that is carried onto surfaces; what only depends on it is made once.
+    """Registers a template to surfaces; what depends on the template alone is computed once.
 
     Args:
         vertices: (V, 3) of the template.
@@ -218,44 +230,56 @@ class Registration:
         levels: Stages, from stiff to soft.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, levels: tuple[Level, ...] = LEVELS):
+    def __init__(
+        self, vertices: np.ndarray, faces: np.ndarray, levels: tuple[RegistrationStage, ...] = STAGES
+    ):
         self.middle = (vertices.min(0) + vertices.max(0)) / 2
         self.size = float(np.ptp(vertices, axis=0).max())
         self.vertices, self.faces = (vertices - self.middle) / self.size, faces
-        self.stages = [(level, Rig.of(self.vertices, faces, level.nodes)) for level in levels]
+        self.stages = [(level, DeformationGraph.of(self.vertices, faces, level.nodes)) for level in levels]
         area = vertex_areas(self.vertices, faces)
         self.area = area / area.sum()
 
-    def onto(self, target: Surface) -> np.ndarray:
-        """Vertices (V, 3) on a surface in the template's pose and of about its size."""
-        aim = Surface((target.points - self.middle) / self.size, target.normals)
-        tree = cKDTree(aim.features(DIRECTION))
-        now = self.vertices
+    def onto(self, target: SurfaceSample) -> np.ndarray:
+        """Return the template's vertices (V, 3) on a surface in its pose and of about its size."""
+        scaled_target = SurfaceSample((target.points - self.middle) / self.size, target.normals)
+        tree = cKDTree(scaled_target.features(NORMAL_WEIGHT))
+        moved = self.vertices
         for level, rig in self.stages:
-            smooth = (rig.differs.T @ rig.differs).tocsc()
-            maps, before = rig.rest, now - rig.moves @ rig.rest
+            smooth = (rig.smoothness.T @ rig.smoothness).tocsc()
+            maps, base = rig.identity, moved - rig.skinning @ rig.identity
             for step in range(level.steps):
                 share = step / max(1, level.steps - 1)
                 stiffness, reach = (a ** (1 - share) * b**share for a, b in (level.stiffness, level.reach))
-                pairs = self._pairs(now, aim, tree, reach, level.back)
-                solve = pairs.slid if level.slides else pairs.projected
+                pairs = self._pairs(moved, scaled_target, tree, reach, level.reverse_weight)
+                solve = pairs.point_to_plane_step if level.free_sliding else pairs.projected_step
                 maps = maps + solve(rig, stiffness, smooth, maps)
-                now = before + rig.moves @ maps
-        return now * self.size + self.middle
+                moved = base + rig.skinning @ maps
+        return moved * self.size + self.middle
 
-    def _pairs(self, now: np.ndarray, aim: Surface, tree: cKDTree, reach: float, back: float) -> _Pairs:
-        """Pair vertices with the target's points, both ways; far ones and turned ones count little."""
-        own = Surface(now, vertex_normals(now, self.faces))
-        _, index = tree.query(own.features(DIRECTION))
-        gap, normal = aim.points[index] - now, aim.normals[index]
-        agree = np.clip((normal * own.normals).sum(1), 0, 1)
+    def _pairs(
+        self, moved: np.ndarray, target: SurfaceSample, tree: cKDTree, reach: float, reverse_weight: float
+    ) -> _Correspondences:
+        """Pair vertices with the target's points, both ways.
+
+        A pair at distance d, relative to the reach r, with cosine c >= 0 between its normals has the weight
+        c / (1 + (d / r)^2)^2.
+        """
+        moved_surface = SurfaceSample(moved, vertex_normals(moved, self.faces))
+        _, index = tree.query(moved_surface.features(NORMAL_WEIGHT))
+        gap, normal = target.points[index] - moved, target.normals[index]
+        agree = np.clip((normal * moved_surface.normals).sum(1), 0, 1)
         weight = self.area * agree / (1 + (gap**2).sum(1) / reach**2) ** 2
-        some = aim.some(SAMPLES)
-        _, vertex = cKDTree(own.features(DIRECTION)).query(some.features(DIRECTION))
-        away = some.points - now[vertex]
-        agree = np.clip((some.normals * own.normals[vertex]).sum(1), 0, 1)
-        trust = agree / (1 + (away**2).sum(1) / reach**2) ** 2 / len(some.points)
-        count = len(now)
+        samples = target.some(TARGET_SAMPLES)
+        _, vertex = cKDTree(moved_surface.features(NORMAL_WEIGHT)).query(samples.features(NORMAL_WEIGHT))
+        pull_vector = samples.points - moved[vertex]
+        agree = np.clip((samples.normals * moved_surface.normals[vertex]).sum(1), 0, 1)
+        trust = agree / (1 + (pull_vector**2).sum(1) / reach**2) ** 2 / len(samples.points)
+        count = len(moved)
         total = np.bincount(vertex, trust, count)
-        sums = np.stack([np.bincount(vertex, trust * away[:, axis], count) for axis in range(3)], axis=1)
-        return _Pairs(normal, gap, weight, sums / np.maximum(total, 1e-12)[:, None], back * total)
+        sums = np.stack(
+            [np.bincount(vertex, trust * pull_vector[:, axis], count) for axis in range(3)], axis=1
+        )
+        return _Correspondences(
+            normal, gap, weight, sums / np.maximum(total, 1e-12)[:, None], reverse_weight * total
+        )

@@ -12,86 +12,95 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from vig_train.building.surface import Surface, edges_of, points_on, vertex_areas
+from vig_train.building.surface import SurfaceSample, face_edges, sample_surface, vertex_areas
 from vig_world.mesh import vertex_normals
 
-VERTICES = 2600
-"""Of a template, about."""
-DENSE = 40
+TEMPLATE_VERTICES = 2600
+"""Vertices of a template, about."""
+POINTS_PER_VERTEX = 40
 """Points of the dense surface for each vertex of the template."""
-APART = 0.03
-"""Sizes of the object that a difference of normals of one counts as: it keeps the sides of a wall apart."""
-CURVED, MOST = 0.1, 3.0
-"""The same where the surface's area is measured to spread vertices, and how much denser they come to lie."""
-SPREAD = 40
+NORMAL_WEIGHT = 0.03
+"""Sizes of the object that a difference of normals of length one counts as; separates the sides of a wall."""
+CURVATURE_NORMAL_WEIGHT = 0.1
+"""The same weight where areas are measured that decide the density of vertices: curved places grow."""
+MAX_DENSITY = 3.0
+"""Greatest density of vertices where the surface curves, over that of flat places."""
+DENSITY_SMOOTHINGS = 40
 """Times that this density is averaged with its neighbours'."""
-ROUNDS = 30
-SMOOTHED = 4
+MAX_ROUNDS = 30
+"""Rounds of Lloyd's algorithm; also the most rounds in which flawed clusters are split."""
+NORMAL_SMOOTHINGS = 4
 """Times that the normals of the dense surface are averaged with their neighbours'."""
 
 
-def remeshed(vertices: np.ndarray, faces: np.ndarray, count: int = VERTICES) -> tuple[np.ndarray, np.ndarray]:
+def remesh(
+    vertices: np.ndarray, faces: np.ndarray, count: int = TEMPLATE_VERTICES
+) -> tuple[np.ndarray, np.ndarray]:
     """About so many vertices, evenly spread over a closed mesh (V, 3), (F, 3) in place and direction.
 
     The dual of a centroidal partition of the surface (Valette and Chassery 2004), in the six dimensions of
     points and normals (Levy and Bonneel 2013). Closed as the mesh is.
     """
     size = float(np.ptp(vertices, axis=0).max())
-    each = float(vertex_areas(vertices, faces).sum()) / (DENSE * count)
-    points, corners = with_short_edges(vertices, faces, 1.5 * math.sqrt(each))
+    area_per_point = float(vertex_areas(vertices, faces).sum()) / (POINTS_PER_VERTEX * count)
+    points, corners = split_long_edges(vertices, faces, 1.5 * math.sqrt(area_per_point))
     dense = trimesh.Trimesh(points, corners, process=False)
-    edges = edges_of(corners)
-    normals, mean = vertex_normals(points, corners), _mean_of_neighbours(edges, len(points))
-    for _ in range(SMOOTHED):
-        normals = mean @ normals
-    features = np.concatenate([points, APART * size * normals], axis=1)
+    edges = face_edges(corners)
+    normals, neighbour_mean = vertex_normals(points, corners), _mean_of_neighbours(edges, len(points))
+    for _ in range(NORMAL_SMOOTHINGS):
+        normals = neighbour_mean @ normals
+    features = np.concatenate([points, NORMAL_WEIGHT * size * normals], axis=1)
     areas = vertex_areas(points, corners)
-    curved = _areas(np.concatenate([points, CURVED * size * normals], axis=1), corners) / areas.clip(1e-12)
-    for _ in range(SPREAD):
-        curved = mean @ curved
-    areas = areas * curved.clip(1, MOST)
+    curvature = _vertex_areas_in(
+        np.concatenate([points, CURVATURE_NORMAL_WEIGHT * size * normals], axis=1), corners
+    ) / areas.clip(1e-12)
+    for _ in range(DENSITY_SMOOTHINGS):
+        curvature = neighbour_mean @ curvature
+    areas = areas * curvature.clip(1, MAX_DENSITY)
     for attempt in range(3):
-        owner = _partition(features, areas, edges, count, attempt)
-        for _ in range(ROUNDS):
-            mesh = _dual(points, corners, areas, owner)
-            pinched = np.union1d(_pinched(mesh), _not_discs(owner, corners))
-            if not len(pinched):
+        cluster = _partition(features, areas, edges, count, attempt)
+        for _ in range(MAX_ROUNDS):
+            mesh = _dual(points, corners, areas, cluster)
+            flawed = np.union1d(_non_manifold_vertices(mesh), _clusters_not_discs(cluster, corners))
+            if not len(flawed):
                 break
-            owner = _split(owner, pinched, points, edges)
-        same = mesh.euler_number == dense.euler_number and mesh.body_count == dense.body_count
-        if not len(pinched) and same:
+            cluster = _split_clusters(cluster, flawed, points, edges)
+        same_topology = mesh.euler_number == dense.euler_number and mesh.body_count == dense.body_count
+        if not len(flawed) and same_topology:
             return np.asarray(mesh.vertices), np.asarray(mesh.faces)
     raise ValueError("no closed mesh of that size was found")
 
 
-def with_short_edges(
+def split_long_edges(
     vertices: np.ndarray, faces: np.ndarray, longest: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same surface, with edges that are too long cut in two until none is; closed as before."""
     while True:
         sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         edges, edge = np.unique(sides, axis=0, return_inverse=True)
-        long = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > longest
-        if not long.any():
+        too_long = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > longest
+        if not too_long.any():
             return vertices, faces
-        middle = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)[edge.reshape(-1, 3)]
-        vertices = np.concatenate([vertices, vertices[edges[long]].mean(1)])
+        middle = np.where(too_long, len(vertices) + np.cumsum(too_long) - 1, -1)[edge.reshape(-1, 3)]
+        vertices = np.concatenate([vertices, vertices[edges[too_long]].mean(1)])
         parts = []
-        cut = (middle >= 0).sum(1)
-        parts.append(faces[cut == 0])
-        for cuts, first in ((1, middle >= 0), (2, middle < 0)):
-            # Turned so that the side that differs from the other two comes first.
-            chosen = cut == cuts
-            turn = (first[chosen].argmax(1)[:, None] + np.arange(3)) % 3
+        cuts_of_face = (middle >= 0).sum(1)
+        parts.append(faces[cuts_of_face == 0])
+        for cuts, odd_one in ((1, middle >= 0), (2, middle < 0)):
+            # Corners are rotated so that the side that differs from the other two comes first.
+            chosen = cuts_of_face == cuts
+            turn = (odd_one[chosen].argmax(1)[:, None] + np.arange(3)) % 3
             a, b, c = np.take_along_axis(faces[chosen], turn, axis=1).T
             ab, bc, ca = np.take_along_axis(middle[chosen], turn, axis=1).T
             if cuts == 1:
-                parts += [np.stack(each, axis=1) for each in ((a, ab, c), (ab, b, c))]
+                parts += [np.stack(triangle, axis=1) for triangle in ((a, ab, c), (ab, b, c))]
             else:
-                parts += [np.stack(each, axis=1) for each in ((a, b, bc), (a, bc, ca), (ca, bc, c))]
-        a, b, c = faces[cut == 3].T
-        ab, bc, ca = middle[cut == 3].T
-        parts += [np.stack(each, axis=1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+                parts += [np.stack(triangle, axis=1) for triangle in ((a, b, bc), (a, bc, ca), (ca, bc, c))]
+        a, b, c = faces[cuts_of_face == 3].T
+        ab, bc, ca = middle[cuts_of_face == 3].T
+        parts += [
+            np.stack(triangle, axis=1) for triangle in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        ]
         faces = np.concatenate(parts)
 
 
@@ -101,18 +110,20 @@ def _mean_of_neighbours(edges: np.ndarray, count: int) -> sp.csr_matrix:
     return sp.diags(1 / np.asarray(graph.sum(1)).ravel()) @ graph
 
 
-def _areas(features: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _vertex_areas_in(features: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Of the surface round each vertex, in the space of the features (N, D): (N,)."""
-    first, second = (
+    side_a, side_b = (
         features[faces[:, 1]] - features[faces[:, 0]],
         features[faces[:, 2]] - features[faces[:, 0]],
     )
-    gram = (first**2).sum(1) * (second**2).sum(1) - (first * second).sum(1) ** 2
+    gram = (side_a**2).sum(1) * (side_b**2).sum(1) - (side_a * side_b).sum(1) ** 2
     return np.asarray(np.bincount(faces.ravel(), np.repeat(np.sqrt(gram.clip(0)), 3), len(features)) / 6)
 
 
-def _pinched(mesh: trimesh.Trimesh) -> np.ndarray:
-    """The vertices where a mesh is no surface: of edges without just two faces, of fans that only touch."""
+def _non_manifold_vertices(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Return vertices where a mesh is no manifold: at edges without exactly two faces, or where two fans of
+    faces touch at a vertex alone.
+    """
     ends = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)  # of each side of each face
     corner = np.arange(mesh.faces.size).reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     turned = ends[:, 0] > ends[:, 1]
@@ -128,8 +139,8 @@ def _pinched(mesh: trimesh.Trimesh) -> np.ndarray:
     return np.union1d(edges[sides != 2].ravel(), touching)
 
 
-def _not_discs(owner: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The clusters whose part of a closed mesh has an Euler number other than one, as a ring round a neck."""
+def _clusters_not_discs(owner: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return clusters that are no discs: whose Euler number is not one, such as a ring round a neck."""
     inner = [(faces[:, [k, (k + 1) % 3]], 0.5) for k in range(3)] + [(faces, -1.0)]
     euler = np.bincount(owner).astype(float)
     for corners, weight in inner:
@@ -138,7 +149,9 @@ def _not_discs(owner: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.flatnonzero(euler != 1)
 
 
-def _split(owner: np.ndarray, chosen: np.ndarray, points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _split_clusters(
+    owner: np.ndarray, chosen: np.ndarray, points: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
     """Clusters with the chosen ones cut in two, across their longest direction."""
     owner, count = owner.copy(), owner.max() + 1
     for number, cluster in enumerate(chosen):
@@ -146,7 +159,7 @@ def _split(owner: np.ndarray, chosen: np.ndarray, points: np.ndarray, edges: np.
         off = points[mine] - points[mine].mean(0)
         along = off @ np.linalg.svd(off, full_matrices=False)[2][0]
         owner[mine[along > 0]] = count + number
-    return _in_one_piece(owner, edges)
+    return _connected_clusters(owner, edges)
 
 
 def _partition(
@@ -156,7 +169,7 @@ def _partition(
     rng = np.random.default_rng(seed)
     centres = features[rng.choice(len(features), count, replace=False, p=areas / areas.sum())]
     owner = np.zeros(len(features), int)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         owner = cKDTree(centres).query(features)[1]
         weight = np.bincount(owner, areas, len(centres))
         centres = (
@@ -165,31 +178,31 @@ def _partition(
             ]
             / weight[weight > 0, None]
         )
-    return _in_one_piece(cKDTree(centres).query(features)[1], edges)
+    return _connected_clusters(cKDTree(centres).query(features)[1], edges)
 
 
-def _in_one_piece(owner: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _connected_clusters(owner: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Clusters, numbered anew, whose pieces that are not the largest went to a neighbouring cluster."""
     while True:
-        same = owner[edges[:, 0]] == owner[edges[:, 1]]
-        graph = sp.csr_matrix((np.ones(same.sum()), edges[same].T), (len(owner),) * 2)
+        inside = owner[edges[:, 0]] == owner[edges[:, 1]]
+        graph = sp.csr_matrix((np.ones(inside.sum()), edges[inside].T), (len(owner),) * 2)
         _, piece = connected_components(graph, directed=False)
         sizes = np.bincount(piece)
-        order = np.lexsort((-sizes, owner_of_piece := _first(owner, piece)))
+        order = np.lexsort((-sizes, owner_of_piece := _owner_of_pieces(owner, piece)))
         largest = np.zeros(len(sizes), bool)
         largest[order[np.unique(owner_of_piece[order], return_index=True)[1]]] = True
-        astray = ~largest[piece]
-        if not astray.any():
+        stray = ~largest[piece]
+        if not stray.any():
             return np.unique(owner, return_inverse=True)[1]
         across = np.concatenate([edges, edges[:, ::-1]])
-        across = across[astray[across[:, 0]] & ~astray[across[:, 1]]]
+        across = across[stray[across[:, 0]] & ~stray[across[:, 1]]]
         if not len(across):
             return np.unique(owner, return_inverse=True)[1]
         owner = owner.copy()
         owner[across[:, 0]] = owner[across[:, 1]]
 
 
-def _first(owner: np.ndarray, piece: np.ndarray) -> np.ndarray:
+def _owner_of_pieces(owner: np.ndarray, piece: np.ndarray) -> np.ndarray:
     return owner[np.unique(piece, return_index=True)[1]]
 
 
@@ -203,18 +216,20 @@ def _dual(points: np.ndarray, faces: np.ndarray, areas: np.ndarray, owner: np.nd
     count = owner.max() + 1
     weight = np.bincount(owner, areas, count)[:, None]
     middle = np.stack([np.bincount(owner, areas * column, count) for column in points.T], axis=1) / weight
-    # The mean lies inside of what curves: the cluster's point nearest to it lies on the surface.
+    # The mean of a curved cluster lies off the surface; its point nearest to the mean lies on it.
     off = np.linalg.norm(points - middle[owner], axis=1)
     order = np.lexsort((off, owner))
     chosen = order[np.unique(owner[order], return_index=True)[1]]
     return trimesh.Trimesh(points[chosen], triangles, process=False)
 
 
-CELLS = 160
-"""Across the longest side of a mesh, where its outer surface is made anew."""
+VOXELS_ACROSS = 160
+"""Voxels across the longest side of a mesh, from which its outer surface is extracted."""
 
 
-def outer_surface(vertices: np.ndarray, faces: np.ndarray, seen: Surface) -> tuple[np.ndarray, np.ndarray]:
+def outer_surface(
+    vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample
+) -> tuple[np.ndarray, np.ndarray]:
     """One closed surface round all that a mesh (V, 3), (F, 3) holds: parts joined, cracks closed.
 
     What the air outside reaches through openings of more than a hundredth of the size stays outside.
@@ -222,19 +237,19 @@ def outer_surface(vertices: np.ndarray, faces: np.ndarray, seen: Surface) -> tup
     Args:
         vertices: Of the mesh.
         faces: Its triangles, in any order of corners.
-        seen: Its visible surface, onto which the result is drawn.
+        visible: Its visible surface, onto which the result is drawn.
     """
     low, size = vertices.min(0), float(np.ptp(vertices, axis=0).max())
-    cell, margin = size / CELLS, 3
+    cell, margin = size / VOXELS_ACROSS, 3
     count = int(12 * vertex_areas(vertices, faces).sum() / cell**2)
-    face, weights = points_on(vertices, faces, count)
-    spread = np.einsum("nk,nkd->nd", weights, vertices[faces[face]])
-    points = np.concatenate([spread, vertices[np.unique(faces)]])
-    index = ((points - low) / cell).astype(int) + margin
-    wall = np.zeros(index.max(0) + 1 + margin, bool)
-    wall[tuple(index.T)] = True
-    free, _ = ndimage.label(~wall)
-    solid = free != free[0, 0, 0]
+    face, weights = sample_surface(vertices, faces, count)
+    samples = np.einsum("nk,nkd->nd", weights, vertices[faces[face]])
+    points = np.concatenate([samples, vertices[np.unique(faces)]])
+    voxel = ((points - low) / cell).astype(int) + margin
+    occupied = np.zeros(voxel.max(0) + 1 + margin, bool)
+    occupied[tuple(voxel.T)] = True
+    empty_regions, _ = ndimage.label(~occupied)
+    solid = empty_regions != empty_regions[0, 0, 0]
     thin = solid & ~ndimage.binary_opening(solid)
     solid |= ndimage.binary_dilation(thin)  # lest smoothing perforates what is a cell thick
     level = ndimage.gaussian_filter(solid.astype(np.float32), 0.8)
@@ -242,31 +257,31 @@ def outer_surface(vertices: np.ndarray, faces: np.ndarray, seen: Surface) -> tup
     mesh = trimesh.Trimesh((surface - margin + 0.5) * cell + low, triangles[:, ::-1])
     if mesh.volume < 0:
         mesh.invert()
-    whole = max(mesh.split(only_watertight=True), key=lambda part: part.area, default=mesh)
-    return _drawn_onto(np.asarray(whole.vertices), np.asarray(whole.faces), seen, cell)
+    outer = max(mesh.split(only_watertight=True), key=lambda part: part.area, default=mesh)
+    return _project_onto(np.asarray(outer.vertices), np.asarray(outer.faces), visible, cell)
 
 
-def _drawn_onto(
-    vertices: np.ndarray, faces: np.ndarray, seen: Surface, cell: float
+def _project_onto(
+    vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, cell: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move vertices, which are off by about half a cell, onto a surface, smoothly."""
-    mean = _mean_of_neighbours(edges_of(faces), len(vertices))
-    tree = cKDTree(np.concatenate([seen.points, 2 * cell * seen.normals], axis=1))
+    neighbour_mean = _mean_of_neighbours(face_edges(faces), len(vertices))
+    tree = cKDTree(np.concatenate([visible.points, 2 * cell * visible.normals], axis=1))
     for _ in range(4):
         normals = vertex_normals(vertices, faces)
         _, index = tree.query(np.concatenate([vertices, 2 * cell * normals], axis=1))
-        normal = seen.normals[index]
-        along = ((seen.points[index] - vertices) * normal).sum(1)
+        normal = visible.normals[index]
+        along = ((visible.points[index] - vertices) * normal).sum(1)
         along[(np.abs(along) > 2 * cell) | ((normal * normals).sum(1) < 0.3)] = 0
         move = along[:, None] * normal
         for _ in range(2):
-            move = mean @ move
+            move = neighbour_mean @ move
         vertices = vertices + move
     return vertices, faces
 
 
 def closed_template(
-    vertices: np.ndarray, faces: np.ndarray, seen: Surface, count: int = VERTICES
+    vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, count: int = TEMPLATE_VERTICES
 ) -> tuple[np.ndarray, np.ndarray]:
     """A template from a mesh (V, 3), (F, 3): itself where it is one closed surface, else its outer surface.
 
@@ -277,7 +292,7 @@ def closed_template(
         if mesh.volume < 0:
             faces = faces[:, ::-1]
         try:
-            return remeshed(vertices, faces, count)
+            return remesh(vertices, faces, count)
         except ValueError:
             pass
-    return remeshed(*outer_surface(vertices, faces, seen), count)
+    return remesh(*outer_surface(vertices, faces, visible), count)

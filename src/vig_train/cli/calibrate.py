@@ -13,9 +13,9 @@ from vig_train.calibration import (
     POSITION_PHOTOS,
     StudioPhotos,
     calibrate_fits,
+    calibrate_positions,
     describe,
-    fits_of,
-    with_positions,
+    fit_count,
 )
 from vig_train.cli.common import check_workers, check_writable, progress_bar
 from vig_train.cli.settings import Calibrate
@@ -36,19 +36,19 @@ def calibrate(settings: Calibrate) -> int:
     folder = settings.weights.parent
     check_writable(folder)
     lines: list[str] = []
-    everything: list[Dataset | StudioPhotos] = [*datasets]
-    further = []
+    calibration_sets: list[Dataset | StudioPhotos] = [*datasets]
+    studio_examples = []
     if settings.studio:
         photos, examples = StudioPhotos.draw(object_class, settings.split, settings.studio, settings.seed)
-        everything.append(photos)
-        further.append(examples)
-    calibrate_network(settings.weights, datasets, lines.append, further, object_class)
+        calibration_sets.append(photos)
+        studio_examples.append(examples)
+    calibrate_network(settings.weights, datasets, lines.append, studio_examples, object_class)
     recognizer = Recognizer.of_class(object_class, settings.weights)
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with progress_bar(settings.json) as progress:
-        task = progress.add_task("fits", total=sum(map(fits_of, everything)))
+        task = progress.add_task("fits", total=sum(map(fit_count, calibration_sets)))
         calibration, samples = calibrate_fits(
-            everything,
+            calibration_sets,
             object_class,
             recognizer,
             workers=settings.workers,
@@ -56,9 +56,11 @@ def calibrate(settings: Calibrate) -> int:
             cache=fits,
             processes=True,
         )
-        positions = sum(min(len(each), POSITION_PHOTOS) for each in datasets if each.world == "photo")
+        positions = sum(
+            min(len(dataset), POSITION_PHOTOS) for dataset in datasets if dataset.world == "photo"
+        )
         task = progress.add_task("positions", total=positions)
-        calibration = with_positions(
+        calibration = calibrate_positions(
             calibration, datasets, object_class, recognizer, advance=lambda done: progress.advance(task, done)
         )
     calibration.save(folder / FILE)

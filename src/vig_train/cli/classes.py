@@ -13,10 +13,10 @@ def build(settings: Build) -> int:
     """`vig class build`."""
     from vig_train.building import Builder, BuildSettings
 
-    turns = [_turn(each) for each in settings.turn]
+    turns = [_turn(turn) for turn in settings.turn]
     if len(dict(turns)) < len(turns):
         raise UserError("expected one --turn for each mesh; got two for one.")
-    told = BuildSettings(
+    build_settings = BuildSettings(
         settings.name or settings.out.resolve().name,
         settings.up,
         settings.front,
@@ -29,19 +29,19 @@ def build(settings: Build) -> int:
         dict.fromkeys(settings.places, 1.0),
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
-    built = Builder(settings.folder, settings.out, told, say).build()
+    result = Builder(settings.folder, settings.out, build_settings, say).build()
     if settings.json:
-        errors = built.components.errors
+        errors = result.components.errors
         print(
             json.dumps(
                 {
                     "folder": str(settings.out),
-                    "meshes": len(built.scans),
-                    "taken": {built.scans[number].name: split for number, split in built.splits.items()},
-                    "refused": built.refused,
-                    "symmetry": built.stood.shape.symmetry,
-                    "components": len(built.components.basis),
-                    "leave_one_out": errors[len(built.components.basis)] if errors else None,
+                    "meshes": len(result.scans),
+                    "taken": {result.scans[number].name: split for number, split in result.splits.items()},
+                    "refused": result.refused,
+                    "symmetry": result.upright.symmetries.symmetry,
+                    "components": len(result.components.basis),
+                    "leave_one_out": errors[len(result.components.basis)] if errors else None,
                 },
                 indent=2,
             )

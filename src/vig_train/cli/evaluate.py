@@ -18,12 +18,12 @@ from vig_train.cli.common import check_workers, check_writable, progress_bar
 from vig_train.cli.settings import Evaluate
 from vig_train.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
-from vig_train.evaluation.protocol import fitted
+from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.table import check_limits
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 
-PRINTED = "Table 1", "Failures"
+PRINTED_TITLES = "Table 1", "Failures"
 """Beginnings of the titles of tables that are printed; a file has them all."""
 
 
@@ -37,21 +37,21 @@ def evaluate(settings: Evaluate) -> int:
     check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
     renderer = read_info(settings.dataset)["splits"][settings.split]["tier"]
     recognizer = Recognizer.of_class(object_class, settings.weights)
-    explaining = ExplainSettings()
+    explain_settings = ExplainSettings()
     if settings.weights is not None:  # their own calibration, not the class's
         path = settings.weights.with_name(FILE)
-        own = FitCalibration.load(path) if path.exists() else None
-        explaining = ExplainSettings(calibrated=own is not None, calibration=own)
+        calibration = FitCalibration.load(path) if path.exists() else None
+        explain_settings = ExplainSettings(calibrated=calibration is not None, calibration=calibration)
     check_writable(settings.out)
     with progress_bar(settings.json) as progress:
-        fits = len(dataset) * len(fitted(settings.methods))
+        fits = len(dataset) * len(fitted_likelihoods(settings.methods))
         task = progress.add_task("fits", total=fits)
         results = run_methods(
             dataset,
             object_class,
             recognizer,
             settings.methods,
-            explaining,
+            explain_settings,
             workers=settings.workers,
             advance=lambda done: progress.advance(task, done),
             cache=settings.out / "fits",
@@ -68,7 +68,7 @@ def evaluate(settings: Evaluate) -> int:
         return 0
     console = Console(width=None if sys.stdout.isatty() else 100)
     for block in blocks(table):
-        if block.title.startswith(PRINTED):
+        if block.title.startswith(PRINTED_TITLES):
             console.print(block.rich())
     print("table.md has further tables, errors.csv each image; they are in")
     print(settings.out)

@@ -32,10 +32,10 @@ from vig.parallel.threads import map_on_threads
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
 
-CHUNK = 50
-"""Photos per file."""
-LEAST_FOR_PROCESSES = 150
-"""Photos from which on processes are used, since these take seconds to start."""
+CHUNK_PHOTOS = 50
+"""Photos per file of the cache."""
+MIN_PHOTOS_FOR_PROCESSES = 150
+"""Fewest photos for which processes are used: starting them takes seconds."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,13 @@ class Fits:
     verdicts: tuple[str, ...]
 
     @staticmethod
-    def of(fits: list[Fit], whole: bool) -> Fits:
+    def of(fits: list[Fit], silhouette_masks: bool) -> Fits:
         """Stack single fits; whole: the silhouette is the mask."""
         return Fits(
             np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
             np.stack([fit.deviation.float().numpy() for fit in fits]),
-            np.stack([(fit.amodal if whole else fit.mask).numpy() for fit in fits]),
-            np.stack([(fit.amodal if whole else fit.mask_by_pixel).numpy() for fit in fits]),
+            np.stack([(fit.amodal if silhouette_masks else fit.mask).numpy() for fit in fits]),
+            np.stack([(fit.amodal if silhouette_masks else fit.mask_by_pixel).numpy() for fit in fits]),
             np.stack([fit.confidence_features.numpy() for fit in fits]),
             np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
@@ -113,7 +113,7 @@ def fit_all(
         advance: Called with the number of fits made, or read, since its last call.
         folder: Keeps fits, chunk by chunk. A chunk is read from there when its `key` and its images are the
             same, and fitted again otherwise.
-        key: See `key_of`.
+        key: See `cache_key`.
         processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
             the same fits.
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine.
@@ -122,80 +122,85 @@ def fit_all(
         UserError: There is no such cluster, or too many of its processes died of one photo.
     """
     load_fit_kernels(object_class.shape_model.modes)
-    chunks = [range(start, min(start + CHUNK, len(images))) for start in range(0, len(images), CHUNK)]
+    chunks = [
+        range(start, min(start + CHUNK_PHOTOS, len(images))) for start in range(0, len(images), CHUNK_PHOTOS)
+    ]
     keys = [hashlib.sha256(key.encode() + images[chunk].tobytes()).hexdigest() for chunk in chunks]
     paths = [None if folder is None else folder / f"{chunk.start:06d}.safetensors" for chunk in chunks]
-    parts = [None if path is None else _read(path, own) for path, own in zip(paths, keys, strict=True)]
-    missing = [number for number, part in enumerate(parts) if part is None]
-    todo = [index for number in missing for index in chunks[number]]
+    parts = [
+        None if path is None else _read(path, chunk_key) for path, chunk_key in zip(paths, keys, strict=True)
+    ]
+    missing = [chunk_number for chunk_number, part in enumerate(parts) if part is None]
+    todo = [index for chunk_number in missing for index in chunks[chunk_number]]
     advance(len(images) - len(todo))
-    given = [(photos[i], prediction[i : i + 1]) for i in todo]
+    photo_predictions = [(photos[i], prediction[i : i + 1]) for i in todo]
     if cluster is not None and todo:
-        fitted = _fitted_on_cluster(given, object_class, settings, cluster)
-    elif processes and workers > 1 and len(todo) >= LEAST_FOR_PROCESSES:
-        fitted = _fitted_in_processes(given, object_class, settings, workers)
+        fit_stream = _fit_on_cluster(photo_predictions, object_class, settings, cluster)
+    elif processes and workers > 1 and len(todo) >= MIN_PHOTOS_FOR_PROCESSES:
+        fit_stream = _fit_in_processes(photo_predictions, object_class, settings, workers)
     else:
-        fitted = _fitted_on_threads(given, object_class, settings, workers)
-    done: dict[int, dict[int, Fits]] = {number: {} for number in missing}
-    with closing(fitted):
-        for place, fit in fitted:
-            index = todo[place]
-            number = index // CHUNK
-            done[number][index] = fit
+        fit_stream = _fit_on_threads(photo_predictions, object_class, settings, workers)
+    done: dict[int, dict[int, Fits]] = {chunk_number: {} for chunk_number in missing}
+    with closing(fit_stream):
+        for position, fit in fit_stream:
+            index = todo[position]
+            chunk_number = index // CHUNK_PHOTOS
+            done[chunk_number][index] = fit
             advance(1)
-            if len(done[number]) < len(chunks[number]):
+            if len(done[chunk_number]) < len(chunks[chunk_number]):
                 continue
-            single = done.pop(number)
-            part = parts[number] = Fits.joined([single[each] for each in chunks[number]])
-            path = paths[number]
+            fits_of_chunk = done.pop(chunk_number)
+            part = parts[chunk_number] = Fits.joined([fits_of_chunk[photo] for photo in chunks[chunk_number]])
+            path = paths[chunk_number]
             if path is not None:
-                _write(path, part, keys[number])
+                _write(path, part, keys[chunk_number])
     return Fits.joined([part for part in parts if part is not None])
 
 
 Photo = tuple[torch.Tensor, Prediction]
-Arrays = tuple[np.ndarray, ...]
-"""A photo and the parts of its prediction."""
-Shared = tuple[ObjectClass, ExplainSettings]
+"""A photo (H, W, 3), linear RGB, and its prediction."""
+PhotoArrays = tuple[np.ndarray, ...]
+"""The same as arrays: the photo, then the prediction's tensors."""
+RunContext = tuple[ObjectClass, ExplainSettings]
 """What all fits of a run have in common."""
-Fitted = Generator[tuple[int, Fits]]
+FitStream = Generator[tuple[int, Fits]]
 """Numbers of photos and their fits, as they are done."""
 
 
-def _fitting(shared: Shared) -> Callable[[Photo], Fits]:
+def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
     """The function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
     load_fit_kernels(object_class.shape_model.modes)
 
-    def one(photo: Photo) -> Fits:
+    def fit_one(photo: Photo) -> Fits:
         return Fits.of([explain_one(*photo, object_class, settings)], settings.likelihood.alpha == 1)
 
-    return one
+    return fit_one
 
 
-def _fitted_on_threads(
+def _fit_on_threads(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
-) -> Fitted:
+) -> FitStream:
     before = torch.get_num_threads()
     torch.set_num_threads(workers)
     try:
-        yield from enumerate(map_on_threads(_fitting((object_class, settings)), photos))
+        yield from enumerate(map_on_threads(_photo_fitter((object_class, settings)), photos))
     finally:
         torch.set_num_threads(before)
 
 
-def _fitted_in_processes(
+def _fit_in_processes(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
-) -> Fitted:
+) -> FitStream:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
-    yield from enumerate(map_in_processes(_fitting_arrays, (object_class, settings), arrays, workers))
+    yield from enumerate(map_in_processes(_array_fitter, (object_class, settings), arrays, workers))
 
 
-def _fitted_on_cluster(
+def _fit_on_cluster(
     photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, address: str
-) -> Fitted:
+) -> FitStream:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
-    for number, fit in map_on_cluster(_fitting_arrays, (object_class, settings), arrays, address):
+    for number, fit in map_on_cluster(_array_fitter, (object_class, settings), arrays, address):
         if isinstance(fit, Lost):
             raise UserError(
                 f"processes of the cluster were killed {fit.attempts} times at the same photo, possibly out"
@@ -204,33 +209,33 @@ def _fitted_on_cluster(
         yield number, fit
 
 
-def _arrays(photo: torch.Tensor, prediction: Prediction) -> Arrays:
+def _arrays(photo: torch.Tensor, prediction: Prediction) -> PhotoArrays:
     return photo.numpy(), *(tensor.numpy() for tensor in prediction.tensors)
 
 
-def _fitting_arrays(shared: Shared) -> Callable[[Arrays], Fits]:
-    """`_fitting` of arrays, which can be sent to another process."""
-    fitted = _fitting(shared)
+def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
+    """`_photo_fitter` of arrays, which can be sent to another process."""
+    fit_one = _photo_fitter(shared)
 
-    def one(arrays: Arrays) -> Fits:
+    def fit_arrays(arrays: PhotoArrays) -> Fits:
         photo, *parts = map(torch.tensor, arrays)  # copies: what a cluster sends is read-only
-        return fitted((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
+        return fit_one((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
 
-    return one
+    return fit_arrays
 
 
-def key_of(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
+def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
     """Hash of everything that a fit depends on, but for its photo and the code."""
-    plain = replace(settings, calibration=None)
+    uncalibrated = replace(settings, calibration=None)
     digest = hashlib.sha256(
-        f"{__version__} {object_class.fingerprint} {plain!r} {CONFIDENCE_FEATURES}".encode()
+        f"{__version__} {object_class.fingerprint} {uncalibrated!r} {CONFIDENCE_FEATURES}".encode()
     )
-    own = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
-    own |= recognizer.calibration.tensors()
+    tensors = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
+    tensors |= recognizer.calibration.tensors()
     calibration = (settings.calibration or calibration_of(object_class)) if settings.calibrated else None
     if calibration is not None:
         digest.update(calibration.to_json().encode())
-    for name, tensor in sorted((recognizer.network.state_dict() | own).items()):
+    for name, tensor in sorted((recognizer.network.state_dict() | tensors).items()):
         digest.update(name.encode())
         digest.update(tensor.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
     arrays = [object_class.light_prior_mean, object_class.light_prior_covariance]

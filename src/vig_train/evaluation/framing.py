@@ -12,11 +12,11 @@ from vig.recognition.find import upright
 from vig.scene import linear_from_srgb, srgb_from_linear
 from vig_world.dataset import Dataset
 
-LEAST_SIDE = 8
-"""Of a box, pixels; of an object that shows less the whole image is taken."""
+MIN_BOX_SIDE = 8
+"""Least side of a box, pixels; where the object's is smaller the whole image is taken."""
 
 
-def framed(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
+def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
     """Images (N, H, W, 3) uint8 sRGB, and the object's visible pixels in them (N, H, W) bool.
 
     Those of the paper's world are as they are. Of photographs the box of the object's whole silhouette is
@@ -25,14 +25,14 @@ def framed(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.nda
     if dataset.world == "paper":
         return dataset.images, dataset.visible
     images, visible = np.empty_like(dataset.images), np.empty_like(dataset.visible)
-    for number, (image, whole) in enumerate(zip(dataset.images, dataset.amodal, strict=True)):
+    for number, (image, silhouette) in enumerate(zip(dataset.images, dataset.amodal, strict=True)):
         linear = linear_from_srgb(image.astype(np.float32) / 255)
-        height, width = whole.shape
-        window = upright(linear, Window.of(width, height, box_of_silhouette(whole)), recognizer)
-        cut, _ = window.cut(linear)
-        images[number] = (srgb_from_linear(cut) * 255).round()
-        seen = np.repeat(dataset.visible[number][..., None].astype(np.float32), 3, axis=2)
-        mask, inside = window.cut(seen)
+        height, width = silhouette.shape
+        window = upright(linear, Window.of(width, height, box_of_silhouette(silhouette)), recognizer)
+        cropped, _ = window.cut(linear)
+        images[number] = (srgb_from_linear(cropped) * 255).round()
+        visible_channels = np.repeat(dataset.visible[number][..., None].astype(np.float32), 3, axis=2)
+        mask, inside = window.cut(visible_channels)
         visible[number] = (mask[..., 0] > 0.5) & inside
     return images, visible
 
@@ -42,7 +42,7 @@ def fit_settings(settings: ExplainSettings, dataset: Dataset) -> ExplainSettings
     return settings.filled(photo=dataset.world == "photo")
 
 
-def box_of_silhouette(whole: np.ndarray) -> tuple[float, float, float, float] | None:
+def box_of_silhouette(silhouette: np.ndarray) -> tuple[float, float, float, float] | None:
     """The box of a silhouette (H, W) bool."""
-    box = box_of(whole)
-    return None if box is None or min(box[2:]) < LEAST_SIDE else box
+    box = box_of(silhouette)
+    return None if box is None or min(box[2:]) < MIN_BOX_SIDE else box

@@ -36,9 +36,9 @@ def appearance_error(predicted: Any, true: Any) -> np.ndarray:
     if they were sRGB, and the unit is that of OpenCV's 8-bit Lab divided by 255, without its rounding:
     times 255 gives CIE ab units.
     """
-    predicted, true = _pair(predicted, true, 2, last=3)
-    taken = [_chroma(linear_from_srgb(np.clip(albedo, 0, 1))) for albedo in (predicted, true)]
-    return np.linalg.norm(taken[0] - taken[1], axis=-1) / 255
+    predicted, true = _pair(predicted, true, 2, channels=3)
+    chroma = [_chroma(linear_from_srgb(np.clip(albedo, 0, 1))) for albedo in (predicted, true)]
+    return np.linalg.norm(chroma[0] - chroma[1], axis=-1) / 255
 
 
 def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
@@ -47,7 +47,7 @@ def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
     predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). Returns CIE ab units: 2.3 is just
     noticeable.
     """
-    predicted, true = _pair(predicted, true, 2, last=3)
+    predicted, true = _pair(predicted, true, 2, channels=3)
     return np.linalg.norm(_chroma(np.clip(predicted, 0, 1)) - _chroma(np.clip(true, 0, 1)), axis=-1)
 
 
@@ -58,7 +58,7 @@ def illumination_error(predicted: Any, true: Any) -> np.ndarray:
     scaled by least squares, so only the truth's unit counts; it is the paper's, with L00 = 0.75, which has no
     1 / pi in its reflection: hence the division by pi.
     """
-    predicted, true = _pair(predicted, true, 2, last=9)
+    predicted, true = _pair(predicted, true, 2, channels=9)
     return (_scaled_miss(predicted, true / np.pi) ** 2).mean(-1)
 
 
@@ -67,7 +67,7 @@ def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
 
     predicted, true: (B, 9) radiance. It is the sine of the angle between the two, and 0 for no light at all.
     """
-    predicted, true = _pair(predicted, true, 2, last=9)
+    predicted, true = _pair(predicted, true, 2, channels=9)
     norm = np.linalg.norm(true, axis=-1)
     return np.linalg.norm(_scaled_miss(predicted, true), axis=-1) / np.where(norm > 0, norm, 1)
 
@@ -77,7 +77,7 @@ def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
 
     predicted, true: (B, V, 3) metres. Returns millimetres.
     """
-    predicted, true = _pair(predicted, true, 3, last=3)
+    predicted, true = _pair(predicted, true, 3, channels=3)
     return 1000 * np.linalg.norm(predicted - true, axis=-1).mean(-1)
 
 
@@ -87,7 +87,7 @@ def shape_paper(predicted: Any, true: Any) -> np.ndarray:
     predicted, true: (B, V, 3) metres. Returns metres that grow with the root of V: comparable only between
     shapes of one mesh.
     """
-    predicted, true = _pair(predicted, true, 3, last=3)
+    predicted, true = _pair(predicted, true, 3, channels=3)
     return np.sqrt(((predicted - true) ** 2).sum((1, 2)))
 
 
@@ -132,15 +132,15 @@ def _numpy(value: Any) -> np.ndarray:
     return value.detach().cpu().numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
 
 
-def _pair(a: Any, b: Any, dimensions: int, last: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+def _pair(a: Any, b: Any, dimensions: int, channels: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     a, b = _numpy(a).astype(np.float64), _numpy(b).astype(np.float64)
-    _same_shape(a, b, dimensions, last)
+    _same_shape(a, b, dimensions, channels)
     return a, b
 
 
-def _same_shape(a: np.ndarray, b: np.ndarray, dimensions: int, last: int | None) -> None:
-    if a.shape != b.shape or a.ndim != dimensions or (last is not None and a.shape[-1] != last):
-        size = "" if last is None else f" and a last one of {last}"
+def _same_shape(a: np.ndarray, b: np.ndarray, dimensions: int, channels: int | None) -> None:
+    if a.shape != b.shape or a.ndim != dimensions or (channels is not None and a.shape[-1] != channels):
+        size = "" if channels is None else f" and a last one of {channels}"
         raise ValueError(
             f"expected two arrays of {dimensions} axes{size}, alike; got {a.shape} and {b.shape}"
         )

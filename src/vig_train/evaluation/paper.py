@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from vig_train.evaluation.presentation import Block
+from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.table import METRICS
 
@@ -60,7 +60,7 @@ COUNTERPARTS = {
 
 
 @dataclass(frozen=True)
-class Cell:
+class MedianComparison:
     """One median of ours beside the paper's."""
 
     tier: str
@@ -91,7 +91,7 @@ def paper_median(renderer: str, metric: str, method: str) -> float | None:
     return _MODELS[renderer][metric][("rm", "gaussian", "robust").index(method)]
 
 
-def compare(table: Mapping[str, Any]) -> list[Cell]:
+def compare(table: Mapping[str, Any]) -> list[MedianComparison]:
     """Compare each median of a table from `build_table` that the paper has, too, without the baseline's.
 
     Raises:
@@ -108,7 +108,7 @@ def compare(table: Mapping[str, Any]) -> list[Cell]:
             if paper is None or counterpart == "baseline":
                 continue
             passed = ours > paper if metric == "segmentation_iou" else ours < paper
-            cells.append(Cell(table["tier"], metric, method, counterpart, paper, ours, passed))
+            cells.append(MedianComparison(table["tier"], metric, method, counterpart, paper, ours, passed))
     return cells
 
 
@@ -117,7 +117,7 @@ TITLES = {"raster": "rasterised photos (the paper's OpenGL)", "cycles": "path-tr
 
 
 @dataclass(frozen=True)
-class Entry:
+class ComparisonCell:
     """The text of a cell: our median, its interval, and the paper's number where it has one."""
 
     median: str
@@ -135,17 +135,19 @@ class Entry:
         return "\n".join(lines)
 
 
-def comparison(table: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, dict[str, Entry]]]]:
+def comparison(table: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, dict[str, ComparisonCell]]]]:
     """Put a table from `summarise`, of the paper's range of occlusion, beside the paper's.
 
     Returns:
         The methods, and the rows: title, and a cell for each method that has one.
     """
-    beside = {(cell.metric, cell.method): cell for cell in compare(table)}
+    comparisons = {(cell.metric, cell.method): cell for cell in compare(table)}
     methods: dict[str, None] = {}
-    rows: list[tuple[str, dict[str, Entry]]] = []
+    rows: list[tuple[str, dict[str, ComparisonCell]]] = []
     for metric, row in table["rows"].items():
-        cells = {method: _entry(found, beside.get((metric, method))) for method, found in row.items()}
+        cells = {
+            method: _entry(summary, comparisons.get((metric, method))) for method, summary in row.items()
+        }
         head = cells.pop(MASK_HEAD, None)
         methods |= dict.fromkeys(cells)
         rows.append((METRICS[metric], cells))
@@ -162,17 +164,21 @@ def comparison_title(table: Mapping[str, Any]) -> str:
     )
 
 
-def comparison_block(table: Mapping[str, Any]) -> Block:
+def comparison_block(table: Mapping[str, Any]) -> TableBlock:
     """The comparison for a terminal and for Markdown."""
     methods, rows = comparison(table)
     lines = [[title, *(row[m].text if m in row else "-" for m in methods)] for title, row in rows]
-    return Block(comparison_title(table), ["", *methods], lines)
+    return TableBlock(comparison_title(table), ["", *methods], lines)
 
 
-def _entry(summary: Mapping[str, Any], beside: Cell | None) -> Entry:
+def _entry(summary: Mapping[str, Any], compared: MedianComparison | None) -> ComparisonCell:
     low, high = summary["ci95"]
-    ours = _digits(summary["median"]), f"[{_digits(low)}, {_digits(high)}]"
-    return Entry(*ours) if beside is None else Entry(*ours, _digits(beside.paper), beside.passed)
+    texts = _digits(summary["median"]), f"[{_digits(low)}, {_digits(high)}]"
+    return (
+        ComparisonCell(*texts)
+        if compared is None
+        else ComparisonCell(*texts, _digits(compared.paper), compared.passed)
+    )
 
 
 def _digits(value: float) -> str:

@@ -15,13 +15,14 @@ from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.statistics import FAR_DEG, NEAR_DEG
 from vig_train.evaluation.table import METRICS, OTHER_METRICS
 
-LEAST_P = 1e-4
+MIN_P = 1e-4
+"""Smaller p values are printed as "p < MIN_P"."""
 GROUPS = ("azimuth", "elevation", "shape", "albedo", "light")
 VERDICTS = ("trusted", "ambiguous", "reverted", "failed")
 
 
 @dataclass(frozen=True)
-class Block:
+class TableBlock:
     """One table: a title, a header and rows of as many cells; the first column names the row."""
 
     title: str
@@ -44,9 +45,9 @@ class Block:
         return "\n".join([self.title, "", *(line.replace("\n", "<br>") for line in lines)]) + "\n"
 
 
-def blocks(table: Mapping[str, Any]) -> list[Block]:
+def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     """The blocks of a table from `summarise`, in reading order; empty ones are left out."""
-    found = [
+    candidates = [
         _medians(table, "rows", METRICS, "Table 1"),
         _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
         _finishes(table),
@@ -54,7 +55,7 @@ def blocks(table: Mapping[str, Any]) -> list[Block]:
         _coverage(table),
         _tests(table),
     ]
-    return [block for block in found if block.rows]
+    return [block for block in candidates if block.rows]
 
 
 def markdown_table(table: Mapping[str, Any]) -> str:
@@ -62,7 +63,7 @@ def markdown_table(table: Mapping[str, Any]) -> str:
     return "\n".join(block.markdown() for block in blocks(table))
 
 
-def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name: str) -> Block:
+def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name: str) -> TableBlock:
     rows = table.get(key, {})
     methods = list(dict.fromkeys(method for row in rows.values() for method in row if method != MASK_HEAD))
     lines = [
@@ -75,44 +76,48 @@ def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name
     least, most = table.get("min_occlusion", 0.0), table["max_occlusion"]
     limits = f"at most {most:.0%} hidden" if least == 0 else f"{least:.0%} to {most:.0%} hidden"
     title = f"{name}: {table['tier']}, {table['count']} images, {limits}; median (mean), 95 % interval"
-    return Block(title, ["", *methods], lines)
+    return TableBlock(title, ["", *methods], lines)
 
 
-def _fits(table: Mapping[str, Any]) -> Block:
+def _fits(table: Mapping[str, Any]) -> TableBlock:
     """Failures of every method, and the verdicts of fits."""
     verdicts, lines = table.get("verdicts", {}), []
-    for method, failed in table.get("failures", {}).items():
-        low, high = failed["ci95"]
-        line = [method, f"{failed['count']} ({failed['rate']:.1%}, {low:.1%} to {high:.1%})"]
-        found = verdicts.get(method)
-        if found is None:
+    for method, failures in table.get("failures", {}).items():
+        low, high = failures["ci95"]
+        line = [method, f"{failures['count']} ({failures['rate']:.1%}, {low:.1%} to {high:.1%})"]
+        summary = verdicts.get(method)
+        if summary is None:
             lines.append([*line, *["-"] * (1 + len(VERDICTS))])
             continue
-        near = found["trusted_within_15_deg"]
-        counts = [str(found["counts"].get(name, 0)) for name in VERDICTS]
+        near = summary["trusted_within_15_deg"]
+        counts = [str(summary["counts"].get(name, 0)) for name in VERDICTS]
         lines.append([*line, counts[0], "-" if near is None else f"{near:.1%}", *counts[1:]])
     header = ["", f"azimuth off by > {FAR_DEG:.0f}", VERDICTS[0], f"within {NEAR_DEG:.0f}", *VERDICTS[1:]]
-    return Block("Failures and verdicts; degrees; within: of the trusted", header, lines)
+    return TableBlock("Failures and verdicts; degrees; within: of the trusted", header, lines)
 
 
-def _finishes(table: Mapping[str, Any]) -> Block:
+def _finishes(table: Mapping[str, Any]) -> TableBlock:
     """Photographs by what the object is covered with."""
     lines = []
     for finish, methods in table.get("finishes", {}).items():
-        for method, found in methods.items():
-            verdicts = found["verdicts"]
+        for method, summary in methods.items():
+            verdicts = summary["verdicts"]
             near = None if verdicts is None else verdicts["trusted_within_15_deg"]
             trusted = "-" if verdicts is None else f"{verdicts['trusted_share']:.0%}"
-            values = [str(found["count"]), _digits(found["azimuth_deg"]), f"{found['within_15_deg']:.0%}"]
+            values = [
+                str(summary["count"]),
+                _digits(summary["azimuth_deg"]),
+                f"{summary['within_15_deg']:.0%}",
+            ]
             lines.append(
-                [f"{finish}: {method}", *values, _digits(found["segmentation_iou"]), trusted]
+                [f"{finish}: {method}", *values, _digits(summary["segmentation_iou"]), trusted]
                 + ["-" if near is None else f"{near:.0%}"]
             )
     header = ["", "images", "azimuth (degrees)", f"within {NEAR_DEG:.0f}", "IoU", "trusted", "of them right"]
-    return Block("By what covers the object; medians", header, lines)
+    return TableBlock("By what covers the object; medians", header, lines)
 
 
-def _coverage(table: Mapping[str, Any]) -> Block:
+def _coverage(table: Mapping[str, Any]) -> TableBlock:
     lines = []
     for method, shares in table.get("coverage", {}).items():
         # A group of several latents is pooled: its single latents are more informative.
@@ -125,25 +130,25 @@ def _coverage(table: Mapping[str, Any]) -> Block:
                 *(f"{single[name]:.1%} ({name})" for name in ends),
             ]
         )
-    return Block("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
+    return TableBlock("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
 
 
-def _tests(table: Mapping[str, Any]) -> Block:
+def _tests(table: Mapping[str, Any]) -> TableBlock:
     """Fits against the recognition model, and "spatial" against "robust"."""
     tests = [test for test in table.get("tests", []) if test["metric"] in METRICS]
     pairs = list(dict.fromkeys((test["method"], test["against"]) for test in tests))
     shown = [pair for pair in pairs if pair[1] == "rm" or pair == ("spatial", "robust")]
-    found = {(test["metric"], test["method"], test["against"]): test for test in tests}
+    by_pair = {(test["metric"], test["method"], test["against"]): test for test in tests}
     lines = [
         [
             METRICS[metric],
-            *(_test(found[metric, *pair]) if (metric, *pair) in found else "-" for pair in shown),
+            *(_test(by_pair[metric, *pair]) if (metric, *pair) in by_pair else "-" for pair in shown),
         ]
         for metric in dict.fromkeys(test["metric"] for test in tests)
         if shown
     ]
     header = ["", *(f"{later}\nless {earlier}" for later, earlier in shown)]
-    return Block("Paired: difference of medians, its 95 % interval; p of Wilcoxon's test", header, lines)
+    return TableBlock("Paired: difference of medians, its 95 % interval; p of Wilcoxon's test", header, lines)
 
 
 def _median(summary: Mapping[str, Any]) -> str:
@@ -153,7 +158,7 @@ def _median(summary: Mapping[str, Any]) -> str:
 
 def _test(test: Mapping[str, Any]) -> str:
     low, high = test["ci95"]
-    p = f"p < {LEAST_P:g}" if test["p"] < LEAST_P else f"p = {test['p']:.2g}"
+    p = f"p < {MIN_P:g}" if test["p"] < MIN_P else f"p = {test['p']:.2g}"
     return f"{_digits(test['median_difference'])}, {p}\n[{_digits(low)}, {_digits(high)}]"
 
 
@@ -161,5 +166,5 @@ def _digits(value: float) -> str:
     """Two or three significant digits."""
     if value == 0:
         return "0"
-    least = {100: 0, 10: 1, 1: 2, 0.01: 3}  # decimals from each size on
-    return f"{value:.{next((places for size, places in least.items() if abs(value) >= size), 4)}f}"
+    decimals_from = {100: 0, 10: 1, 1: 2, 0.01: 3}  # decimals from each size on
+    return f"{value:.{next((places for size, places in decimals_from.items() if abs(value) >= size), 4)}f}"

@@ -16,8 +16,8 @@ from vig.likelihood import LIKELIHOODS
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig_train import METHODS
-from vig_train.evaluation.fits import Fits, fit_all, key_of
-from vig_train.evaluation.framing import fit_settings, framed
+from vig_train.evaluation.fits import Fits, cache_key, fit_all
+from vig_train.evaluation.framing import fit_settings, frame_images
 from vig_train.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
@@ -35,7 +35,7 @@ from vig_world.dataset import Dataset
 from vig_world.raster.rasterize import rasterize
 
 FITTED_AS = {"robust": "spatial"}
-"""Methods whose fits are those of another: they differ in the mask alone, which only "spatial" smooths."""
+"""Methods that share another method's fits: they differ only in the mask, which "spatial" alone smooths."""
 
 MASK_HEAD = "rm mask head"
 """Reported beside "rm": the visible pixels as the network itself predicts them, without a silhouette."""
@@ -44,7 +44,7 @@ _MEAN_ELEVATION = np.pi / 4
 _MEAN_ALBEDO = 0.5
 
 
-def fitted(methods: Iterable[str]) -> list[str]:
+def fitted_likelihoods(methods: Iterable[str]) -> list[str]:
     """The likelihoods under which photos must be fitted for methods, each once."""
     needed = {FITTED_AS.get(method, method) for method in methods}
     return [name for name in LIKELIHOODS if name in needed]
@@ -85,12 +85,12 @@ def evaluate(
     """
     _check(dataset, object_class, methods)
     settings = settings or ExplainSettings()
-    images, visible = framed(dataset, recognizer)
+    images, visible = frame_images(dataset, recognizer)
     truth = Truth.of(dataset, object_class, visible)
     photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
     prediction = recognizer(photos)
     fits: dict[str, Fits] = {}
-    for name in fitted(methods):
+    for name in fitted_likelihoods(methods):
         chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), dataset)
         fits[name] = fit_all(
             images,
@@ -101,7 +101,7 @@ def evaluate(
             workers or os.cpu_count() or 1,
             advance,
             None if cache is None else cache / name,
-            key_of(recognizer, object_class, chosen),
+            cache_key(recognizer, object_class, chosen),
             processes,
             cluster,
         )
@@ -151,11 +151,14 @@ def _check(dataset: Dataset, object_class: ObjectClass, methods: tuple[str, ...]
     unknown = [method for method in methods if method not in METHODS]
     if unknown:
         raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
-    modes, found = object_class.shape_model.modes, layout_of_width(dataset.latents.shape[1]).count("shape")
-    if found != modes:
+    modes, dataset_modes = (
+        object_class.shape_model.modes,
+        layout_of_width(dataset.latents.shape[1]).count("shape"),
+    )
+    if dataset_modes != modes:
         raise UserError(
             f"expected a dataset of class '{object_class.name}' with {modes} shape components;"
-            f" '{dataset.folder}' has {found}. Name its class with --class."
+            f" '{dataset.folder}' has {dataset_modes}. Name its class with --class."
         )
 
 

@@ -63,10 +63,10 @@ def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) ->
         writer = csv.writer(file)
         writer.writerow(["image", "occlusion", "cause", "method", "verdict", *pose, *metrics])
         for method, result in results.items():
-            found = None if result.latents is None else _pose_deg(result.latents)
+            estimates = None if result.latents is None else _pose_deg(result.latents)
             for i in range(len(dataset)):
                 start = [i, f"{dataset.occlusion[i]:.4f}", dataset.cause[i], method, result.verdicts[i]]
-                poses = [*_text(truth[i]), *(["", ""] if found is None else _text(found[i]))]
+                poses = [*_text(truth[i]), *(["", ""] if estimates is None else _text(estimates[i]))]
                 values = [f"{result.errors[m][i]:.6g}" if m in result.errors else "" for m in metrics]
                 writer.writerow(start + poses + values)
 

@@ -11,9 +11,9 @@ import torch
 from vig.scene import Latents, angle_difference, layout_of_width
 from vig_train.evaluation.results import MethodResult
 
-LEVELS = tuple(number / 10 for number in range(1, 10))
+OCCLUSION_LEVELS = tuple(number / 10 for number in range(1, 10))
 """The paper's levels of occlusion: a median is over all images with at most this share hidden."""
-BINS = ((0.0, 0.15), (0.15, 0.3), (0.3, 0.45), (0.45, 0.6), (0.6, 0.75), (0.75, 0.9))
+OCCLUSION_BINS = ((0.0, 0.15), (0.15, 0.3), (0.3, 0.45), (0.45, 0.6), (0.6, 0.75), (0.75, 0.9))
 """Separate ranges of occlusion."""
 FAR_DEG = 30.0
 """A fit whose azimuth is off by more has failed."""
@@ -25,13 +25,13 @@ NOMINAL = 0.9
 Summary = dict[str, Any]
 
 
-def within(occlusion: np.ndarray, least: float, most: float) -> np.ndarray:
+def within_occlusion(occlusion: np.ndarray, least: float, most: float) -> np.ndarray:
     """Which of N images have an occlusion above `least`, or from it where that is 0, and up to `most`."""
     occlusion = np.asarray(occlusion, dtype=np.float64)
     return ((occlusion > least) | (least == 0)) & (occlusion <= most)
 
 
-def resampled(count: int, rng: np.random.Generator, resamples: int = 1000) -> np.ndarray:
+def bootstrap_indices(count: int, rng: np.random.Generator, resamples: int = 1000) -> np.ndarray:
     """Bootstrap samples of `count` images: indices (resamples, count)."""
     return rng.integers(0, count, (resamples, count))
 
@@ -42,12 +42,12 @@ def interval(estimates: np.ndarray) -> list[float]:
     return [float(low), float(high)]
 
 
-def summary(values: np.ndarray, drawn: np.ndarray) -> Summary:
+def summary(values: np.ndarray, resamples: np.ndarray) -> Summary:
     """Median, mean, and the median's interval ("ci95") of values (N,) under resamples (R, N)."""
     return {
         "median": float(np.median(values)),
         "mean": float(values.mean()),
-        "ci95": interval(np.median(values[drawn], axis=1)),
+        "ci95": interval(np.median(values[resamples], axis=1)),
     }
 
 
@@ -61,19 +61,19 @@ def by_occlusion(
     """A summary of values (N,) for each range (least, most) of occlusion; None where there are no images."""
     summaries: list[Summary | None] = []
     for least, most in ranges:
-        chosen = values[within(occlusion, least, most)]
-        drawn = resampled(len(chosen), rng, resamples) if len(chosen) else None
-        summaries.append(None if drawn is None else summary(chosen, drawn))
+        chosen = values[within_occlusion(occlusion, least, most)]
+        indices = bootstrap_indices(len(chosen), rng, resamples) if len(chosen) else None
+        summaries.append(None if indices is None else summary(chosen, indices))
     return summaries
 
 
-def failure(azimuth_deg: np.ndarray, drawn: np.ndarray) -> dict[str, Any]:
+def failure_rate(azimuth_deg: np.ndarray, resamples: np.ndarray) -> dict[str, Any]:
     """How many of N azimuth errors exceed `FAR_DEG`: "count", "rate", and the rate's interval."""
     far = azimuth_deg > FAR_DEG
-    return {"count": int(far.sum()), "rate": float(far.mean()), "ci95": interval(far[drawn].mean(axis=1))}
+    return {"count": int(far.sum()), "rate": float(far.mean()), "ci95": interval(far[resamples].mean(axis=1))}
 
 
-def paired(first: np.ndarray, second: np.ndarray, drawn: np.ndarray) -> dict[str, Any]:
+def paired_difference(later: np.ndarray, earlier: np.ndarray, resamples: np.ndarray) -> dict[str, Any]:
     """Compare two methods' values (N,) of the same images, first less second.
 
     Returns:
@@ -82,28 +82,28 @@ def paired(first: np.ndarray, second: np.ndarray, drawn: np.ndarray) -> dict[str
     """
     from scipy.stats import wilcoxon  # imported here: it takes half a second
 
-    medians = [np.median(values[drawn], axis=1) for values in (first, second)]
-    difference = first - second
+    medians = [np.median(values[resamples], axis=1) for values in (later, earlier)]
+    difference = later - earlier
     return {
-        "median_difference": float(np.median(first) - np.median(second)),
+        "median_difference": float(np.median(later) - np.median(earlier)),
         "ci95": interval(medians[0] - medians[1]),
         "mean_difference": float(difference.mean()),
-        "mean_ci95": interval(difference[drawn].mean(axis=1)),
+        "mean_ci95": interval(difference[resamples].mean(axis=1)),
         "p": float(wilcoxon(difference).pvalue) if difference.any() else 1.0,
     }
 
 
 def paired_tests(
-    errors: Mapping[str, Mapping[str, np.ndarray]], metrics: Sequence[str], drawn: np.ndarray
+    errors: Mapping[str, Mapping[str, np.ndarray]], metrics: Sequence[str], resamples: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Each metric compared between every two methods that have it: "metric", "method", "against", `paired`.
+    """Each metric compared between every two methods: "metric", "method", "against", `paired_difference`.
 
     errors: method -> metric -> (N,); the later method is compared against the earlier.
     """
     methods = list(errors)
     return [
         {"metric": metric, "method": later, "against": earlier}
-        | paired(errors[later][metric], errors[earlier][metric], drawn)
+        | paired_difference(errors[later][metric], errors[earlier][metric], resamples)
         for place, later in enumerate(methods)
         for earlier in methods[:place]
         for metric in metrics
@@ -120,14 +120,14 @@ def latent_groups(count: int) -> dict[str, list[int]]:
     groups = {name: layout.indices(name) for name in ("azimuth", "elevation", "shape", "albedo", "light")}
     groups["light"] = groups["light"][1:]
     single = {
-        f"{name}_{each - layout.at(name)}": [each]
+        f"{name}_{column - layout.at(name)}": [column]
         for name in ("shape", "albedo", "light")
-        for each in groups[name]
+        for column in groups[name]
     }
     return groups | single
 
 
-def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
+def standardised_errors(result: MethodResult, truth: np.ndarray) -> np.ndarray:
     """Errors (N, P) in units of the standard deviations that a method predicts; truth (N, P) latents.
 
     Azimuth differences are taken on the circle, between views that look the same. Where the deviation is 0,
@@ -136,23 +136,25 @@ def standardised(result: MethodResult, truth: np.ndarray) -> np.ndarray:
     if result.latents is None or result.deviation is None:
         raise ValueError("expected a method with latents and their deviations; got one without")
     true = result.symmetry.nearest(Latents.from_vector(torch.from_numpy(truth)), result.latents.azimuth)
-    off = result.latents.to_vector().double().numpy() - true.to_vector().numpy()
+    error = result.latents.to_vector().double().numpy() - true.to_vector().numpy()
     azimuth = layout_of_width(truth.shape[1]).at("azimuth")
-    off[:, azimuth] = angle_difference(off[:, azimuth], np.zeros(1))
-    certain = np.where(off == 0, 0.0, np.inf)
+    error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
+    without_deviation = np.where(error == 0, 0.0, np.inf)
     deviation = result.deviation.astype(np.float64)
-    return np.where(deviation > 0, np.abs(off) / np.where(deviation > 0, deviation, 1.0), certain)
+    return np.where(deviation > 0, np.abs(error) / np.where(deviation > 0, deviation, 1.0), without_deviation)
 
 
 def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]:
     """Share of truths within the central interval of the predicted Gaussian of probability `nominal`.
 
-    standard (N, P) from `standardised`. By group, see `latent_groups`; a group of several latents is pooled.
+    standard (N, P) from `standardised_errors`. By group, see `latent_groups`, whose latents are pooled.
     """
     from scipy.stats import norm
 
-    held = standard <= norm.ppf((1 + nominal) / 2)  # 1.645 for 90 %
-    return {name: float(held[:, columns].mean()) for name, columns in latent_groups(held.shape[1]).items()}
+    covered = standard <= norm.ppf((1 + nominal) / 2)  # 1.645 for 90 %
+    return {
+        name: float(covered[:, columns].mean()) for name, columns in latent_groups(covered.shape[1]).items()
+    }
 
 
 def by_finish(
@@ -163,21 +165,21 @@ def by_finish(
     That is the number of images, the azimuth's median error and its share within 15 degrees, the median IoU
     of the visible pixels, and of fits the `verdicts`.
     """
-    names, found = np.array(finish), {}
+    names, summaries = np.array(finish), {}
     for name in sorted(set(names[chosen].tolist())):
-        here = chosen & (names == name)
-        found[name] = {
+        of_finish = chosen & (names == name)
+        summaries[name] = {
             method: {
-                "count": int(here.sum()),
-                "azimuth_deg": float(np.median(result.errors["azimuth_deg"][here])),
-                "within_15_deg": float((result.errors["azimuth_deg"][here] <= NEAR_DEG).mean()),
-                "segmentation_iou": float(np.median(result.errors["segmentation_iou"][here])),
-                "verdicts": verdicts(result, here) if any(result.verdicts) else None,
+                "count": int(of_finish.sum()),
+                "azimuth_deg": float(np.median(result.errors["azimuth_deg"][of_finish])),
+                "within_15_deg": float((result.errors["azimuth_deg"][of_finish] <= NEAR_DEG).mean()),
+                "segmentation_iou": float(np.median(result.errors["segmentation_iou"][of_finish])),
+                "verdicts": verdicts(result, of_finish) if any(result.verdicts) else None,
             }
             for method, result in results.items()
             if "segmentation_iou" in result.errors
         }
-    return found
+    return summaries
 
 
 def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:

@@ -14,19 +14,19 @@ from vig.io.files import atomic_write
 from vig_train.evaluation.metrics import shape_ratio
 from vig_train.evaluation.results import MethodResult
 from vig_train.evaluation.statistics import (
-    BINS,
-    LEVELS,
+    OCCLUSION_BINS,
+    OCCLUSION_LEVELS,
+    bootstrap_indices,
     by_finish,
     by_occlusion,
     coverage,
-    failure,
+    failure_rate,
     interval,
     paired_tests,
-    resampled,
-    standardised,
+    standardised_errors,
     summary,
     verdicts,
-    within,
+    within_occlusion,
 )
 from vig_world.dataset import Dataset
 
@@ -52,7 +52,7 @@ BASELINE = "baseline"
 """The method that predicts the training mean for every image; its shape is the unit of `shape_ratio`."""
 
 
-TESTED = tuple(metric for metric in METRICS | OTHER_METRICS if metric != "shape_ratio")
+TESTED_METRICS = tuple(metric for metric in METRICS | OTHER_METRICS if metric != "shape_ratio")
 """Metrics that are tested: the ratio's test is that of `shape_mm`."""
 
 
@@ -65,7 +65,7 @@ def build_table(
     resamples: int = 1000,
     min_occlusion: float = 0.0,
 ) -> dict[str, Any]:
-    """Summarise errors over all images whose occlusion is within limits; see `statistics.within`.
+    """Summarise errors over all images whose occlusion is within limits; see `statistics.within_occlusion`.
 
     Args:
         results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
@@ -87,24 +87,26 @@ def build_table(
         UserError: No image is within the limits.
     """
     occlusion = np.asarray(occlusion, dtype=np.float64)
-    chosen = within(occlusion, min_occlusion, max_occlusion)
+    chosen = within_occlusion(occlusion, min_occlusion, max_occlusion)
     count = int(chosen.sum())
     check_limits(occlusion, min_occlusion, max_occlusion)
     errors = {
         method: {metric: _checked(method, metric, values, chosen) for metric, values in metrics.items()}
         for method, metrics in results.items()
     }
-    drawn = resampled(count, rng, resamples)
-    unit = errors.get(BASELINE, {}).get("shape_mm")
+    samples = bootstrap_indices(count, rng, resamples)
+    mean_shape_error = errors.get(BASELINE, {}).get("shape_mm")
     rows: dict[str, dict[str, Any]] = {}
     for metric in METRICS | OTHER_METRICS:
         for method, values in errors.items():
             if metric in values:
-                summarised = summary(values[metric], drawn)
-            elif metric == "shape_ratio" and unit is not None and "shape_mm" in values:
+                summarised = summary(values[metric], samples)
+            elif metric == "shape_ratio" and mean_shape_error is not None and "shape_mm" in values:
                 shape = values["shape_mm"]
-                medians = np.median(shape[drawn], axis=1) / np.median(unit[drawn], axis=1)
-                summarised = summary(shape_ratio(shape, unit), drawn) | {"ci95": interval(medians)}
+                medians = np.median(shape[samples], axis=1) / np.median(mean_shape_error[samples], axis=1)
+                summarised = summary(shape_ratio(shape, mean_shape_error), samples) | {
+                    "ci95": interval(medians)
+                }
             else:
                 continue
             rows.setdefault(metric, {})[method] = summarised
@@ -137,7 +139,7 @@ def summarise(
         seed: Of the bootstrap.
 
     Returns:
-        The table, with "failures": method to `statistics.failure`; "verdicts": method to
+        The table, with "failures": method to `statistics.failure_rate`; "verdicts": method to
         `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
         predicted 90 % interval; "finishes": of photographs, see `statistics.by_finish`; "tests": a list from
         `statistics.paired_tests`, without the baseline; "levels", "bins": of all images whatever the limits,
@@ -151,23 +153,25 @@ def summarise(
     table = build_table(
         errors, dataset.occlusion, renderer, rng, max_occlusion=max_occlusion, min_occlusion=min_occlusion
     )
-    chosen = within(dataset.occlusion, min_occlusion, max_occlusion)
-    drawn = resampled(table["count"], rng)
+    chosen = within_occlusion(dataset.occlusion, min_occlusion, max_occlusion)
+    samples = bootstrap_indices(table["count"], rng)
     compared = {
-        method: {metric: values[chosen] for metric, values in found.items()}
-        for method, found in errors.items()
-        if method != BASELINE and "azimuth_deg" in found
+        method: {metric: values[chosen] for metric, values in metrics.items()}
+        for method, metrics in errors.items()
+        if method != BASELINE and "azimuth_deg" in metrics
     }
     posed = {method: result for method, result in results.items() if "azimuth_deg" in result.errors}
     uncertain = {method: result for method, result in results.items() if result.deviation is not None}
     return table | {
-        "failures": {m: failure(r.errors["azimuth_deg"][chosen], drawn) for m, r in posed.items()},
+        "failures": {m: failure_rate(r.errors["azimuth_deg"][chosen], samples) for m, r in posed.items()},
         "verdicts": {m: verdicts(r, chosen) for m, r in posed.items() if any(r.verdicts)},
         "finishes": by_finish(posed, dataset.finish, chosen) if dataset.world == "photo" else {},
-        "coverage": {m: coverage(standardised(r, dataset.latents)[chosen]) for m, r in uncertain.items()},
-        "tests": paired_tests(compared, TESTED, drawn),
-        "levels": _ranges(errors, dataset.occlusion, [(0.0, level) for level in LEVELS], rng),
-        "bins": _ranges(errors, dataset.occlusion, list(BINS), rng),
+        "coverage": {
+            m: coverage(standardised_errors(r, dataset.latents)[chosen]) for m, r in uncertain.items()
+        },
+        "tests": paired_tests(compared, TESTED_METRICS, samples),
+        "levels": _ranges(errors, dataset.occlusion, [(0.0, level) for level in OCCLUSION_LEVELS], rng),
+        "bins": _ranges(errors, dataset.occlusion, list(OCCLUSION_BINS), rng),
     }
 
 
@@ -179,16 +183,16 @@ def _ranges(
 ) -> dict[str, Any]:
     """Every metric of every method for each range of occlusion."""
     return {
-        "ranges": [list(each) for each in ranges],
-        "counts": [int(within(occlusion, *each).sum()) for each in ranges],
+        "ranges": [list(limits) for limits in ranges],
+        "counts": [int(within_occlusion(occlusion, *limits).sum()) for limits in ranges],
         "rows": {
             metric: {
-                method: by_occlusion(found[metric], occlusion, ranges, rng)
-                for method, found in errors.items()
-                if metric in found
+                method: by_occlusion(metrics[metric], occlusion, ranges, rng)
+                for method, metrics in errors.items()
+                if metric in metrics
             }
             for metric in METRICS
-            if any(metric in found for found in errors.values())
+            if any(metric in metrics for metrics in errors.values())
         },
     }
 
@@ -201,24 +205,24 @@ def save_table(path: str | Path, table: Mapping[str, Any]) -> None:
 
 def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:
     """Raise UserError when none of the images is within the limits of occlusion."""
-    if within(occlusion, least, most).any():
+    if within_occlusion(occlusion, least, most).any():
         return
     if not occlusion.size:
-        came, remedy = "there are no images at all", "Use another dataset."
+        got, remedy = "there are no images at all", "Use another dataset."
     elif least == 0:
-        came, remedy = f"the lowest is {occlusion.min():.0%}", "Raise the limit or use another dataset."
+        got, remedy = f"the lowest is {occlusion.min():.0%}", "Raise the limit or use another dataset."
     else:
-        came = f"they have from {occlusion.min():.0%} to {occlusion.max():.0%}"
+        got = f"they have from {occlusion.min():.0%} to {occlusion.max():.0%}"
         remedy = "Change the limits or use another dataset."
-    wanted = f"at most {most:.0%}" if least == 0 else f"more than {least:.0%} and at most {most:.0%}"
-    raise UserError(f"expected images with {wanted} of the object hidden; {came}. {remedy}")
+    limits = f"at most {most:.0%}" if least == 0 else f"more than {least:.0%} and at most {most:.0%}"
+    raise UserError(f"expected images with {limits} of the object hidden; {got}. {remedy}")
 
 
 def _checked(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:
     array = np.asarray(values, dtype=np.float64)
     if metric == "shape_ratio" or metric not in METRICS | OTHER_METRICS:
-        known = ", ".join(name for name in METRICS | OTHER_METRICS if name != "shape_ratio")
-        raise ValueError(f"unknown metric {metric!r} of {method!r}; expected one of {known}")
+        expected = ", ".join(name for name in METRICS | OTHER_METRICS if name != "shape_ratio")
+        raise ValueError(f"unknown metric {metric!r} of {method!r}; expected one of {expected}")
     if array.shape != chosen.shape:
         raise ValueError(f"{method} {metric}: expected one value per image {chosen.shape}; got {array.shape}")
     if not np.isfinite(array).all():

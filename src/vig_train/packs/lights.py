@@ -7,8 +7,9 @@ import numpy as np
 from vig.scene import EXPOSURE_L00
 from vig_world.library import Library
 
-TURNS = 12
-GROUNDS = (0.1, 0.25, 0.5)
+TURN_COUNT = 12
+"""Turns of each panorama about the vertical."""
+GROUND_ALBEDOS = (0.1, 0.25, 0.5)
 """Albedos of what the object stands on."""
 EXPOSURE_SD = 0.05
 """Relative uncertainty of L00, so that an exposure slightly off can be explained."""
@@ -16,10 +17,10 @@ EXPOSURE_SD = 0.05
 
 def light_prior() -> tuple[np.ndarray, np.ndarray]:
     """Mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's exposure."""
-    angles = 2 * np.pi * np.arange(TURNS) / TURNS
+    angles = 2 * np.pi * np.arange(TURN_COUNT) / TURN_COUNT
     library = Library("train")
     lights = np.array(
-        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUNDS]
+        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUND_ALBEDOS]
     )
     covariance = np.cov(lights.T)
     covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2

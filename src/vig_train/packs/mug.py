@@ -15,7 +15,7 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import beyond_model_mm, designs_of_scenes, fit_shape_model, of_size
+from vig_train.packs.shapes import beyond_model_mm, designs_of_scenes, fit_shape_model, relative_distance
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.mugs import (
@@ -33,9 +33,10 @@ from vig_world.assets.mugs.mug import POINTS
 
 MODES = 12
 """Enough for the held-out designs to be within 1 % of their size in the mean: see what `main` prints."""
-DRAWN, EXEMPLARS = 150, 40
-"""Random designs from which the shapes are learned beside the named ones; of these the first are also the
-objects of training scenes."""
+DRAWN_DESIGNS = 150
+"""Random designs from which the shape model is learned, beside the named ones."""
+TRAINING_SCENE_DESIGNS = 40
+"""The first so many of these are also objects of training scenes."""
 TARGET_HEIGHT = 0.048
 """Metres at which the camera looks: about half a mug's height."""
 VIEWING_DISTANCE = 0.18
@@ -48,7 +49,7 @@ PLACES = {
 
 def build_mug_class() -> ObjectClass:
     """Fit shape model and light prior; a pure function of the code."""
-    designs = vertices_of(TRAINING_MUGS + drawn_mugs(DRAWN))
+    designs = vertices_of(TRAINING_MUGS + drawn_mugs(DRAWN_DESIGNS))
     return ObjectClass(
         "mug",
         fit_shape_model(designs, MUG_FACES, MUG_PARTS, PART_NAMES, MODES),
@@ -72,7 +73,7 @@ def held_out_designs() -> HeldOutDesigns:
         {
             "test": HELD_OUT_MUGS,
             "validation": VALIDATION_MUGS,
-            "train": TRAINING_MUGS + drawn_mugs(EXEMPLARS),
+            "train": TRAINING_MUGS + drawn_mugs(TRAINING_SCENE_DESIGNS),
         },
         vertices_of,
     )
@@ -96,7 +97,9 @@ def main() -> None:
     }
     print("mean distance of vertices from the nearest shape, % of the design's longest side, by components")
     for components in range(2, MODES + 1, 2):
-        errors = ", ".join(f"{kind} {of_size(model, v, components):.2%}" for kind, v in kinds.items())
+        errors = ", ".join(
+            f"{kind} {relative_distance(model, v, components):.2%}" for kind, v in kinds.items()
+        )
         print(f"{components:2d}: {errors}")
     for kind, vertices in kinds.items():
         away = beyond_model_mm(model, vertices)

@@ -51,8 +51,8 @@ def designs_of_scenes(
     designs: dict[Split, Sequence[Any]], vertices_of: Callable[[Sequence[Any]], np.ndarray]
 ) -> HeldOutDesigns:
     """The designs of scenes by split, each with a name, in the given order."""
-    every = [design for each in designs.values() for design in each]
-    splits = tuple(split for split, each in designs.items() for _ in each)
+    every = [design for designs_of_split in designs.values() for design in designs_of_split]
+    splits = tuple(split for split, designs_of_split in designs.items() for _ in designs_of_split)
     return HeldOutDesigns(tuple(design.name for design in every), splits, vertices_of(every))
 
 
@@ -62,7 +62,7 @@ def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 
-def of_size(model: ShapeModel, vertices: np.ndarray, components: int) -> float:
+def relative_distance(model: ShapeModel, vertices: np.ndarray, components: int) -> float:
     """The mean of the same over shapes (N, V, 3), as a share of each one's longest side, by a model's first
     components."""
     ratio = model.explained_variance_ratio[:components]

@@ -34,20 +34,21 @@ from vig_world.assets.target import nearest_coefficients
 
 MODES = 16
 """With roll and perspective to come, what the kernels' 32 columns leave for the shape."""
-DRAWN, EXEMPLARS = 150, 60
-"""Random designs from which the shapes are learned beside the named ones; of these the first are also the
-objects of training scenes."""
+DRAWN_DESIGNS = 150
+"""Random designs from which the shape model is learned, beside the named ones."""
+TRAINING_SCENE_DESIGNS = 60
+"""The first so many of these are also objects of training scenes."""
 HELD_OUT_ABOVE = 2
 """Designs with the handle above among those of test scenes, and of validation scenes."""
 TARGET_HEIGHT = 0.08
 """Metres at which the camera looks: about half a pot's height, and that of photos made with earlier packs."""
-LEAST_DEVIATION = 0.1
+MIN_DEVIATION = 0.1
 """Of a component within a family, in standard deviations of the class."""
 
 
 def build_teapot_class() -> ObjectClass:
     """Fit shape model and light prior; a pure function of the code."""
-    designs = vertices_of(TRAINING_DESIGNS + drawn_designs(DRAWN))
+    designs = vertices_of(TRAINING_DESIGNS + drawn_designs(DRAWN_DESIGNS))
     model = fit_shape_model(designs, TEAPOT_FACES, TEAPOT_PARTS, PART_NAMES, MODES)
     families = teapot_families(model)
     return ObjectClass(
@@ -64,9 +65,9 @@ def build_teapot_class() -> ObjectClass:
 def teapot_points(mean: np.ndarray) -> dict[str, int]:
     """Vertices that a user may click: the farthest of the spout, the handle and the knob."""
 
-    def farthest(part: str, way: np.ndarray) -> int:
-        own = np.flatnonzero(TEAPOT_PARTS == PART_NAMES.index(part))
-        return int(own[(mean[own] @ way).argmax()])
+    def farthest(part: str, direction: np.ndarray) -> int:
+        of_part = np.flatnonzero(TEAPOT_PARTS == PART_NAMES.index(part))
+        return int(of_part[(mean[of_part] @ direction).argmax()])
 
     x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
     return {"spout": farthest("spout", x), "handle": farthest("handle", -x), "knob": farthest("knob", z)}
@@ -74,13 +75,13 @@ def teapot_points(mean: np.ndarray) -> dict[str, int]:
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
     """Teapots by where their handle is: between two of these there is nothing."""
-    designs = TRAINING_DESIGNS + drawn_designs(DRAWN)
+    designs = TRAINING_DESIGNS + drawn_designs(DRAWN_DESIGNS)
     coefficients = nearest_coefficients(model, vertices_of(designs))
     families = []
     for handle in HANDLES:
         chosen = np.array([design.handle == handle for design in designs])
-        mean, deviation = coefficients[chosen].mean(0), coefficients[chosen].std(0).clip(LEAST_DEVIATION)
-        middle, spread = (tuple(np.round(each, 4).tolist()) for each in (mean, deviation))
+        mean, deviation = coefficients[chosen].mean(0), coefficients[chosen].std(0).clip(MIN_DEVIATION)
+        middle, spread = (tuple(np.round(values, 4).tolist()) for values in (mean, deviation))
         families.append(Family(f"handle {handle}", middle, spread, round(float(chosen.mean()), 4)))
     return tuple(families)
 
@@ -96,7 +97,7 @@ def held_out_designs() -> HeldOutDesigns:
         {
             "test": HELD_OUT_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
             "validation": VALIDATION_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
-            "train": TRAINING_DESIGNS + drawn_designs(EXEMPLARS),
+            "train": TRAINING_DESIGNS + drawn_designs(TRAINING_SCENE_DESIGNS),
         },
         vertices_of,
     )

@@ -36,11 +36,14 @@ ALBEDO = 0.5
 """Albedo of the object for its interreflections: the middle of the sampled range."""
 
 BOUNCES = 4
-SHAPES, RAY_SIDE = 160, 16
-"""Shapes drawn for the regression; each vertex casts RAY_SIDE squared rays."""
+"""Interreflections that are added up."""
+SHAPE_SAMPLES = 160
+"""Shapes drawn for the regression."""
+RAY_GRID = 16
+"""Each vertex casts RAY_GRID squared rays, stratified."""
 
-OFFSET = 2e-4
-"""Along the normal, metres at unit scale, where rays start, so that a facet does not hide its own corners."""
+RAY_OFFSET = 2e-4
+"""Distance along the normal at which rays start, metres at unit scale, lest a facet hides its own corners."""
 
 INSIDE_SHARE = 0.3
 """A vertex that sees more than this share of faces from behind lies within another part."""
@@ -63,13 +66,13 @@ def ray_kernels() -> SimpleNamespace:
         weights: wp.array2d(dtype=wp.vec3),
     ):
         point, ray = wp.tid()
-        found = wp.mesh_query_ray(mesh, origins[point], directions[point, ray], 1.0e3)
+        hit = wp.mesh_query_ray(mesh, origins[point], directions[point, ray], 1.0e3)
         face = wp.int32(-1)
-        if found.result:
-            face = found.face
-            if found.sign < 0.0:
+        if hit.result:
+            face = hit.face
+            if hit.sign < 0.0:
                 face = wp.int32(-2)
-            weights[point, ray] = wp.vec3(found.u, found.v, 1.0 - found.u - found.v)
+            weights[point, ray] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
         faces[point, ray] = face
 
     return SimpleNamespace(cast=cast)
@@ -111,7 +114,7 @@ def cast(
         on_device(vertices.astype(np.float32), wp.vec3), on_device(faces.astype(np.int32).ravel(), wp.int32)
     )
     directions = cosine_directions(normals, side, rng)
-    origins = points + OFFSET * normals
+    origins = points + RAY_OFFSET * normals
     face = wp.zeros(directions.shape[:2], dtype=wp.int32, device=device)
     weights = wp.zeros(directions.shape[:2], dtype=wp.vec3, device=device)
     wp.launch(
@@ -137,13 +140,13 @@ def cosine_directions(normals: np.ndarray, side: int, rng: np.random.Generator) 
     radius, turn = ((cells + rng.uniform(size=cells.shape)) / side).T
     angle = 2 * np.pi * (turn + rng.uniform(size=(len(normals), 1)))
     least = np.abs(normals).argmin(axis=1)
-    first = np.cross(normals, np.eye(3)[least])
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(normals, first)
+    tangent = np.cross(normals, np.eye(3)[least])
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    bitangent = np.cross(normals, tangent)
     across, along = np.sqrt(radius) * np.cos(angle), np.sqrt(radius) * np.sin(angle)
     return (
-        across[..., None] * first[:, None]
-        + along[..., None] * second[:, None]
+        across[..., None] * tangent[:, None]
+        + along[..., None] * bitangent[:, None]
         + np.sqrt(1 - radius)[:, None] * normals[:, None]
     )
 
@@ -177,19 +180,21 @@ class Occlusion:
         """Cast side^2 rays from each vertex (V, 3), metres, of a closed mesh."""
         normals = vertex_normals(vertices, faces).astype(np.float64)
         total, share = len(vertices), 1.0 / side**2
-        blocked, inside, seen = np.empty((total, 9)), np.empty(total, bool), []
+        blocked, inside, met = np.empty((total, 9)), np.empty(total, bool), []
         for start in range(0, total, _CHUNK):
-            here = slice(start, start + _CHUNK)
-            rays = cast(vertices, faces, vertices[here], normals[here], side, rng, device)
+            chunk = slice(start, start + _CHUNK)
+            rays = cast(vertices, faces, vertices[chunk], normals[chunk], side, rng, device)
             values = sh_basis(torch.from_numpy(rays.directions)).numpy()
-            blocked[here] = np.einsum("nr,nrl->nl", (rays.face != -1).astype(float), values) * share
-            inside[here] = (rays.face == _BEHIND).mean(axis=1) > INSIDE_SHARE
+            blocked[chunk] = np.einsum("nr,nrl->nl", (rays.face != -1).astype(float), values) * share
+            inside[chunk] = (rays.face == _BEHIND).mean(axis=1) > INSIDE_SHARE
             row, ray = np.nonzero(rays.face >= 0)
             corners = faces[rays.face[row, ray]].ravel()
-            where = (np.repeat(row, 3), corners)
+            entries = (np.repeat(row, 3), corners)
             shape = (len(rays.face), total)
-            seen.append(scipy.sparse.csr_matrix((share * rays.weights[row, ray].ravel(), where), shape=shape))
-        return Occlusion(normals, blocked, scipy.sparse.vstack(seen).tocsr(), inside)
+            met.append(
+                scipy.sparse.csr_matrix((share * rays.weights[row, ray].ravel(), entries), shape=shape)
+            )
+        return Occlusion(normals, blocked, scipy.sparse.vstack(met).tocsr(), inside)
 
     def change(self, albedo: float, bounces: int, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
         """T minus `unoccluded` (V, 9) for an object of this albedo in its own light.
@@ -198,23 +203,27 @@ class Occlusion:
         that reach in to them are seen in part.
         """
         free = unoccluded(self.normals)
-        change = spread(-self.blocked, self.inside, neighbours)
+        change = fill_from_neighbours(-self.blocked, self.inside, neighbours)
         for _ in range(bounces):
-            change = spread(albedo * (self.seen @ (free + change)) - self.blocked, self.inside, neighbours)
+            change = fill_from_neighbours(
+                albedo * (self.seen @ (free + change)) - self.blocked, self.inside, neighbours
+            )
         return change
 
 
-def spread(values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
+def fill_from_neighbours(
+    values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix
+) -> np.ndarray:
     """Values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in reach."""
-    known = ~missing
-    values = np.where(known[:, None], values, 0.0)
-    while not known.all():
-        count = neighbours @ known.astype(float)
-        new = ~known & (count > 0)
-        if not new.any():
+    filled = ~missing
+    values = np.where(filled[:, None], values, 0.0)
+    while not filled.all():
+        count = neighbours @ filled.astype(float)
+        reached = ~filled & (count > 0)
+        if not reached.any():
             break
-        values[new] = (neighbours @ values)[new] / count[new, None]
-        known = known | new
+        values[reached] = (neighbours @ values)[reached] / count[reached, None]
+        filled = filled | reached
     return values
 
 
@@ -229,8 +238,8 @@ def neighbours_of(faces: np.ndarray, total: int) -> scipy.sparse.csr_matrix:
 
 def transfer_model(
     model: ShapeModel,
-    shapes: int = SHAPES,
-    side: int = RAY_SIDE,
+    shapes: int = SHAPE_SAMPLES,
+    side: int = RAY_GRID,
     seed: int = 0,
     albedo: float = ALBEDO,
     device: str = "cpu",
@@ -240,23 +249,23 @@ def transfer_model(
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
     """
-    coefficients, changes, _ = drawn_changes(model, shapes, side, seed, albedo, device)
+    coefficients, changes, _ = sample_changes(model, shapes, side, seed, albedo, device)
     with_one = np.column_stack([np.ones(shapes), coefficients])
     table = np.linalg.lstsq(with_one, changes.reshape(shapes, -1), rcond=None)[0]
     return table.reshape(model.modes + 1, -1, 9).astype(np.float32)
 
 
-def drawn_changes(
+def sample_changes(
     model: ShapeModel, shapes: int, side: int, seed: int, albedo: float = ALBEDO, device: str = "cpu"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Random shapes' coefficients (N, K), changes (N, V, 9) float32, and `Occlusion.inside` (N, V)."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, shapes]))
     coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)
     neighbours = neighbours_of(model.faces, len(model.mean))
-    drawn = model.vertices(torch.from_numpy(coefficients)).numpy()
-    changes = np.empty((*drawn.shape[:2], 9), np.float32)
-    inside = np.empty(drawn.shape[:2], bool)
-    for index, vertices in enumerate(drawn):
+    shapes_vertices = model.vertices(torch.from_numpy(coefficients)).numpy()
+    changes = np.empty((*shapes_vertices.shape[:2], 9), np.float32)
+    inside = np.empty(shapes_vertices.shape[:2], bool)
+    for index, vertices in enumerate(shapes_vertices):
         occlusion = Occlusion.of(vertices, model.faces, side, rng, device)
         changes[index] = occlusion.change(albedo, BOUNCES, neighbours)
         inside[index] = occlusion.inside
@@ -268,9 +277,9 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
 
     Of vertices that lie outside other parts.
     """
-    coefficients, exact, inside = drawn_changes(model, shapes, RAY_SIDE, seed)
-    wrong = np.tensordot(np.column_stack([np.ones(shapes), coefficients]), table, axes=1) - exact
-    return float(np.sqrt((wrong[~inside] ** 2).sum() / (exact[~inside] ** 2).sum()))
+    coefficients, exact, inside = sample_changes(model, shapes, RAY_GRID, seed)
+    residual = np.tensordot(np.column_stack([np.ones(shapes), coefficients]), table, axes=1) - exact
+    return float(np.sqrt((residual[~inside] ** 2).sum() / (exact[~inside] ** 2).sum()))
 
 
 def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
@@ -293,10 +302,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("folder", type=Path, help="of the class pack, whose table is replaced")
     folder = parser.parse_args().folder
-    one = ObjectClass.load(folder)
-    table = write_transfer(one, folder)
+    object_class = ObjectClass.load(folder)
+    table = write_transfer(object_class, folder)
     mean_only = np.concatenate([table[:1], np.zeros_like(table[1:])])
-    errors = [relative_error(each, one.shape_model) for each in (table, mean_only)]
+    errors = [relative_error(candidate, object_class.shape_model) for candidate in (table, mean_only)]
     print(f"relative error on other shapes: {errors[0]:.3f}; of the mean alone: {errors[1]:.3f}")
     print(f"{table.shape}, {(folder / TRANSFER_FILE).stat().st_size} bytes: {folder / TRANSFER_FILE}")
 

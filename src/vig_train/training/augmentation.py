@@ -88,54 +88,58 @@ class Augmentation:
         present = examples.present()
         azimuth, numbers, roll = examples.azimuth, examples.numbers, examples.roll
         flipped = torch.from_numpy(rng.random(len(images)) < self.flip)
-        other_azimuth, other_numbers = mirrored(azimuth, numbers)
-        azimuth = torch.where(flipped, other_azimuth, azimuth)
-        numbers = torch.where(flipped[:, None], other_numbers, numbers)
+        mirrored_azimuth, mirrored_numbers = mirrored(azimuth, numbers)
+        azimuth = torch.where(flipped, mirrored_azimuth, azimuth)
+        numbers = torch.where(flipped[:, None], mirrored_numbers, numbers)
         roll = torch.where(flipped, -roll, roll)
-        images, masks, turned = self._reframe(images, masks, flipped, rng)
+        images, masks, turn = self._reframe(images, masks, flipped, rng)
         images, masks = self._paste(images, masks, rng)
         images = self._photograph(images, rng).contiguous(memory_format=torch.channels_last)
-        return Batch(images, azimuth, numbers, roll + turned, present, cell_shares(*masks.unbind(1)))
+        return Batch(images, azimuth, numbers, roll + turn, present, cell_shares(*masks.unbind(1)))
 
     def _reframe(
         self, images: torch.Tensor, masks: torch.Tensor, flipped: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Mirror, shift, magnify and turn each image with its masks; also by how much it was turned (B,)."""
         count = len(images)
-        on = rng.random(count) < self.reframe
-        far = rng.random(count) < self.turned
-        turn = on * np.where(far, rng.uniform(-1, 1, count) * self.most_turn, rng.normal(0, self.turn, count))
-        size = np.exp(on * rng.normal(0, self.magnify, count))
+        reframed = rng.random(count) < self.reframe
+        turned_far = rng.random(count) < self.turned
+        turn = reframed * np.where(
+            turned_far, rng.uniform(-1, 1, count) * self.most_turn, rng.normal(0, self.turn, count)
+        )
+        size = np.exp(reframed * rng.normal(0, self.magnify, count))
         matrix = np.zeros((count, 2, 3), np.float32)
         # From output to input: a picture turned clockwise is read counter-clockwise.
         matrix[:, 0, 0], matrix[:, 0, 1] = np.cos(turn) / size, np.sin(turn) / size
         matrix[:, 1, 0], matrix[:, 1, 1] = -np.sin(turn) / size, np.cos(turn) / size
-        matrix[:, :, 2] = on[:, None] * rng.normal(0, 2 * self.shift, (count, 2))
+        matrix[:, :, 2] = reframed[:, None] * rng.normal(0, 2 * self.shift, (count, 2))
         matrix[:, 0] *= np.where(flipped.numpy(), -1, 1)[:, None]
         grid = functional.affine_grid(torch.from_numpy(matrix), list(images.shape), align_corners=False)
         # What comes in from outside must not tell that the picture was turned.
         outside = "border" if rng.random() < 0.5 else "reflection"
-        moved = functional.grid_sample(images, grid, padding_mode=outside, align_corners=False)
-        shares = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
-        return moved, shares, torch.from_numpy(turn.astype(np.float32))
+        warped = functional.grid_sample(images, grid, padding_mode=outside, align_corners=False)
+        warped_masks = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
+        return warped, warped_masks, torch.from_numpy(turn.astype(np.float32))
 
     def _paste(
         self, images: torch.Tensor, masks: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Paste pieces of the batch's images over others: what they cover of the object is hidden."""
         count, _, height, width = images.shape
-        on = rng.random(count) < self.cut_out
-        if not on.any() or count < 2:
+        pasted_on = rng.random(count) < self.cut_out
+        if not pasted_on.any() or count < 2:
             return images, masks
-        chosen = np.flatnonzero(on)
-        pieces = torch.from_numpy(blobs(len(chosen), height, width, rng)).to(images)[:, None]
-        other = torch.from_numpy((chosen + rng.integers(1, count, len(chosen))) % count)
-        at = torch.from_numpy(chosen)
+        targets = np.flatnonzero(pasted_on)
+        pieces = torch.from_numpy(blobs(len(targets), height, width, rng)).to(images)[:, None]
+        sources = torch.from_numpy((targets + rng.integers(1, count, len(targets))) % count)
+        target_index = torch.from_numpy(targets)
         images, masks = images.clone(), masks.clone()
-        images[at] = torch.lerp(images[at], images[other].roll(int(rng.integers(width)), 3), pieces)
-        taken = masks[at, 0] * pieces[:, 0]
-        masks[at, 0] -= taken
-        masks[at, 1] += taken
+        images[target_index] = torch.lerp(
+            images[target_index], images[sources].roll(int(rng.integers(width)), 3), pieces
+        )
+        newly_hidden = masks[target_index, 0] * pieces[:, 0]
+        masks[target_index, 0] -= newly_hidden
+        masks[target_index, 1] += newly_hidden
         return images, masks
 
     def _photograph(self, images: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:

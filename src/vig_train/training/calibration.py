@@ -22,16 +22,18 @@ from vig_world.dataset import Dataset
 
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""
-LEAST_FACTOR = 0.5
-LEAST_IMAGES = 50
-"""Images below which a calibration means nothing."""
+MIN_DEVIATION_FACTOR = 0.5
+"""Least factor of a stated deviation: a number that hardly varies, as L00 at a set exposure, is not known
+infinitely well."""
+MIN_IMAGES = 50
+"""Fewest images on which a network is calibrated: 90 % quantiles of fewer are too uncertain."""
 CELL_STRIDE = 29
-"""Of the mask's cells one in so many is used: neighbours are nearly the same."""
+"""One in so many cells of the mask is used: neighbours are nearly the same."""
 
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """What N images showed of a network, before its calibration.
+    """Outputs of a network on N images before its calibration, and the calibration learned on them.
 
     Attributes:
         calibration: What was written into the weights.
@@ -47,10 +49,10 @@ class CalibrationResult:
 
 
 def check_count(images: int) -> None:
-    """Refuse fewer than `LEAST_IMAGES`."""
-    if images < LEAST_IMAGES:
+    """Refuse fewer than `MIN_IMAGES`."""
+    if images < MIN_IMAGES:
         raise UserError(
-            f"expected at least {LEAST_IMAGES} images of the object to calibrate on; got {images}. Take a"
+            f"expected at least {MIN_IMAGES} images of the object to calibrate on; got {images}. Take a"
             " larger dataset, or more photos of the studio (--studio)."
         )
 
@@ -63,44 +65,44 @@ def calibrate_network(
 ) -> CalibrationResult:
     """Write a calibration on datasets, and on further examples, into the weights at `path`.
 
-    `object_class` tells the symmetries of what they show; without it there are those of a teapot.
+    `object_class` has the symmetries of what they show; without it they are a teapot's.
 
     Raises:
-        UserError: Fewer than `LEAST_IMAGES`, or weights that cannot be read or are of the paper's networks.
+        UserError: Fewer than `MIN_IMAGES`, or weights that cannot be read or are of the paper's networks.
     """
     check_count(sum(map(len, datasets)) + sum(map(len, further)))
     recognizer = Recognizer(path) if object_class is None else Recognizer.of_class(object_class, path)
     examples = Examples.joined([*map(Examples.of, datasets), *further])
-    azimuth, mean, deviation, mask = _outputs(recognizer, examples)
+    azimuth, mean, deviation, mask = _network_outputs(recognizer, examples)
     fold = recognizer.symmetry.fold
     azimuth = azimuth.unflatten(1, (max(fold, 1), -1)).logsumexp(1)
-    true = examples.azimuth if fold == 1 else torch.remainder(fold * examples.azimuth, 2 * math.pi)
-    labels = functional.one_hot(azimuth_bins(true, azimuth.shape[1]), azimuth.shape[1]).float()
+    true_azimuth = examples.azimuth if fold == 1 else torch.remainder(fold * examples.azimuth, 2 * math.pi)
+    labels = functional.one_hot(azimuth_bins(true_azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
     error = mean - examples.numbers
-    cells = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
-    shares = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
-    made = NetworkCalibration(
-        temperature(azimuth, labels) if fold else torch.ones(()),
-        temperature(cells, shares),
-        widening(error, deviation),
+    cell_logits = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    cell_labels = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    calibration = NetworkCalibration(
+        fit_temperature(azimuth, labels) if fold else torch.ones(()),
+        fit_temperature(cell_logits, cell_labels),
+        deviation_factors(error, deviation),
     )
-    held, metadata = read_tensors(path, "pt")
-    tensors = {name: value for name, value in held.items() if not name.startswith(made.PREFIX)}
+    stored, metadata = read_tensors(path, "pt")
+    tensors = {name: value for name, value in stored.items() if not name.startswith(calibration.PREFIX)}
     with atomic_write(path) as temporary:
-        save_file(tensors | made.tensors(), temporary, metadata=metadata)
-    return CalibrationResult(made, true, azimuth, error / deviation)
+        save_file(tensors | calibration.tensors(), temporary, metadata=metadata)
+    return CalibrationResult(calibration, true_azimuth, azimuth, error / deviation)
 
 
 @torch.inference_mode()
-def _outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.Tensor, ...]:
+def _network_outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.Tensor, ...]:
     """Azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
-    found = []
-    for part in torch.arange(len(examples)).split(64):
-        heads = recognizer.heads(examples[part].pixels())
+    outputs = []
+    for indices in torch.arange(len(examples)).split(64):
+        heads = recognizer.heads(examples[indices].pixels())
         numbers = heads.mean * recognizer.deviation + recognizer.mean
         deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
-        found.append((heads.azimuth, numbers, deviation, heads.mask))
-    return tuple(torch.cat(column) for column in zip(*found, strict=True))
+        outputs.append((heads.azimuth, numbers, deviation, heads.mask))
+    return tuple(torch.cat(column) for column in zip(*outputs, strict=True))
 
 
 def azimuth_bins(azimuth: torch.Tensor, bins: int) -> torch.Tensor:
@@ -108,16 +110,16 @@ def azimuth_bins(azimuth: torch.Tensor, bins: int) -> torch.Tensor:
     return (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
 
 
-def temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+def fit_temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     """The temperature () under which logits (N, C) give soft labels (N, C) the greatest likelihood."""
-    tried = torch.logspace(-0.5, 0.7, 121)
-    losses = [functional.cross_entropy(logits / t, labels) for t in tried]
-    return tried[int(torch.stack(losses).argmin())]
+    temperatures = torch.logspace(-0.5, 0.7, 121)
+    losses = [functional.cross_entropy(logits / t, labels) for t in temperatures]
+    return temperatures[int(torch.stack(losses).argmin())]
 
 
-def widening(error: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
+def deviation_factors(error: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
     """Factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals.
 
-    At least `LEAST_FACTOR`: what never varies, as L00 at a set exposure, is not known infinitely well.
+    At least `MIN_DEVIATION_FACTOR`.
     """
-    return (torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90).clamp_min(LEAST_FACTOR)
+    return (torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90).clamp_min(MIN_DEVIATION_FACTOR)

@@ -71,18 +71,18 @@ def load_checkpoint(
                 f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
             )
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
-        wanted = {f"{name}.{k}" for name, module in networks.items() for k in module.state_dict()}
-        wanted |= {f"optimizer.{i}.{k}" for i in range(len(parameters)) for k in MOMENTS}
-        if odd := sorted(wanted ^ tensors.keys()):
-            raise ValueError(f"tensors are missing or unknown: {', '.join(odd)[:100]}")
+        expected = {f"{name}.{k}" for name, module in networks.items() for k in module.state_dict()}
+        expected |= {f"optimizer.{i}.{k}" for i in range(len(parameters)) for k in MOMENTS}
+        if differing := sorted(expected ^ tensors.keys()):
+            raise ValueError(f"tensors are missing or unknown: {', '.join(differing)[:100]}")
         for name, module in networks.items():
             module.load_state_dict({k: tensors[f"{name}.{k}"] for k in module.state_dict()})
         moments: dict[int, dict[str, torch.Tensor]] = {i: {} for i in range(len(parameters))}
-        for (i, own), name in itertools.product(enumerate(parameters), MOMENTS):
+        for (i, parameter), name in itertools.product(enumerate(parameters), MOMENTS):
             tensor = tensors[f"optimizer.{i}.{name}"]
-            if tensor.shape != (shape := () if name == "step" else own.shape):
+            if tensor.shape != (shape := () if name == "step" else parameter.shape):
                 raise ValueError(f"'{name}' of a weight must be {tuple(shape)}; it is {tuple(tensor.shape)}")
             # The fused step walks through memory: its moments must lie as the weights do.
-            moments[i][name] = torch.empty_like(own).copy_(tensor) if tensor.ndim else tensor
+            moments[i][name] = torch.empty_like(parameter).copy_(tensor) if tensor.ndim else tensor
         optimizer.load_state_dict(optimizer.state_dict() | {"state": moments})
     return state

@@ -15,11 +15,11 @@ from vig.parallel import map_in_processes
 from vig.recognition.network import layout_of_numbers
 from vig.scene import Latents, ObjectClass
 from vig_train.training.examples import Examples
-from vig_train.training.recolour import recoloured
+from vig_train.training.recolour import recolour
 from vig_train.training.studio import Studio, StudioSettings
 from vig_train.training.targets import numbers_of
 
-Given = tuple[int, dict[str, np.ndarray]]
+StepArrays = tuple[int, dict[str, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -42,46 +42,48 @@ class Drawing:
 
     def described(self) -> dict[str, Any]:
         """What a checkpoint must match to be resumed."""
-        whole = asdict(self) | {"object_class": ObjectClass.load(self.object_class).fingerprint}
-        return {name: value for name, value in whole.items() if name != "workers"}
+        settings = asdict(self) | {"object_class": ObjectClass.load(self.object_class).fingerprint}
+        return {name: value for name, value in settings.items() if name != "workers"}
 
 
-def drawn(
-    given: Iterator[tuple[Examples, int]], drawing: Drawing, seed: int
+def add_drawn_examples(
+    steps: Iterator[tuple[Examples, int]], drawing: Drawing, seed: int
 ) -> Iterator[tuple[Examples, int]]:
     """Recolour a share of each step's examples, and add images of the studio, in order.
 
     Each step's are a pure function of its examples, the seed and its number, whatever the number of workers.
 
     Args:
-        given: Examples of a dataset with the number of their step.
+        steps: Examples of a dataset with the number of their step.
         drawing: How many, and of what.
         seed: Of the training.
 
     Raises:
         UserError: The dataset is of another class than the studio's.
     """
-    items = ((step, {name: value.numpy() for name, value in vars(some).items()}) for some, step in given)
+    items = (
+        (step, {name: value.numpy() for name, value in vars(examples).items()}) for examples, step in steps
+    )
     for step, arrays in map_in_processes(_prepare, (drawing, seed), items, drawing.workers):
         yield Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}), step
 
 
-def _prepare(shared: tuple[Drawing, int]) -> Callable[[Given], Given]:
+def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
     drawing, seed = shared
     object_class = ObjectClass.load(drawing.object_class)
     studio = Studio(object_class, drawing.studio)
     modes = object_class.shape_model.modes
 
-    def work(item: Given) -> Given:
+    def work(item: StepArrays) -> StepArrays:
         step, arrays = item
-        some = Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()})
-        layout = layout_of_numbers(some.numbers.shape[1])
+        examples = Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()})
+        layout = layout_of_numbers(examples.numbers.shape[1])
         if layout.count("shape") != modes:
             raise UserError(
                 f"expected a dataset of class '{object_class.name}', with {modes} shape components; got"
                 f" {layout.count('shape')}. Make it with that class."
             )
-        parts = [_recoloured(some, drawing.recoloured, np.random.default_rng([seed, step, 2]))]
+        parts = [_recolour_share(examples, drawing.recoloured, np.random.default_rng([seed, step, 2]))]
         parts.append(studio_examples(studio, seed, range(step * drawing.count, (step + 1) * drawing.count)))
         return step, {name: value.numpy() for name, value in vars(Examples.joined(parts)).items()}
 
@@ -102,13 +104,13 @@ def studio_examples(studio: Studio, seed: int, indices: range) -> Examples:
     )
 
 
-def _recoloured(some: Examples, share: float, rng: np.random.Generator) -> Examples:
+def _recolour_share(examples: Examples, share: float, rng: np.random.Generator) -> Examples:
     """Examples of a dataset, the object of a share of them in other colours."""
-    images, numbers = some.images.clone(), some.numbers.clone()
+    images, numbers = examples.images.clone(), examples.numbers.clone()
     albedo = layout_of_numbers(numbers.shape[1])["albedo"]
-    for index in np.flatnonzero(rng.random(len(some)) < share):
-        visible = some.visible[index].numpy() > 127
-        image, new = recoloured(images[index].numpy(), visible, numbers[index, albedo].numpy(), rng)
+    for index in np.flatnonzero(rng.random(len(examples)) < share):
+        visible = examples.visible[index].numpy() > 127
+        image, albedo_of_new = recolour(images[index].numpy(), visible, numbers[index, albedo].numpy(), rng)
         images[index] = torch.from_numpy(image)
-        numbers[index, albedo] = torch.from_numpy(np.asarray(new, np.float32))
-    return replace(some, images=images, numbers=numbers)
+        numbers[index, albedo] = torch.from_numpy(np.asarray(albedo_of_new, np.float32))
+    return replace(examples, images=images, numbers=numbers)

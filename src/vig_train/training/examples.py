@@ -12,8 +12,8 @@ from vig.scene import Latents
 from vig_train.training.targets import cell_shares, numbers_of
 from vig_world.dataset import Dataset
 
-HELD_SHARE = 1 / 16
-"""Of the images, at least, whose rooms are held out."""
+HELD_OUT_SHARE = 1 / 16
+"""Least share of the images whose rooms are held out."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Examples:
         """Read a dataset, a few hundred images at a time."""
         latents = Latents.from_vector(torch.from_numpy(dataset.latents))
         images, visible, hidden = [], [], []
-        for some in np.array_split(np.arange(len(dataset)), max(1, len(dataset) // 256)):
-            images.append(torch.from_numpy(dataset.read("rgb", some)))
-            amodal, seen = dataset.read("mask", some), dataset.read("mask_visib", some)
-            visible.append(torch.from_numpy(seen.astype(np.uint8) * 255))
-            hidden.append(torch.from_numpy((amodal & ~seen).astype(np.uint8) * 255))
+        for chunk in np.array_split(np.arange(len(dataset)), max(1, len(dataset) // 256)):
+            images.append(torch.from_numpy(dataset.read("rgb", chunk)))
+            amodal, visible_pixels = dataset.read("mask", chunk), dataset.read("mask_visib", chunk)
+            visible.append(torch.from_numpy(visible_pixels.astype(np.uint8) * 255))
+            hidden.append(torch.from_numpy((amodal & ~visible_pixels).astype(np.uint8) * 255))
         masks = torch.cat(visible), torch.cat(hidden)
         roll = torch.tensor(dataset.roll).float()
         return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), roll, *masks)
@@ -76,19 +76,21 @@ class Examples:
         return Examples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def hold_out(datasets: Sequence[Dataset], most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices to train on, and at most `most` to validate on, whose rooms no training image shows.
+def hold_out(datasets: Sequence[Dataset], max_validation: int) -> tuple[np.ndarray, np.ndarray]:
+    """Split indices into those to train on and those to validate on, in rooms that no training image shows.
 
-    Indices run through all datasets in their order. Whole rooms are held out until they have `HELD_SHARE` of
-    the images; of a single room, its last tenth.
+    Indices run through all datasets in their order. Whole rooms are held out until they have `HELD_OUT_SHARE`
+    of the images; of a single room, its last tenth. At most `max_validation` indices are to validate on.
     """
     rooms = np.array([spec.room.layout for dataset in datasets for spec in dataset.specs()])
-    known, counts = np.unique(rooms, return_counts=True)
-    if len(known) == 1:
-        held = np.arange(len(rooms)) >= len(rooms) - max(1, len(rooms) // 10)
+    distinct_rooms, counts = np.unique(rooms, return_counts=True)
+    if len(distinct_rooms) == 1:
+        held_out = np.arange(len(rooms)) >= len(rooms) - max(1, len(rooms) // 10)
     else:
-        order = np.random.default_rng(np.random.SeedSequence([len(rooms)])).permutation(len(known))
-        enough = int(np.searchsorted(counts[order].cumsum(), HELD_SHARE * len(rooms))) + 1
-        held = np.isin(rooms, known[order[: min(enough, len(known) - 1)]])
-    shown = np.flatnonzero(held)
-    return np.flatnonzero(~held), shown[np.linspace(0, len(shown) - 1, min(most, len(shown))).astype(int)]
+        order = np.random.default_rng(np.random.SeedSequence([len(rooms)])).permutation(len(distinct_rooms))
+        room_count = int(np.searchsorted(counts[order].cumsum(), HELD_OUT_SHARE * len(rooms))) + 1
+        held_out = np.isin(rooms, distinct_rooms[order[: min(room_count, len(distinct_rooms) - 1)]])
+    held_out_indices = np.flatnonzero(held_out)
+    return np.flatnonzero(~held_out), held_out_indices[
+        np.linspace(0, len(held_out_indices) - 1, min(max_validation, len(held_out_indices))).astype(int)
+    ]

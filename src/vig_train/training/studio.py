@@ -25,9 +25,9 @@ from vig.scene import (
     ShapeModel,
 )
 from vig_train.training.environment import Environment
-from vig_train.training.grounds import draw_ground, shadowed
+from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Layer, place_of
-from vig_train.training.snapshots import continued, photographed
+from vig_train.training.snapshots import continue_border, photograph
 from vig_train.training.things import draw_lookalike, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.target import draw_shape, shape_vertices
@@ -36,12 +36,12 @@ from vig_world.mesh import vertex_normals
 from vig_world.raster.view import View
 from vig_world.renderers.coated import appearance_of
 
-SAMPLES = 2
+SUPERSAMPLING = 2
 """Points across a pixel at which the object is drawn."""
-MOST_THINGS = 5
-"""Before the object."""
-MOST_DRAWS = 8
-"""Of an image."""
+MAX_OCCLUDERS = 5
+"""Things in front of the object, at most."""
+MAX_ATTEMPTS = 8
+"""Attempts at drawing an image, each from its own random stream, before an error is raised."""
 NOTHING, OTHER_VESSEL, PART, WHOLE = range(4)
 """What images show in the object's place."""
 
@@ -116,17 +116,17 @@ class Studio:
         model = object_class.shape_model
         self.size = float(np.ptp(model.mean, axis=0).max())
         self.height = float(model.mean[:, 2].max())
-        self._body, self._others = separate_parts(model)
-        self._factor = np.linalg.cholesky(
+        self._body_parts, self._detachable_parts = separate_parts(model)
+        self._light_factor = np.linalg.cholesky(
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )
 
     def draw(self, seed: int, index: int) -> StudioImage:
-        """Draw an image; one that fails is drawn anew from its next stream, `MOST_DRAWS` times at most."""
-        for number in range(MOST_DRAWS):
+        """Draw an image; one that fails is drawn anew from its next stream, `MAX_ATTEMPTS` times at most."""
+        for number in range(MAX_ATTEMPTS):
             key = (number,) if number else ()
             try:
-                return self._drawn(
+                return self._draw_once(
                     np.random.default_rng(np.random.SeedSequence([seed, index, 71], spawn_key=key))
                 )
             except Exception as error:  # no image ends a training
@@ -134,12 +134,12 @@ class Studio:
             print(f"studio image {index} is drawn anew: {failure!r}", file=sys.stderr, flush=True)
         raise failure
 
-    def _drawn(self, rng: np.random.Generator) -> StudioImage:
+    def _draw_once(self, rng: np.random.Generator) -> StudioImage:
         settings = self.settings
         latents, vertices = self._shape(rng)
         camera = self._camera(rng, vertices, latents)
         parts = len(self.object_class.shape_model.part_names)
-        kinds = WHOLE if self._others else PART
+        kinds = WHOLE if self._detachable_parts else PART
         coat = draw_coat(rng, parts, settings.decorated, settings.metal)
         ground = draw_ground(rng, self.split, camera.roll)
         environment = Environment.draw(rng)
@@ -156,20 +156,20 @@ class Studio:
         else:
             layer = Layer(ground, np.zeros(ground.shape[:2], np.float32))
         place = place_of(layer.cover)
-        picture = shadowed(rng, ground, layer.cover, place)
+        picture = cast_shadow(rng, ground, layer.cover, place)
         colours = [*map(np.array, coat.colours[:2]), any_colour(rng)]
         for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.4, 0.3, 0.2, 0.1]))):
-            picture = draw_thing(rng, self.split, colours, place, before=False).over(picture)
+            picture = draw_thing(rng, self.split, colours, place, in_front=False).over(picture)
         picture = layer.over(picture)
         visible = layer.cover.copy()
         if rng.random() < settings.occluded:
-            picture, visible = self._hidden(rng, picture, layer.cover, colours, place)
+            picture, visible = self._occlude(rng, picture, layer.cover, colours, place)
         hidden = layer.cover - visible
         if absent:
             visible, hidden = np.zeros_like(visible), np.zeros_like(hidden)
-        image = photographed(rng, picture)
+        image = photograph(rng, picture)
         if rng.random() < settings.continued:
-            image = continued(rng, image, layer.cover > 0)
+            image = continue_border(rng, image, layer.cover > 0)
         vector = replace(latents, albedo=torch.from_numpy(albedo[None].astype(np.float32))).to_vector()
         return StudioImage(
             image,
@@ -178,7 +178,7 @@ class Studio:
             *(np.round(255 * share).astype(np.uint8) for share in (visible, hidden)),
         )
 
-    def _hidden(
+    def _occlude(
         self,
         rng: np.random.Generator,
         picture: np.ndarray,
@@ -187,15 +187,15 @@ class Studio:
         place: tuple[float, float, float],
     ) -> tuple[np.ndarray, np.ndarray]:
         """The picture (H, W, 3) with things before the object, and what is left of its cover (H, W)."""
-        visible, whole = cover, max(float(cover.sum()), 1e-6)
-        wanted = 1 - rng.uniform(0, self.settings.most_hidden)
-        for _ in range(MOST_THINGS):
-            thing = draw_thing(rng, self.split, colours, place, before=True)
-            left = visible * (1 - thing.cover)
-            if left.sum() < (1 - self.settings.most_hidden) * whole:
+        visible, full_area = cover, max(float(cover.sum()), 1e-6)
+        target_share = 1 - rng.uniform(0, self.settings.most_hidden)
+        for _ in range(MAX_OCCLUDERS):
+            occluder = draw_thing(rng, self.split, colours, place, in_front=True)
+            remaining = visible * (1 - occluder.cover)
+            if remaining.sum() < (1 - self.settings.most_hidden) * full_area:
                 continue
-            picture, visible = thing.over(picture), left
-            if visible.sum() < wanted * whole:
+            picture, visible = occluder.over(picture), remaining
+            if visible.sum() < target_share * full_area:
                 break
         return picture, visible
 
@@ -209,14 +209,14 @@ class Studio:
         else:
             low = kind < settings.level + 0.6 * (1 - settings.level)
             elevation = math.radians(rng.uniform(15, 42) if low else rng.uniform(42, 89))
-        light = self._factor @ rng.standard_normal(9) * rng.uniform(0.3, 1.3)
+        light = self._light_factor @ rng.standard_normal(9) * rng.uniform(0.3, 1.3)
         light = light + rng.uniform(0.3, 1.0) * self.object_class.light_prior_mean
         light[0] = EXPOSURE_L00  # as in datasets: at a set exposure
         numbers = (shape, [rng.uniform(0, 2 * math.pi)], [elevation], np.full(3, 0.5), light)
-        tensors = [torch.from_numpy(np.asarray(each, np.float32))[None] for each in numbers]
+        tensors = [torch.from_numpy(np.asarray(values, np.float32))[None] for values in numbers]
         latents = Latents(tensors[0], tensors[1][0], tensors[2][0], tensors[3], tensors[4])
         vertices = shape_vertices(shape, design, self.object_class)
-        # A few long waves, as real ones are no members of the family; the mirror plane stays one.
+        # Long waves move shapes off the model, as real objects are; they keep the mirror plane y = 0.
         warp = settings.warp * rng.random()
         for _ in range(2):
             wave = rng.normal(size=3) * [1, 0, 1] * 2 * math.pi / self.size
@@ -230,14 +230,23 @@ class Studio:
         """A camera whose image frames the object as boxes do, or as the paper's camera does, about."""
         settings = self.settings
         camera = self.object_class.camera()
-        farther = math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
-        wide = rng.random() < settings.rolled
-        roll = float(rng.uniform(-1, 1) * settings.most_roll if wide else rng.normal(0, settings.roll))
-        camera = replace(camera, distance=camera.distance * farther, focal=camera.focal * farther, roll=roll)
+        camera_distance_ratio = (
+            math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
+        )
+        widely_rolled = rng.random() < settings.rolled
+        roll = float(
+            rng.uniform(-1, 1) * settings.most_roll if widely_rolled else rng.normal(0, settings.roll)
+        )
+        camera = replace(
+            camera,
+            distance=camera.distance * camera_distance_ratio,
+            focal=camera.focal * camera_distance_ratio,
+            roll=roll,
+        )
         if rng.random() < settings.boxed:
             matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-            seen = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-            x, y = (camera.focal * seen[:, :2] / seen[:, 2:]).T
+            points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+            x, y = (camera.focal * points[:, :2] / points[:, 2:]).T
             box = (x.min(), y.min(), float(np.ptp(x)), float(np.ptp(y)))
             window = Window.round_box(box)
             scale = IMAGE_SIZE / window.side
@@ -247,19 +256,19 @@ class Studio:
         scale, shift = math.exp(rng.normal(0, 0.11)), rng.normal(0, 0.05, 2)
         if rng.random() < settings.small:
             scale, shift = rng.uniform(0.35, 0.9), rng.uniform(-0.25, 0.25, 2)
-        middle = IMAGE_SIZE / 2
+        centre = IMAGE_SIZE / 2
         return replace(
             camera,
             focal=camera.focal * scale,
-            cx=middle + (camera.cx - middle) * scale + shift[0] * IMAGE_SIZE,
-            cy=middle + (camera.cy - middle) * scale + shift[1] * IMAGE_SIZE,
+            cx=centre + (camera.cx - centre) * scale + shift[0] * IMAGE_SIZE,
+            cy=centre + (camera.cy - centre) * scale + shift[1] * IMAGE_SIZE,
         )
 
     def _part(self, rng: np.random.Generator) -> np.ndarray:
         """Faces of something like the object that is none: its body with one other part."""
         model = self.object_class.shape_model
-        kept = [*self._body, self._others[rng.integers(len(self._others))]]
-        return model.faces[np.isin(model.parts[model.faces[:, 0]], kept)]
+        kept_parts = [*self._body_parts, self._detachable_parts[rng.integers(len(self._detachable_parts))]]
+        return model.faces[np.isin(model.parts[model.faces[:, 0]], kept_parts)]
 
     def _object(
         self,
@@ -277,19 +286,21 @@ class Studio:
         normals = vertex_normals(vertices, model.faces)
         light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
         matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-        view = View(camera.scaled(SAMPLES), matrix[:3, :3], matrix[:3, 3])
+        view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         reflectance = float(rng.uniform(0.5, 1.1))
-        look = appearance_of(
+        appearance = appearance_of(
             coat, model, vertices, faces, normals, light, view, environment.radiance_from, reflectance
         )
         if rng.random() < self.settings.glass:
-            row, column = np.nonzero(look.on)
-            bent = np.stack([row, column], 1) / SAMPLES + look.normal[:, 2:0:-1] * rng.uniform(3, 12)
-            bent = np.clip(bent.astype(int), 0, IMAGE_SIZE - 1)
-            through = ground[bent[:, 0], bent[:, 1]] * (0.3 + 0.7 * np.sqrt(look.albedo))
-            look = replace(look, colour=0.85 * through + 0.15 * look.colour)
-        mean = look.albedo.mean(0) if len(look.albedo) else np.mean(coat.colours, axis=0)
-        return Layer(*look.averaged(SAMPLES)), mean
+            row, column = np.nonzero(appearance.on)
+            refracted = np.stack([row, column], 1) / SUPERSAMPLING + appearance.normal[
+                :, 2:0:-1
+            ] * rng.uniform(3, 12)
+            refracted = np.clip(refracted.astype(int), 0, IMAGE_SIZE - 1)
+            transmitted = ground[refracted[:, 0], refracted[:, 1]] * (0.3 + 0.7 * np.sqrt(appearance.albedo))
+            appearance = replace(appearance, colour=0.85 * transmitted + 0.15 * appearance.colour)
+        mean = appearance.albedo.mean(0) if len(appearance.albedo) else np.mean(coat.colours, axis=0)
+        return Layer(*appearance.averaged(SUPERSAMPLING)), mean
 
 
 def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:
@@ -297,7 +308,7 @@ def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:
     faces = model.parts[model.faces]
     body = {0}
     while True:
-        joined = {int(part) for part in faces[np.isin(faces, list(body)).any(1)].ravel()}
-        if joined <= body:
+        connected = {int(part) for part in faces[np.isin(faces, list(body)).any(1)].ravel()}
+        if connected <= body:
             return sorted(body), sorted(set(range(len(model.part_names))) - body)
-        body |= joined
+        body |= connected

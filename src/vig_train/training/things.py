@@ -10,16 +10,21 @@ from PIL import Image
 from scipy import ndimage
 
 from vig.scene import IMAGE_SIZE
-from vig_train.training.cutouts import draw_cutout, draw_vessel, placed_cutout
+from vig_train.training.cutouts import draw_cutout, draw_vessel, place_cutout
 from vig_train.training.layers import Layer, draw_sheet, pixels
 from vig_world import Split
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 
-SOLID, TURNED, FIGURES = 0.5, 0.2, 0.1
-"""Shares of things that are cut-outs of solid ones, that are bodies of revolution, and that are put together
-from round parts; others are flat shapes, shaded as if they were round."""
-MOTTLED, PATCHES = 0.4, 512
-"""Share of cut-outs with an uneven surface, and the side of the noise that it is taken from."""
+CUTOUT_SHARE = 0.5
+"""Share of things that are cut-outs of solid objects."""
+REVOLVED_SHARE = 0.2
+"""Share of things that are bodies of revolution."""
+FIGURE_SHARE = 0.1
+"""Share of things of several round parts. All others are flat shapes, shaded as if they were round."""
+MOTTLED_SHARE = 0.4
+"""Share of cut-outs with an uneven surface."""
+NOISE_SIDE = 512
+"""Side of the noise, pixels, from which uneven surfaces are cropped."""
 
 
 def draw_thing(
@@ -27,19 +32,19 @@ def draw_thing(
     split: Split,
     colours: list[np.ndarray],
     place: tuple[float, float, float],
-    before: bool,
+    in_front: bool,
 ) -> Layer:
     """Something of a split near a place, in one of the given colours, in another, or textured."""
     kind = rng.random()
-    if kind < SOLID:
-        return _solid(rng, split, place, before)
-    if kind < SOLID + TURNED:
-        return _turned(rng, colours, place, before)
-    if kind < SOLID + TURNED + FIGURES:
-        return _figure(rng, colours, place, before)
+    if kind < CUTOUT_SHARE:
+        return _cutout(rng, split, place, in_front)
+    if kind < CUTOUT_SHARE + REVOLVED_SHARE:
+        return _revolved(rng, colours, place, in_front)
+    if kind < CUTOUT_SHARE + REVOLVED_SHARE + FIGURE_SHARE:
+        return _figure(rng, colours, place, in_front)
     x, y = pixels()
     angle = rng.uniform(0, math.pi)
-    if before:
+    if in_front:
         middle = np.array(place[:2]) + rng.uniform(-0.6, 0.6, 2) * place[2]
         reach = place[2] * np.exp(rng.uniform(np.log(0.04), np.log(0.45), 2))
     else:
@@ -76,26 +81,28 @@ def draw_thing(
 def draw_lookalike(rng: np.random.Generator, split: Split, name: str) -> Layer:
     """A vessel that is not of the class of this name, in the middle of the picture."""
     middle = rng.normal(0, 0.04, 2)
-    return _placed(rng, draw_vessel(rng, split, name), middle, rng.uniform(0.5, 0.85))
+    return _place_cutout(rng, draw_vessel(rng, split, name), middle, rng.uniform(0.5, 0.85))
 
 
-def _solid(rng: np.random.Generator, split: Split, place: tuple[float, float, float], before: bool) -> Layer:
+def _cutout(
+    rng: np.random.Generator, split: Split, place: tuple[float, float, float], in_front: bool
+) -> Layer:
     """A prop, an animal or a vehicle."""
     size = max(place[2], 0.3)
-    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if before else 1.0) * size
-    reach = size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if before else 1.2)))
-    return _placed(rng, draw_cutout(rng, split), middle, reach)
+    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if in_front else 1.0) * size
+    reach = size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if in_front else 1.2)))
+    return _place_cutout(rng, draw_cutout(rng, split), middle, reach)
 
 
-def _placed(rng: np.random.Generator, cutout: Image.Image, middle: np.ndarray, size: float) -> Layer:
+def _place_cutout(rng: np.random.Generator, cutout: Image.Image, middle: np.ndarray, size: float) -> Layer:
     """A cut-out of a size, either way round, in some light, sometimes turned."""
     angle = rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360)
     if rng.random() < 0.5:
         cutout = cutout.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
-    picture = placed_cutout(cutout, (float(middle[0]), float(middle[1])), size, float(angle), IMAGE_SIZE)
+    picture = place_cutout(cutout, (float(middle[0]), float(middle[1])), size, float(angle), IMAGE_SIZE)
     gain = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.05, 3))
     colour = picture[..., :3] * gain.astype(np.float32)
-    if rng.random() < MOTTLED:
+    if rng.random() < MOTTLED_SHARE:
         colour = colour * _mottle(rng)
     return Layer(colour, picture[..., 3])
 
@@ -103,7 +110,7 @@ def _placed(rng: np.random.Generator, cutout: Image.Image, middle: np.ndarray, s
 def _mottle(rng: np.random.Generator) -> np.ndarray:
     """Uneven wear, cloth, fur, reflections: a gain (H, W, 3), patchy at any of several scales."""
     strength, tint = rng.uniform(0.1, 0.7), rng.normal(0, 0.35, 3)
-    offset = rng.integers(PATCHES - IMAGE_SIZE, size=2)
+    offset = rng.integers(NOISE_SIDE - IMAGE_SIZE, size=2)
     patches = _patches(int(rng.integers(4)))[offset[0] :, offset[1] :][:IMAGE_SIZE, :IMAGE_SIZE, None]
     return np.exp(strength * patches * (1 + tint)).astype(np.float32)
 
@@ -113,19 +120,19 @@ def _patches(scale: int) -> np.ndarray:
     """Smooth noise (PATCHES, PATCHES) of unit variance, of waves from a few pixels on to twenty."""
     rng = np.random.default_rng(scale)
     noise = sum(
-        blur * ndimage.gaussian_filter(rng.normal(size=(PATCHES, PATCHES)), blur, mode="wrap")
+        blur * ndimage.gaussian_filter(rng.normal(size=(NOISE_SIDE, NOISE_SIDE)), blur, mode="wrap")
         for blur in np.array([0.7, 2.0, 5.0]) * 1.5**scale
     )
     return (noise / noise.std()).astype(np.float32)
 
 
-def _turned(
-    rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], before: bool
+def _revolved(
+    rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], in_front: bool
 ) -> Layer:
     """A bottle, jar, fruit, cup, candle or the like, seen from a little above, standing or lying."""
     x, y = pixels()
     reach = max(place[2], 0.3) * np.exp(rng.uniform(np.log(0.1), np.log(0.5)))
-    spread = 0.55 * place[2] if before else 1.0 * max(place[2], 0.3)
+    spread = 0.55 * place[2] if in_front else 1.0 * max(place[2], 0.3)
     middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * spread
     angle = rng.normal(0, 0.15) if rng.random() < 0.6 else rng.uniform(0, 2 * math.pi)
     cos, sin = math.cos(angle), math.sin(angle)
@@ -157,17 +164,17 @@ def _turned(
         side, repeats = len(image), rng.choice([0.5, 1, 2, 4])
         row, column = ((share * repeats * side).astype(int) % side for share in (-height, around))
         low = rng.uniform(-1.2, 0.8)
-        on = (height > low) & (height < low + rng.uniform(0.2, 2.0))
+        in_band = (height > low) & (height < low + rng.uniform(0.2, 2.0))
         colour = np.where(
-            on[..., None], image[row, column] if rng.random() < 0.6 else any_colour(rng), colour
+            in_band[..., None], image[row, column] if rng.random() < 0.6 else any_colour(rng), colour
         )
     light = rng.normal(size=3) + [0, 0.8, 0.8]
     light /= np.linalg.norm(light)
-    lit = normal @ light
-    shaded = colour * (rng.uniform(0.2, 0.6) + rng.uniform(0.3, 0.9) * lit.clip(0))[..., None]
+    shading = normal @ light
+    shaded = colour * (rng.uniform(0.2, 0.6) + rng.uniform(0.3, 0.9) * shading.clip(0))[..., None]
     if rng.random() < 0.5:
-        half = light + [0, 0, 1]
-        shine = (normal @ (half / np.linalg.norm(half))).clip(0) ** np.exp(rng.uniform(2, 6))
+        half_vector = light + [0, 0, 1]
+        shine = (normal @ (half_vector / np.linalg.norm(half_vector))).clip(0) ** np.exp(rng.uniform(2, 6))
         shaded = shaded + rng.uniform(0.1, 0.9) * shine[..., None]
     rim = float(radii[-4])
     if rim > 0.3 * widest and tilt > 0.08:  # an open or flat top
@@ -179,32 +186,32 @@ def _turned(
 
 
 def _figure(
-    rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], before: bool
+    rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], in_front: bool
 ) -> Layer:
     """An animal, a toy, a plant, a crumpled cloth: round parts that run into each other."""
     x, y = pixels()
     size = max(place[2], 0.3)
     reach = size * np.exp(rng.uniform(np.log(0.12), np.log(0.5)))
-    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.55 if before else 1.0) * size
+    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.55 if in_front else 1.0) * size
     level = np.full(x.shape, -np.inf, np.float32)
-    paints, others = [], [any_colour(rng) for _ in range(3)]
+    paints, palette = [], [any_colour(rng) for _ in range(3)]
     for part in range(int(rng.integers(3, 9))):
         angle = rng.uniform(0, math.pi)
         radii = reach * np.exp(rng.uniform(np.log(0.15), np.log(0.6), 2)) * (1 if part else 1.6)
-        off = middle + (reach * rng.normal(0, 0.55, 2) if part else 0.0)
+        centre = middle + (reach * rng.normal(0, 0.55, 2) if part else 0.0)
         cos, sin = math.cos(angle), math.sin(angle)
-        along = (cos * (x - off[0]) + sin * (y - off[1])) / radii[0]
-        across = (cos * (y - off[1]) - sin * (x - off[0])) / radii[1]
-        new = (1 - along**2 - across**2) * min(radii)
-        paints.append((new > level, others[int(rng.integers(3))]))
-        level = np.maximum(level, new)
+        along = (cos * (x - centre[0]) + sin * (y - centre[1])) / radii[0]
+        across = (cos * (y - centre[1]) - sin * (x - centre[0])) / radii[1]
+        part_level = (1 - along**2 - across**2) * min(radii)
+        paints.append((part_level > level, palette[int(rng.integers(3))]))
+        level = np.maximum(level, part_level)
     cover = np.clip(0.5 + level * IMAGE_SIZE * 0.7, 0, 1)
-    one = rng.random() < 0.5
-    base = _colour(rng, colours) if one else draw_sheet(rng)
+    single_colour = rng.random() < 0.5
+    base = _colour(rng, colours) if single_colour else draw_sheet(rng)
     colour = np.broadcast_to(base, (*x.shape, 3)).copy()
     if rng.random() < 0.5:  # each part in a colour of its own
-        for where, paint in paints:
-            colour[where] = paint
+        for region, paint in paints:
+            colour[region] = paint
     if rng.random() < 0.4:  # spotted
         waves = rng.normal(size=(6, 2)) * rng.uniform(2, 10) / reach
         value = sum(np.sin(wave[0] * x + wave[1] * y + rng.uniform(0, 6.28)) for wave in waves)
@@ -214,8 +221,8 @@ def _figure(
     normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], -1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     light = rng.normal(size=3) + [0, -0.8, 0.8]
-    lit = (normal @ (light / np.linalg.norm(light))).clip(0)
-    shaded = colour * (rng.uniform(0.2, 0.6) + rng.uniform(0.3, 0.9) * lit)[..., None]
+    shading = (normal @ (light / np.linalg.norm(light))).clip(0)
+    shaded = colour * (rng.uniform(0.2, 0.6) + rng.uniform(0.3, 0.9) * shading)[..., None]
     return Layer(shaded.astype(np.float32), cover.astype(np.float32))
 
 

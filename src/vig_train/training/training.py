@@ -27,26 +27,28 @@ from vig.recognition.network import (
 from vig.scene import Symmetry, angle_difference
 from vig_train.training.augmentation import Augmentation, Batch
 from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
-from vig_train.training.drawing import Drawing, drawn
+from vig_train.training.drawing import Drawing, add_drawn_examples
 from vig_train.training.examples import Examples, hold_out
 from vig_train.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
 from vig_world.generation.progress import Meter
 
-AVERAGING = 0.998
-"""Share of the averaged weights that a step keeps."""
+AVERAGE_DECAY = 0.998
+"""Decay of the exponential moving average of weights, per step."""
 LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "presence": 0.3}
-"""Of the parts of the loss."""
-TRUNK = ("stem.", "stages.")
+"""Weights of the parts of the loss."""
+TRUNK_PREFIXES = ("stem.", "stages.")
 """What the names of the trunk's weights begin with."""
 TRUNK_RATE = 0.3
 """Learning rate of a trunk that was trained before, over that of the rest."""
-MARGIN, ABOUT_WEIGHT = 9, 3.0
-"""Cells within this square about the object's weigh so much more than others in the mask's loss."""
-REPORTED = 300.0
+MASK_MARGIN_CELLS = 9
+"""Side, in cells of the mask head, of the square about each object's cell that counts as near the object."""
+MASK_MARGIN_WEIGHT = 3.0
+"""Weight of cells on and near the object in the mask's loss, over that of others."""
+REPORT_SECONDS = 300.0
 """Seconds between lines on the time left, in a log."""
 ROLL_UNIT = math.radians(10.0)
-"""Of errors of roll in the loss."""
+"""Unit of errors of roll in the loss, radians."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,8 @@ class TrainingSettings:
                 raise UserError(f"{name} must be at least {least}; got {getattr(self, name)}")
         count = sum(map(len, datasets))
         if count < 2 * self.batch:
-            named = ", ".join(f"'{dataset.folder}'" for dataset in datasets)
-            raise UserError(f"training needs at least {2 * self.batch} images; {named} has {count}")
+            folders = ", ".join(f"'{dataset.folder}'" for dataset in datasets)
+            raise UserError(f"training needs at least {2 * self.batch} images; {folders} has {count}")
 
     def fingerprint(self, datasets: Sequence[Dataset]) -> str:
         """Settings and data that a checkpoint must match to be resumed."""
@@ -113,7 +115,7 @@ class TrainingSettings:
 
 @dataclass(frozen=True)
 class Epoch:
-    """What one pass over the training images came to.
+    """Losses and errors of one pass over the training images.
 
     Attributes:
         number: From 1 on.
@@ -159,34 +161,42 @@ def train(
     settings.check(datasets)
     if settings.threads is not None:
         torch.set_num_threads(settings.threads)
-    chosen, held = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
+    chosen, held_out = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
     examples = Examples.joined([Examples.of(dataset) for dataset in datasets])
-    run = _Run.begin(settings, examples, chosen)
+    run = _TrainingState.begin(settings, examples, chosen)
     checkpoint, path = Path(out) / "checkpoint.safetensors", Path(out) / "recognition.safetensors"
     fingerprint = settings.fingerprint(datasets)
-    first, best, best_at = 0, math.inf, 0
+    first_epoch, best, best_epoch = 0, math.inf, 0
     if checkpoint.exists():
         state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
-        first, best, best_at = int(state["epoch"]), float(state["best"]), int(state["best_at"])
-    batches = run.batches(examples, chosen, first)
+        first_epoch, best, best_epoch = int(state["epoch"]), float(state["best"]), int(state["best_at"])
+    batches = run.batches(examples, chosen, first_epoch)
     steps = len(chosen) // settings.batch
-    with Meter(settings.epochs * steps, first * steps, progress, "steps", REPORTED) as meter:
-        for epoch in range(first, settings.epochs):
-            if epoch - best_at >= settings.patience:
-                say(f"no better for {settings.patience} epochs; the weights are those after epoch {best_at}")
+    with Meter(settings.epochs * steps, first_epoch * steps, progress, "steps", REPORT_SECONDS) as meter:
+        for epoch in range(first_epoch, settings.epochs):
+            if epoch - best_epoch >= settings.patience:
+                say(
+                    f"no better for {settings.patience} epochs;"
+                    f" the weights are those after epoch {best_epoch}"
+                )
                 break
             started = time.monotonic()
             trained = run.epoch(batches, epoch, steps, meter.advance)
             speed = len(chosen) / (time.monotonic() - started)
             validated, errors = validate(
-                run.networks["average"], examples, held, run.scale, settings.symmetry
+                run.networks["average"], examples, held_out, run.scale, settings.symmetry
             )
             record(Epoch(epoch + 1, trained, validated, errors))
             loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
             if loss < best:
-                best, best_at = loss, epoch + 1
+                best, best_epoch = loss, epoch + 1
                 save_weights(run.networks["average"], run.scale, path)
-            state = {"epoch": str(epoch + 1), "run": fingerprint, "best": repr(best), "best_at": str(best_at)}
+            state = {
+                "epoch": str(epoch + 1),
+                "run": fingerprint,
+                "best": repr(best),
+                "best_at": str(best_epoch),
+            }
             save_checkpoint(checkpoint, run.networks, run.optimizer, state)
             listed = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
             say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
@@ -194,8 +204,8 @@ def train(
 
 
 @dataclass(frozen=True)
-class _Run:
-    """A network in training, the average of its weights, and what moves them."""
+class _TrainingState:
+    """A network in training, the average of its weights, and its optimiser."""
 
     settings: TrainingSettings
     networks: dict[str, RecognitionNetwork]
@@ -204,7 +214,7 @@ class _Run:
     device: torch.device
 
     @staticmethod
-    def begin(settings: TrainingSettings, examples: Examples, chosen: torch.Tensor) -> _Run:
+    def begin(settings: TrainingSettings, examples: Examples, chosen: torch.Tensor) -> _TrainingState:
         device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         numbers = examples.numbers[chosen]
         scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
@@ -212,43 +222,47 @@ class _Run:
         sizes = replace(settings.network, modes=layout_of_numbers(numbers.shape[1]).count("shape"))
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
         if settings.start is not None:
-            begin_with(network, settings.start, settings.trunk_only)
+            load_start_weights(network, settings.start, settings.trunk_only)
             for part in _frozen_parts(network, settings.frozen):
                 part.requires_grad_(False)
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         average.load_state_dict(network.state_dict())
-        named = [(name, each) for name, each in network.named_parameters() if each.requires_grad]
-        trunk = [each for name, each in named if name.startswith(TRUNK)]
-        others = [each for name, each in named if not name.startswith(TRUNK)]
+        named = [(name, value) for name, value in network.named_parameters() if value.requires_grad]
+        trunk_parameters = [value for name, value in named if name.startswith(TRUNK_PREFIXES)]
+        head_parameters = [value for name, value in named if not name.startswith(TRUNK_PREFIXES)]
         share = TRUNK_RATE if settings.start is not None else 1.0
-        groups = [{"params": others, "share": 1.0}, {"params": trunk, "share": share}]
+        groups = [{"params": head_parameters, "share": 1.0}, {"params": trunk_parameters, "share": share}]
         optimizer = torch.optim.AdamW(
             groups, settings.learning_rate, weight_decay=settings.weight_decay, fused=True
         )
-        return _Run(settings, {"network": network, "average": average}, optimizer, scale, device)
+        return _TrainingState(settings, {"network": network, "average": average}, optimizer, scale, device)
 
-    def batches(self, examples: Examples, chosen: torch.Tensor, first: int) -> Iterator[Batch]:
-        """Augmented batches of all epochs from `first` on, in order."""
+    def batches(self, examples: Examples, chosen: torch.Tensor, first_epoch: int) -> Iterator[Batch]:
+        """Augmented batches of all epochs from `first_epoch` on, in order."""
         settings = self.settings
         steps = len(chosen) // settings.batch
 
-        def some() -> Iterator[tuple[Examples, int]]:
-            for epoch in range(first, settings.epochs):
+        def dataset_steps() -> Iterator[tuple[Examples, int]]:
+            for epoch in range(first_epoch, settings.epochs):
                 rng = np.random.default_rng(np.random.SeedSequence([settings.seed, epoch]))
                 order = chosen[torch.from_numpy(rng.permutation(len(chosen)))]
                 for step, part in enumerate(order[: steps * settings.batch].split(settings.batch)):
                     yield examples[part], epoch * steps + step
 
-        given = ((part, step) for part, step in some())
-        made = drawn(given, settings.drawing, settings.seed) if settings.drawing else given
+        steps_of_dataset = ((part, step) for part, step in dataset_steps())
+        examples_of_steps = (
+            add_drawn_examples(steps_of_dataset, settings.drawing, settings.seed)
+            if settings.drawing
+            else steps_of_dataset
+        )
         augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
-        for part, step in made:
+        for part, step in examples_of_steps:
             yield augment(part, np.random.default_rng([settings.seed, step, 1]))
 
     def epoch(
         self, batches: Iterator[Batch], epoch: int, steps: int, advance: Callable[[int], None]
     ) -> dict[str, float]:
-        """One pass over so many batches, each of which advances; returns each part of the loss, mean."""
+        """Train on `steps` batches; return the mean of each part of the loss."""
         settings, (network, average) = self.settings, self.networks.values()
         torch.manual_seed(int(np.random.SeedSequence([settings.seed, epoch]).generate_state(1)[0] >> 1))
         network.train()
@@ -265,35 +279,39 @@ class _Run:
                 heads = network(batch.images)
             parts = losses(heads, replace(batch, numbers=numbers), settings.symmetry)
             self.optimizer.zero_grad()
-            total(parts).backward()
+            weighted_sum(parts).backward()
             nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             done = epoch * steps + step
             for group in self.optimizer.param_groups:
                 group["lr"] = rate(done) * group["share"]
             self.optimizer.step()
-            _average_in(average, network, min(AVERAGING, (1 + done) / (10 + done)))
+            _update_average(average, network, min(AVERAGE_DECAY, (1 + done) / (10 + done)))
             sums = {name: sums[name] + float(part.detach()) / steps for name, part in parts.items()}
             advance(1)
         return sums
 
 
-def begin_with(network: RecognitionNetwork, path: Path, trunk_only: bool) -> None:
+def load_start_weights(network: RecognitionNetwork, path: Path, trunk_only: bool) -> None:
     """Give a network those weights of a file that fit it, or of these only the trunk's.
 
     Raises UserError when the file is no weights file or its trunk has other sizes.
     """
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         tensors, _ = read_tensors(path, "pt")
-        own = network.state_dict()
-        found = {
-            name: value.to(own[name].dtype)
+        own_weights = network.state_dict()
+        fitting = {
+            name: value.to(own_weights[name].dtype)
             for name, value in ((k.removeprefix("network."), v) for k, v in tensors.items())
-            if name in own and own[name].shape == value.shape
+            if name in own_weights and own_weights[name].shape == value.shape
         }
-        if lacking := [name for name in own if name.startswith(TRUNK) and name not in found]:
-            raise ValueError(f"its trunk has other sizes than the network's, at '{lacking[0]}'")
-    kept = {name: value for name, value in found.items() if name.startswith(TRUNK) or not trunk_only}
-    network.load_state_dict(kept, strict=False)
+        if missing := [
+            name for name in own_weights if name.startswith(TRUNK_PREFIXES) and name not in fitting
+        ]:
+            raise ValueError(f"its trunk has other sizes than the network's, at '{missing[0]}'")
+    loaded = {
+        name: value for name, value in fitting.items() if name.startswith(TRUNK_PREFIXES) or not trunk_only
+    }
+    network.load_state_dict(loaded, strict=False)
 
 
 def _frozen_parts(network: RecognitionNetwork, stages: int) -> list[nn.Module]:
@@ -317,21 +335,26 @@ def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> di
     azimuth = functional.cross_entropy(heads.azimuth, labels, reduction="none") * float(symmetry.fold > 0)
     variance = heads.log_variance.exp()
     likelihood = (heads.mean - batch.numbers) ** 2 / variance + heads.log_variance
-    there = batch.present / batch.present.sum().clamp_min(1.0)
-    about = functional.max_pool2d(1 - batch.mask[:, 2], MARGIN, stride=1, padding=MARGIN // 2)
-    weight = 1 + (ABOUT_WEIGHT - 1) * about
-    pixels = functional.cross_entropy(heads.mask, batch.mask, reduction="none")
-    off = angle_difference(heads.roll, batch.roll) / ROLL_UNIT
+    presence_weight = batch.present / batch.present.sum().clamp_min(1.0)
+    near_object = functional.max_pool2d(
+        1 - batch.mask[:, 2], MASK_MARGIN_CELLS, stride=1, padding=MASK_MARGIN_CELLS // 2
+    )
+    weight = 1 + (MASK_MARGIN_WEIGHT - 1) * near_object
+    cell_loss = functional.cross_entropy(heads.mask, batch.mask, reduction="none")
+    roll_error = angle_difference(heads.roll, batch.roll) / ROLL_UNIT
     return {
-        "azimuth": (azimuth * there).sum(),
-        "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * there).sum(),
-        "mask": (pixels * weight).sum() / weight.sum(),
-        "roll": (functional.smooth_l1_loss(off, torch.zeros_like(off), reduction="none") * there).sum(),
+        "azimuth": (azimuth * presence_weight).sum(),
+        "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * presence_weight).sum(),
+        "mask": (cell_loss * weight).sum() / weight.sum(),
+        "roll": (
+            functional.smooth_l1_loss(roll_error, torch.zeros_like(roll_error), reduction="none")
+            * presence_weight
+        ).sum(),
         "presence": functional.binary_cross_entropy_with_logits(heads.presence, batch.present),
     }
 
 
-def total(parts: dict[str, torch.Tensor]) -> torch.Tensor:
+def weighted_sum(parts: dict[str, torch.Tensor]) -> torch.Tensor:
     """The weighted sum that is minimised."""
     return sum((LOSS_WEIGHTS[name] * loss for name, loss in parts.items()), torch.zeros(()))
 
@@ -359,24 +382,31 @@ def validate(
     scale: Scale,
     symmetry: Symmetry = Symmetry.NONE,
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Mean losses, and errors in their own units, on chosen examples as they are."""
+    """Mean losses, and errors in their own units, on chosen examples without augmentation."""
     network.eval()
     device = next(network.parameters()).device
     sums, azimuths, elevations, shapes = dict.fromkeys(LOSS_WEIGHTS, 0.0), [], [], []
     hits = unions = 0.0
-    for part in chosen.split(128):
-        some = examples[part]
-        numbers = (some.numbers - scale["mean"]) / scale["deviation"]
-        mask = some.mask()
-        batch = Batch(some.pixels(), some.azimuth, numbers, some.roll, some.present(), mask).to(device)
+    for indices in chosen.split(128):
+        part_examples = examples[indices]
+        numbers = (part_examples.numbers - scale["mean"]) / scale["deviation"]
+        mask = part_examples.mask()
+        batch = Batch(
+            part_examples.pixels(),
+            part_examples.azimuth,
+            numbers,
+            part_examples.roll,
+            part_examples.present(),
+            mask,
+        ).to(device)
         with bfloat16(device):
             heads = network(batch.images)
         for name, loss in losses(heads, batch, symmetry).items():
-            sums[name] += float(loss) * len(part) / len(chosen)
+            sums[name] += float(loss) * len(indices) / len(chosen)
         bins = heads.azimuth.shape[1]
-        guess = (heads.azimuth.argmax(1).cpu() + 0.5) * (2 * math.pi / bins)
-        off = symmetry.difference(guess, some.azimuth)
-        azimuths.append(off.abs().rad2deg())
+        best_azimuth = (heads.azimuth.argmax(1).cpu() + 0.5) * (2 * math.pi / bins)
+        azimuth_error = symmetry.difference(best_azimuth, part_examples.azimuth)
+        azimuths.append(azimuth_error.abs().rad2deg())
         error = (heads.mean.cpu() - numbers).abs() * scale["deviation"]
         parts = layout_of_numbers(error.shape[1]).split(error)
         elevations.append(parts["elevation"][:, 0].rad2deg())
@@ -394,11 +424,13 @@ def validate(
     }
 
 
-def _average_in(average: RecognitionNetwork, network: RecognitionNetwork, keep: float) -> None:
+def _update_average(average: RecognitionNetwork, network: RecognitionNetwork, keep: float) -> None:
     """Exponential moving average of weights and statistics."""
     with torch.no_grad():
-        for kept, new in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
-            if kept.is_floating_point():
-                kept.lerp_(new, 1 - keep)
+        for averaged, current in zip(
+            average.state_dict().values(), network.state_dict().values(), strict=True
+        ):
+            if averaged.is_floating_point():
+                averaged.lerp_(current, 1 - keep)
             else:
-                kept.copy_(new)
+                averaged.copy_(current)

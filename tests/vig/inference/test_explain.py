@@ -490,7 +490,8 @@ def test_the_settings_are_those_of_the_published_tables() -> None:
     assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
     assert (GAUSSIAN.sigma, GAUSSIAN.alpha) == (0.05, 1.0)
     assert (SPATIAL.sigma, SPATIAL.alpha) == (0.03, 0.55)
-    assert (SPATIAL.coupling, SPATIAL.rim, SPATIAL.contrast, SPATIAL.sweeps) == (10, 2, 0.1, 5)
+    mask = SPATIAL.mask
+    assert (mask.coupling, mask.rim, mask.contrast, mask.sweeps) == (10, 2, 0.1, 5)
 
 
 def saying(bias: float, in_distribution_bias: float, scale: torch.Tensor) -> FitCalibration:

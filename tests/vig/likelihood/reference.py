@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.likelihood.kernels.edges import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
 from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.kernels.layout import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
 from vig.likelihood.pixel import mixture
 from vig.scene import Camera, Latents, camera_rotation, irradiance, latent_layout, sh_basis
 from vig.scene.light import COSINE_LOBE

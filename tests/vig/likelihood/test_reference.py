@@ -12,7 +12,7 @@ from tests.vig.likelihood import reference
 from tests.vig.likelihood.reference import shade, surface_at
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.kernels.groups import REST
+from vig.likelihood.kernels.layout import REST
 from vig.likelihood.passes import Pass
 from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import NEVER, SPATIAL, SpatialModel, mixture, spatial_posterior
+from vig.likelihood import NEVER, SPATIAL, SpatialMask, mixture, spatial_posterior
 from vig.likelihood.spatial import NEIGHBOURS, graph_cut, links, mean_field, messages, visible_log_odds
 
 
-def model(**settings: float) -> SpatialModel:
-    return SpatialModel(sigma=0.03, alpha=0.5, **settings)
+def model(**settings: float) -> SpatialMask:
+    return SpatialMask(**settings)
 
 
 def scene(seed: int, height: int, width: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
@@ -25,7 +25,7 @@ def scene(seed: int, height: int, width: int) -> tuple[torch.Tensor, torch.Tenso
     return photo, log_odds, torch.from_numpy(rng.uniform(size=(1, height, width)) < 0.75)
 
 
-def tied(photo: torch.Tensor, covered: torch.Tensor, given: SpatialModel) -> torch.Tensor:
+def tied(photo: torch.Tensor, covered: torch.Tensor, given: SpatialMask) -> torch.Tensor:
     return links(photo, covered, torch.ones_like(covered), given)
 
 
@@ -150,7 +150,7 @@ def blob() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torc
 def test_pixels_go_with_neighbours_of_their_colour() -> None:
     photo, fit, prior, disc, truth = blob()
     alone = torch.where(disc, mixture(photo, fit, prior, 0.1)[1], 0.0) > 0.5
-    visible = spatial_posterior(photo, fit, prior, disc, SPATIAL)
+    visible = spatial_posterior(photo, fit, prior, disc, SPATIAL.mask)
     assert visible.shape == (1, 60, 60) and visible.dtype == torch.float32
     assert ((visible >= 0) & (visible <= 1)).all() and not visible[~disc].any()
 
@@ -171,22 +171,24 @@ def test_a_batch_is_its_images_one_by_one() -> None:
     photo, fit, prior, disc, _ = blob()
     moved = disc.roll(9, 2)
     both = spatial_posterior(
-        *(torch.cat([x, x]) for x in (photo, fit, prior)), torch.cat([disc, moved]), SPATIAL
+        *(torch.cat([x, x]) for x in (photo, fit, prior)), torch.cat([disc, moved]), SPATIAL.mask
     )
     for index, covered in enumerate((disc, moved)):
-        torch.testing.assert_close(both[index], spatial_posterior(photo, fit, prior, covered, SPATIAL)[0])
+        torch.testing.assert_close(
+            both[index], spatial_posterior(photo, fit, prior, covered, SPATIAL.mask)[0]
+        )
 
 
 def test_nothing_covered_and_nothing_known() -> None:
     photo, fit, prior, disc, _ = blob()
-    assert not spatial_posterior(photo, fit, prior, torch.zeros_like(disc), SPATIAL).any()
+    assert not spatial_posterior(photo, fit, prior, torch.zeros_like(disc), SPATIAL.mask).any()
     unknown = prior.clone()
     unknown[:, :, 30:] = torch.tensor([NEVER, 0.0, 0.0])
-    visible = spatial_posterior(photo, fit, unknown, disc, SPATIAL)
+    visible = spatial_posterior(photo, fit, unknown, disc, SPATIAL.mask)
     assert torch.isfinite(visible).all() and not visible[:, :, 30:].any()
     other = photo.clone()
     other[:, :, 30:] = 0.9
-    assert torch.equal(spatial_posterior(other, fit, unknown, disc, SPATIAL), visible)
+    assert torch.equal(spatial_posterior(other, fit, unknown, disc, SPATIAL.mask), visible)
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def test_a_broken_driver_and_a_missing_package_are_lines(monkeypatch: pytest.Mon
         raise OSError("driver too old")
 
     monkeypatch.setattr(module, "_torch_devices", broken)
-    monkeypatch.setattr(module, "PACKAGES", ("torch", "no-such-package"))
+    monkeypatch.setattr("vig.io.machine.PACKAGES", ("torch", "no-such-package"))
     report = doctor()
     assert report["cuda"]["torch"] == ["failed: OSError: driver too old"]
     assert report["packages"]["no-such-package"] is None

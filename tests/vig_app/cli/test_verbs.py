@@ -14,7 +14,6 @@ from PIL import Image
 
 import vig
 from vig.likelihood import LIKELIHOODS
-from vig.search import OPTIMIZERS
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import Fit
 from vig_app.cli.main import main
@@ -60,14 +59,13 @@ def test_no_photo_at_all(capsys, tmp_path):
     assert "photo" in refused(capsys, "fit", "--out", tmp_path / "out")
 
 
-@pytest.mark.parametrize("option, known", [("optimizer", OPTIMIZERS), ("likelihood", LIKELIHOODS)])
-def test_help_offers_what_there_is(option, known):
-    assert get_args(get_type_hints(Fit)[option]) == tuple(known)
+def test_help_offers_what_there_is():
+    assert get_args(get_type_hints(Fit)["likelihood"]) == tuple(LIKELIHOODS)
 
 
-def test_an_unknown_optimizer_is_refused(capsys, photo, tmp_path):
-    error = refused(capsys, "fit", photo, "--optimizer", "no-such", "--out", tmp_path / "out")
-    assert "lbfgs" in error
+def test_an_unknown_likelihood_is_refused(capsys, photo, tmp_path):
+    error = refused(capsys, "fit", photo, "--likelihood", "no-such", "--out", tmp_path / "out")
+    assert "robust" in error
 
 
 def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):
@@ -132,9 +130,6 @@ def test_options_of_a_fit_are_heeded(capsys, tmp_path):
     assert robust["evidence_nats"] == plain["evidence_nats"] and (mask != by_pixel).any()
     gaussian, _ = fitted(capsys, tmp_path / "gaussian", "--likelihood", "gaussian")
     assert gaussian["hidden_fraction"] < 0.01 < plain["hidden_fraction"]
-    other, _ = fitted(capsys, tmp_path / "other", "--optimizer", "dogleg")
-    assert other["start_evidence_nats"] == plain["start_evidence_nats"]
-    assert other["evidence_nats"] != plain["evidence_nats"]
 
 
 def test_evaluating_what_is_no_dataset(capsys, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from vig_app.cli.main import main
 from vig_paper.cli.reproduce import command_line
-from vig_train.cli.settings import Reproduce
+from vig_paper.cli.settings import Reproduce
 
 
 def test_the_command_tells_all_that_changes_numbers() -> None:

@@ -74,9 +74,9 @@ def test_the_animation_ends_with_the_answer(
     assert words[1].startswith("evaluation 1 of ")
     assert (drawn[-1] == answer.amodal.numpy()).mean() > 0.999
     with Image.open(path) as image:
-        assert image.format == "WEBP" and 10 < image.n_frames <= len(words) <= animation.MOST_FRAMES
-        assert image.size == (2 * animation.SIDE + 4, animation.SIDE + 22)
-    assert path.stat().st_size < animation.MOST_BYTES
+        assert image.format == "WEBP" and 10 < image.n_frames <= len(words) <= animation.MAX_FRAMES
+        assert image.size == (2 * animation.PICTURE_PIXELS + 4, animation.PICTURE_PIXELS + 22)
+    assert path.stat().st_size < animation.MAX_BYTES
 
 
 def test_a_large_animation_is_made_smaller(tmp_path: Path, monkeypatch) -> None:
@@ -84,6 +84,6 @@ def test_a_large_animation_is_made_smaller(tmp_path: Path, monkeypatch) -> None:
     frames = [Image.fromarray(each) for each in noise]
     animation._write(tmp_path / "best.webp", frames, [100] * 3)
     best = (tmp_path / "best.webp").stat().st_size
-    monkeypatch.setattr(animation, "MOST_BYTES", best)
+    monkeypatch.setattr(animation, "MAX_BYTES", best)
     animation._write(tmp_path / "small.webp", frames, [100] * 3)
     assert (tmp_path / "small.webp").stat().st_size < best

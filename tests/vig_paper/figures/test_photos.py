@@ -43,7 +43,7 @@ def test_a_row_has_photo_truth_every_method_and_masks(
     assert said(panels)[8].startswith("0: ")
     photo, *_, mask = pictures(panels[:8])
     np.testing.assert_allclose(photo, dataset.images[2] / 255)
-    changed = np.abs(mask - photos._faded(photo)).max(-1) > 1e-6
+    changed = np.abs(mask - photos._fade(photo)).max(-1) > 1e-6
     assert (changed == dataset.amodal[2]).mean() > 0.999
 
 

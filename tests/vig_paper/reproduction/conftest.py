@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from vig_paper.reproduction import Run, RunFolder, Settings, work
+from vig_paper.reproduction import ReproductionSettings, Run, RunFolder, work
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def begin(tmp_path: Path) -> Callable[..., Run]:
             def renderers(self) -> tuple[str, ...]:
                 return renderers
 
-        settings = Settings.of("tiny", **chosen)
+        settings = ReproductionSettings.of("tiny", **chosen)
         return Fixed(RunFolder(tmp_path / "run"), settings, workers=workers, report=lambda line: None)
 
     return begun

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.photo.images import write_png
-from vig_paper.reproduction.html import Cell, heading, listing, paragraph, picture, table, write_html
+from vig_paper.reproduction.html import HtmlCell, heading, listing, paragraph, picture, table, write_html
 
 VOID = {"meta", "img", "br"}
 
@@ -44,7 +44,7 @@ def counted(html: str) -> dict[str, int]:
 def test_text_is_escaped_everywhere() -> None:
     rude = "<b>&'\""
     for html in (
-        Cell(rude, rude, True).html,
+        HtmlCell(rude, rude, True).html,
         table(rude, ["", rude], [(rude, [rude])]),
         paragraph(rude),
         listing([rude]),
@@ -54,17 +54,19 @@ def test_text_is_escaped_everywhere() -> None:
 
 
 def test_a_cell_tells_its_verdict_in_a_word_and_a_class() -> None:
-    assert Cell("1").html == "<td>1</td>"
-    assert Cell("1", "a\nb").html == "<td>1<small>a</small><small>b</small></td>"
-    assert Cell("1", "paper 2", True).html == '<td class="pass">1<small>paper 2 · <b>pass</b></small></td>'
-    assert Cell("3", "a\nb", False).html == (
+    assert HtmlCell("1").html == "<td>1</td>"
+    assert HtmlCell("1", "a\nb").html == "<td>1<small>a</small><small>b</small></td>"
+    assert (
+        HtmlCell("1", "paper 2", True).html == '<td class="pass">1<small>paper 2 · <b>pass</b></small></td>'
+    )
+    assert HtmlCell("3", "a\nb", False).html == (
         '<td class="fail">3<small>a</small><small>b · <b>fail</b></small></td>'
     )
-    assert Cell("3", "", False).html == '<td class="fail">3<small><b>fail</b></small></td>'
+    assert HtmlCell("3", "", False).html == '<td class="fail">3<small><b>fail</b></small></td>'
 
 
 def test_a_table_has_its_cells_in_rows() -> None:
-    html = table("t", ["", "a", "b"], [("x", ["1", Cell("2")]), ("y", ["3", "4"])])
+    html = table("t", ["", "a", "b"], [("x", ["1", HtmlCell("2")]), ("y", ["3", "4"])])
     counts = counted(html)
     assert (counts["tr"], counts["td"], counts["th"]) == (3, 4, 5)
 

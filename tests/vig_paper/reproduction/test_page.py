@@ -9,7 +9,7 @@ import pytest
 
 from vig.io.errors import UserError
 from vig.photo.images import write_png
-from vig_paper.reproduction import Record, RunFolder, Settings
+from vig_paper.reproduction import Record, ReproductionSettings, RunFolder
 from vig_paper.reproduction.page import write_page
 from vig_train.evaluation import build_table, save_table
 
@@ -24,7 +24,9 @@ def folder(tmp_path: Path) -> RunFolder:
     recognition model is not."""
     folder = RunFolder(tmp_path)
     command = "vig reproduce --scale tiny --out <here>"
-    record = Record.open(folder.record, Settings.of("tiny"), {"cpus": 2, "processor": "slow"}, command)
+    record = Record.open(
+        folder.record, ReproductionSettings.of("tiny"), {"cpus": 2, "processor": "slow"}, command
+    )
     for step in ("data train", "evaluate raster"):
         with record.timed(step):
             pass

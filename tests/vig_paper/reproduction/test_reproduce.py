@@ -155,7 +155,8 @@ def test_given_weights_and_photos_are_used(finished: tuple[Path, str], tmp_path:
 
 def test_photos_of_the_wrong_renderer_are_refused(finished: tuple[Path, str], tmp_path: Path) -> None:
     run = work.Run(
-        work.RunFolder(tmp_path), work.Settings.of("tiny", test_cycles=finished[0] / "data/test_raster")
+        work.RunFolder(tmp_path),
+        work.ReproductionSettings.of("tiny", test_cycles=finished[0] / "data/test_raster"),
     )
     with pytest.raises(Exception, match="expected cycles photos in .*; got raster"):
         work.make_data(run, "test_cycles")
@@ -166,6 +167,6 @@ def test_without_blender_path_traced_photos_are_left_out(
 ) -> None:
     monkeypatch.setenv("VIG_BLENDER_PYTHON", str(tmp_path / "nothing"))
     said: list[str] = []
-    run = work.Run(work.RunFolder(tmp_path / "r"), work.Settings.of("tiny"), report=said.append)
+    run = work.Run(work.RunFolder(tmp_path / "r"), work.ReproductionSettings.of("tiny"), report=said.append)
     assert run.renderers() == ("raster",)
     assert len(said) == 1 and "left out" in said[0] and "VIG_BLENDER_PYTHON" in said[0]

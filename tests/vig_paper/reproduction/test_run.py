@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from vig_train.names import STEP_KINDS
 
 from vig.io.errors import UserError
+from vig_paper import STEP_KINDS
 from vig_paper.reproduction import Record, Run, duration, reproduce, work
 
 ALL = [

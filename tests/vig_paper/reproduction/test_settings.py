@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig_paper.reproduction import SCALES, Settings
+from vig_paper.reproduction import SCALES, ReproductionSettings
 from vig_train import METHODS
 
 
@@ -20,13 +20,13 @@ def test_the_papers_counts() -> None:
 
 
 def test_what_is_not_chosen_is_the_scales() -> None:
-    settings = Settings.of("small", epochs=3, seed=None)
+    settings = ReproductionSettings.of("small", epochs=3, seed=None)
     assert settings.epochs == 3 and settings.seed == 0
     assert settings.train_images == SCALES["small"].train_images and settings.scale == "small"
 
 
 def test_settings_are_json() -> None:
-    told = Settings.of("tiny", weights=Path("w") / "x").to_json()
+    told = ReproductionSettings.of("tiny", weights=Path("w") / "x").to_json()
     assert json.loads(json.dumps(told)) == told and told["weights"] == str(Path("w") / "x")
 
 
@@ -43,4 +43,4 @@ def test_settings_are_json() -> None:
 )
 def test_numbers_out_of_range_are_refused(wrong, said: str) -> None:
     with pytest.raises(UserError, match=said):
-        Settings.of("tiny", **wrong)
+        ReproductionSettings.of("tiny", **wrong)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.vig_train.building.things import folder_of_finned
-from vig_train.building import Builder, BuildSettings, Built
+from vig_train.building import Builder, BuildResult, BuildSettings
 
 SETTINGS = BuildSettings("finned", vertices=600, length=0.3, shows="the fin")
 
@@ -19,7 +19,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def built(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Built, Path]:
+def built(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[BuildResult, Path]:
     """A class of the finned boxes, and its pack."""
     pack = tmp_path_factory.mktemp("packs") / "finned"
     return Builder(folder, pack, SETTINGS, lambda line: None).build(), pack

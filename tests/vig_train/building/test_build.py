@@ -12,13 +12,13 @@ from tests.vig_train.building.conftest import SETTINGS
 from tests.vig_train.building.things import finned
 from vig.io.errors import UserError
 from vig.scene import ObjectClass, Symmetry
-from vig_train.building import Builder, BuildSettings, Built
+from vig_train.building import Builder, BuildResult, BuildSettings
 from vig_train.cli.classes import build
+from vig_train.cli.settings import Build
 from vig_world.assets.held_out import held_out_designs_of
-from vig_world.cli.settings import Build
 
 
-def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[Built, Path]) -> None:
+def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[BuildResult, Path]) -> None:
     result, _ = built
     assert len(result.splits) == 6
     assert set(result.refused) == {"ball.off", "notes.obj"}
@@ -26,10 +26,10 @@ def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[Built, Pat
     assert "triangles" in result.refused["notes.obj"]
 
 
-def test_lying_and_tilted_meshes_stand_with_the_fin_to_the_front(built: tuple[Built, Path]) -> None:
+def test_lying_and_tilted_meshes_stand_with_the_fin_to_the_front(built: tuple[BuildResult, Path]) -> None:
     result, pack = built
     model = ObjectClass.load(pack).shape_model
-    assert result.stood.shape.symmetry == "none" and result.stood.shape.mirror
+    assert result.upright.symmetries.symmetry == "none" and result.upright.symmetries.mirror
     designs = held_out_designs_of(ObjectClass.load(pack))
     assert designs is not None
     for vertices in (model.mean, *designs.vertices):
@@ -40,7 +40,7 @@ def test_lying_and_tilted_meshes_stand_with_the_fin_to_the_front(built: tuple[Bu
         assert np.ptp(fin[:, 1]) < 0.3 * width
 
 
-def test_the_pack_says_what_it_was_told_and_found(built: tuple[Built, Path]) -> None:
+def test_the_pack_says_what_it_was_told_and_found(built: tuple[BuildResult, Path]) -> None:
     _, pack = built
     made = ObjectClass.load(pack)
     assert made.name == "finned" and made.front == "the fin" and made.symmetry is Symmetry.NONE
@@ -53,7 +53,9 @@ def test_the_pack_says_what_it_was_told_and_found(built: tuple[Built, Path]) -> 
         assert (pack / "build" / f"{named}.png").is_file()
 
 
-def test_a_mesh_left_out_is_met_better_by_components_than_by_the_mean(built: tuple[Built, Path]) -> None:
+def test_a_mesh_left_out_is_met_better_by_components_than_by_the_mean(
+    built: tuple[BuildResult, Path],
+) -> None:
     errors = built[0].components.errors
     assert min(errors) < 0.5 * errors[0] and min(errors) < 0.02
 
@@ -61,7 +63,7 @@ def test_a_mesh_left_out_is_met_better_by_components_than_by_the_mean(built: tup
 @pytest.mark.slow
 @pytest.mark.parametrize("stage", ["template", "leave-one-out"])
 def test_a_build_that_was_interrupted_gives_the_same_pack(
-    folder: Path, built: tuple[Built, Path], tmp_path: Path, stage: str
+    folder: Path, built: tuple[BuildResult, Path], tmp_path: Path, stage: str
 ) -> None:
     whole = built[1]
     pack = tmp_path / "pack"

@@ -13,8 +13,8 @@ from tests.toys import toy
 from vig import Explainer
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_paper.cli import class_train
-from vig_train.cli.class_train import DEPENDS, ClassTraining, train_class
+from vig_train.cli import class_train
+from vig_train.cli.class_train import STEP_SETTINGS, ClassTraining, train_class
 from vig_train.cli.settings import TrainClass
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
@@ -106,7 +106,7 @@ def test_a_change_keeps_the_steps_that_do_not_depend_on_it(
 ) -> None:
     other = shutil.copytree(pack, tmp_path / "fin")
     record = ClassTraining(settings(other, **changed), ObjectClass.load(other)).record
-    assert {step for step in DEPENDS if record.complete(step)} == kept
+    assert {step for step in STEP_SETTINGS if record.complete(step)} == kept
     splits = {"training photos": "train", "validation photos": "validation", "test photos": "test"}
     assert read_info(other / "training/photos")["splits"].keys() == {splits[step] for step in kept}
     assert not (other / "training/run").exists()

@@ -10,8 +10,7 @@ import pytest
 from tests.support import TEAPOT
 from vig.scene.object_class import PACKAGED
 from vig_app.cli.main import main
-from vig_paper.cli import train as verb
-from vig_paper.network.training import PaperTrainingSettings
+from vig_train.cli import train as verb
 from vig_train.training.drawing import Drawing
 from vig_train.training.training import TrainingSettings
 
@@ -30,49 +29,32 @@ TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
             ["--studio", "8", "--workers", "2"],
             TrainingSettings(drawing=Drawing(TEAPOT, 8, workers=2), start=TRUNK, trunk_only=True),
         ),
-        (["--net", "paper"], PaperTrainingSettings()),
-        (["--net", "paper", "--epochs", "3", "--seed", "4"], PaperTrainingSettings(epochs=3, seed=4)),
     ],
 )
-def test_each_net_is_trained_with_its_own_defaults(
+def test_the_network_is_trained_as_asked(
     given: list[str], expected: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    seen: list[tuple[str | list[str], object]] = []
+    seen: list[tuple[list[str], object]] = []
 
-    def training(kind: str) -> Any:
-        def trained(datasets: str | list[str], out: Path, settings: object, say: Any, *clock: bool) -> Path:
-            assert clock == (() if kind == "paper" else (True,))
-            seen.append((datasets, settings))
-            say(f"{kind}: epoch 1")
-            return out / "recognition.safetensors"
-
-        return trained
+    def trained(datasets: list[str], out: Path, settings: object, report: Any, progress: bool) -> Path:
+        assert progress
+        seen.append((datasets, settings))
+        report("epoch 1")
+        return out / "recognition.safetensors"
 
     monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
-    monkeypatch.setattr(verb, "train_network", training("vig"))
-    monkeypatch.setattr(verb, "train_paper", training("paper"))
+    monkeypatch.setattr(verb, "train_network", trained)
     with pytest.raises(SystemExit) as ended:
         main(["train", "--class", str(TEAPOT), "--dataset", "D", "--out", str(tmp_path / "w"), *given])
-    kind = "paper" if "paper" in given else "vig"
-    assert ended.value.code == 0 and seen == [("D train" if kind == "paper" else ["D train"], expected)]
+    assert ended.value.code == 0 and seen == [(["D train"], expected)]
     lines = capsys.readouterr().out.splitlines()
-    assert lines == [f"{kind}: epoch 1", str(tmp_path / "w/recognition.safetensors"), str(tmp_path / "w")]
+    assert lines == ["epoch 1", str(tmp_path / "w/recognition.safetensors"), str(tmp_path / "w")]
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        (["--dataset", "D", "E", "--net", "paper"], "--net paper learns from one dataset; got 2. Give one."),
-        (["--dataset"], "expected at least one dataset"),
-    ],
-)
-def test_a_number_of_datasets_that_cannot_be_is_told(
-    given: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
-    monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
+def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["train", *given, "--out", str(tmp_path / "w")])
-    assert ended.value.code == 2 and said in capsys.readouterr().err
+        main(["train", "--dataset", "--out", str(tmp_path / "w")])
+    assert ended.value.code == 2 and "expected at least one dataset" in capsys.readouterr().err
 
 
 def test_several_datasets_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

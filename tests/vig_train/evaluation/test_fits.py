@@ -37,7 +37,7 @@ def run(
         return real(*given)
 
     monkeypatch.setattr(fits, "explain_one", counted)
-    monkeypatch.setattr(fits, "CHUNK", 2)
+    monkeypatch.setattr(fits, "CHUNK_PHOTOS", 2)
 
     def evaluated(data=dataset, path=weights, settings=quick, object_class=teapot) -> int:
         before, told = len(fitted), []
@@ -114,7 +114,7 @@ def test_an_evaluation_on_a_cluster_one_of_whose_nodes_is_killed_has_the_same_fi
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two nodes on this machine; one dies when a chunk of two fits is there. The rest is resumed here."""
-    monkeypatch.setattr(fits, "CHUNK", 2)
+    monkeypatch.setattr(fits, "CHUNK_PHOTOS", 2)
     data, out, here = tmp_path / "data", tmp_path / "out", tmp_path / "here"
     make_dataset(data, 16, 5, split="test", workers=1, progress=False)
     command = ["evaluate", "--dataset", str(data), "--methods", "robust", "gaussian", "--workers", "1"]

@@ -9,7 +9,7 @@ import pytest
 from vig_train.evaluation.paper import (
     COMPARED,
     COUNTERPARTS,
-    Entry,
+    ComparisonCell,
     compare,
     comparison,
     comparison_block,
@@ -95,12 +95,12 @@ def test_each_cell_stands_beside_the_papers() -> None:
     methods, rows = comparison(TABLE)
     assert methods == ["baseline", "rm", "robust"]
     azimuth, shape, segmentation, head = (cells for _, cells in rows)
-    assert azimuth["baseline"] == Entry("90.0", "[45.0, 135.0]")
-    assert azimuth["rm"] == Entry("12.0", "[6.00, 18.0]", "10.7", False)
-    assert azimuth["robust"] == Entry("0.500", "[0.250, 0.750]", "8.55", True)
+    assert azimuth["baseline"] == ComparisonCell("90.0", "[45.0, 135.0]")
+    assert azimuth["rm"] == ComparisonCell("12.0", "[6.00, 18.0]", "10.7", False)
+    assert azimuth["robust"] == ComparisonCell("0.500", "[0.250, 0.750]", "8.55", True)
     assert shape["rm"].passed is None  # the paper's is in no unit
     assert not segmentation["rm"].passed and segmentation["robust"].passed  # more is better
-    assert rows[-1][0] == "rm mask head (IoU)" and head == {"rm": Entry("0.800", "[0.400, 1.20]")}
+    assert rows[-1][0] == "rm mask head (IoU)" and head == {"rm": ComparisonCell("0.800", "[0.400, 1.20]")}
 
 
 def test_the_block_tells_pass_and_fail_in_words() -> None:

@@ -20,7 +20,7 @@ from vig.likelihood import GAUSSIAN, SPATIAL
 from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_app.cli.main import main
-from vig_paper.figures.style import draw
+from vig_paper.figures.style import render_explanations
 from vig_train import METHODS
 from vig_train.evaluation import evaluate, write_csv
 from vig_train.evaluation.protocol import MASK_HEAD, silhouettes
@@ -96,7 +96,7 @@ def test_processes_fit_as_threads_do(
     quick: ExplainSettings,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vig_train.evaluation.fits.LEAST_FOR_PROCESSES", 2)
+    monkeypatch.setattr("vig_train.evaluation.fits.MIN_PHOTOS_FOR_PROCESSES", 2)
     apart = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=2, processes=True)
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(apart["robust"].errors[metric], values)
@@ -117,7 +117,7 @@ def test_silhouettes_of_the_truth_are_nearly_the_datasets_masks(
 def test_a_silhouette_is_as_large_as_what_is_covered(dataset: Dataset, teapot: ObjectClass) -> None:
     """A pixel counts from half coverage on, so that as much is added at edges as is left out."""
     truth = Latents.from_vector(torch.from_numpy(dataset.latents))
-    coverage = draw(truth, teapot)[1]
+    coverage = render_explanations(truth, teapot)[1]
     area, covered = silhouettes(truth, teapot).sum((1, 2)), coverage.sum((1, 2))
     np.testing.assert_allclose(area, covered, rtol=0.003)
     edge = ((coverage > 0.05) & (coverage < 0.95)).sum((1, 2))
@@ -246,14 +246,6 @@ def test_the_command_takes_some_images_and_says_it_in_json(
     table = json.loads(printed)
     assert code == 0 and table["count"] == 2 and table == json.loads((tmp_path / "r/table.json").read_text())
     assert sum(table["bins"]["counts"]) == 3  # whatever the limits
-
-
-def test_the_command_draws_what_it_can(capsys, made: Path, weights: Path, tmp_path: Path) -> None:
-    arguments = ("--dataset", made, "--out", tmp_path / "r", "--weights", weights, "--methods", "rm")
-    code, _, _ = run(capsys, *arguments, "--limit", 2, "--max-occlusion", 1, "--figures")
-    drawn = {path.name for path in (tmp_path / "r").iterdir() if path.suffix in (".png", ".webp")}
-    figures = {"figure3.png", "figure3_bins.png", "figure4.png", "figure4_worst.png", "figure5.png"}
-    assert code == 0 and drawn == figures | {"reliability.png"}
 
 
 @pytest.mark.parametrize("wrong", ["occlusion", "range", "none", "limit", "out", "split", "weights", "modes"])

@@ -11,7 +11,7 @@ from vig_train.evaluation import MethodResult, statistics
 
 
 def drawn(count: int, resamples: int = 1000) -> np.ndarray:
-    return statistics.resampled(count, np.random.default_rng(5), resamples)
+    return statistics.bootstrap_indices(count, np.random.default_rng(5), resamples)
 
 
 def stating(latents: np.ndarray, deviation: np.ndarray, **errors: np.ndarray) -> MethodResult:
@@ -21,13 +21,15 @@ def stating(latents: np.ndarray, deviation: np.ndarray, **errors: np.ndarray) ->
 
 def test_ranges_take_their_upper_end_and_zero() -> None:
     occlusion = np.array([0.0, 0.15, 0.16, 0.3])
-    assert statistics.within(occlusion, 0.0, 0.15).tolist() == [True, True, False, False]
-    assert statistics.within(occlusion, 0.15, 0.3).tolist() == [False, False, True, True]
+    assert statistics.within_occlusion(occlusion, 0.0, 0.15).tolist() == [True, True, False, False]
+    assert statistics.within_occlusion(occlusion, 0.15, 0.3).tolist() == [False, False, True, True]
 
 
 def test_every_image_up_to_the_last_bin_is_in_one_bin() -> None:
     occlusion = np.linspace(0, 0.9, 200)
-    assert sum(statistics.within(occlusion, *each).sum() for each in statistics.BINS) == 200
+    assert (
+        sum(statistics.within_occlusion(occlusion, *each).sum() for each in statistics.OCCLUSION_BINS) == 200
+    )
 
 
 def test_errors_by_occlusion() -> None:
@@ -43,28 +45,28 @@ def test_errors_by_occlusion() -> None:
 
 
 def test_failures_are_counted_beyond_thirty_degrees() -> None:
-    found = statistics.failure(np.array([30.0, 31.0, 0.0, 179.0]), drawn(4))
+    found = statistics.failure_rate(np.array([30.0, 31.0, 0.0, 179.0]), drawn(4))
     assert (found["count"], found["rate"]) == (2, 0.5) and found["ci95"] == [0.0, 1.0]
 
 
 def test_the_rates_interval_has_the_width_of_theory() -> None:
     # A rate of 0.2 among 1,000: standard error sqrt(0.2 x 0.8 / 1000) = 0.0126, the interval 0.0496 wide.
     azimuth = np.where(np.arange(1000) < 200, 90.0, 1.0)
-    low, high = statistics.failure(azimuth, drawn(1000))["ci95"]
+    low, high = statistics.failure_rate(azimuth, drawn(1000))["ci95"]
     assert low < 0.2 < high and high - low == pytest.approx(0.0496, rel=0.1)
 
 
 def test_pairs_that_differ_by_a_constant_are_told_apart_within_their_scatter() -> None:
     # Values scatter by 10, differences by nothing: a paired test sees 0.5 at once.
     first = np.random.default_rng(1).normal(scale=10, size=50)
-    found = statistics.paired(first + 0.5, first, drawn(50))
+    found = statistics.paired_difference(first + 0.5, first, drawn(50))
     assert found["median_difference"] == pytest.approx(0.5) and found["mean_difference"] == pytest.approx(0.5)
     np.testing.assert_allclose(found["ci95"] + found["mean_ci95"], [0.5] * 4)
     assert found["p"] < 1e-8
 
 
 def test_pairs_alike_have_no_difference() -> None:
-    found = statistics.paired(np.ones(5), np.ones(5), drawn(5))
+    found = statistics.paired_difference(np.ones(5), np.ones(5), drawn(5))
     assert found == {
         "median_difference": 0,
         "ci95": [0, 0],
@@ -77,7 +79,7 @@ def test_pairs_alike_have_no_difference() -> None:
 def test_wilcoxon_by_hand() -> None:
     # All of five differences are positive: one of 2^5 sign patterns, twice for both sides.
     first = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
-    assert statistics.paired(first, np.zeros(5), drawn(5))["p"] == pytest.approx(2 / 32)
+    assert statistics.paired_difference(first, np.zeros(5), drawn(5))["p"] == pytest.approx(2 / 32)
 
 
 def test_later_methods_are_tested_against_earlier_ones_where_both_have_a_metric() -> None:
@@ -96,7 +98,7 @@ def test_standardised_errors_go_round_the_circle() -> None:
     truth[0, 0], found[0, 3] = 3.0, 1.0
     deviation = np.full((1, 24), 0.5)
     deviation[0, 3:5] = 0.0  # stated as certain: wrong in one, right in the other
-    standard = statistics.standardised(stating(found, deviation), truth)[0]
+    standard = statistics.standardised_errors(stating(found, deviation), truth)[0]
     assert standard[10] == pytest.approx(0.4) and standard[0] == 6.0
     assert standard[3] == np.inf and standard[4] == 0
 
@@ -107,7 +109,9 @@ def test_coverage_of_honest_and_of_boastful_deviations() -> None:
     truth = np.random.default_rng(2).normal(size=(4000, 24)) * 0.3
     deviation = np.full((4000, 24), 0.3)
     deviation[:, 11] /= 2
-    held = statistics.coverage(statistics.standardised(stating(np.zeros((4000, 24)), deviation), truth))
+    held = statistics.coverage(
+        statistics.standardised_errors(stating(np.zeros((4000, 24)), deviation), truth)
+    )
     assert held["azimuth"] == pytest.approx(0.9, abs=0.02) and held["light"] == pytest.approx(0.9, abs=0.01)
     assert held["elevation"] == pytest.approx(0.589, abs=0.03)
     assert set(held) == {
@@ -132,7 +136,7 @@ def test_pooled_coverage_is_the_mean_of_its_components() -> None:
 
 def test_what_states_nothing_has_no_coverage() -> None:
     with pytest.raises(ValueError, match="with latents and their deviations"):
-        statistics.standardised(MethodResult({}, [""]), np.zeros((1, 24)))
+        statistics.standardised_errors(MethodResult({}, [""]), np.zeros((1, 24)))
 
 
 def test_verdicts_and_what_trust_is_worth() -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 from vig.io.errors import UserError
 from vig_train.evaluation import METRICS, blocks, build_table, markdown_table, save_table, summarise
 from vig_train.evaluation.protocol import MASK_HEAD
-from vig_train.evaluation.statistics import BINS, LEVELS
+from vig_train.evaluation.statistics import OCCLUSION_BINS, OCCLUSION_LEVELS
 from vig_world.dataset import Dataset
 
 
@@ -131,8 +131,10 @@ def test_the_table_has_every_part_and_is_json(results, dataset: Dataset, tmp_pat
     pairs = {(test["method"], test["against"]) for test in table["tests"]}
     assert len(pairs) == 6 and not any(MASK_HEAD in pair or "baseline" in pair for pair in pairs)
     assert sum(table["bins"]["counts"]) == len(dataset) == table["count"]
-    assert len(table["levels"]["counts"]) == len(LEVELS) and table["levels"]["counts"][-1] == len(dataset)
-    assert len(table["bins"]["rows"]["azimuth_deg"]["robust"]) == len(BINS)
+    assert len(table["levels"]["counts"]) == len(OCCLUSION_LEVELS) and table["levels"]["counts"][-1] == len(
+        dataset
+    )
+    assert len(table["bins"]["rows"]["azimuth_deg"]["robust"]) == len(OCCLUSION_BINS)
     assert MASK_HEAD in table["bins"]["rows"]["segmentation_iou"]
 
 

@@ -8,8 +8,8 @@ import torch
 
 from vig.scene import ObjectClass
 from vig.scene.symmetry import Symmetry
-from vig_train.packs.mug import DRAWN, EXEMPLARS, MODES, held_out_designs, vertices_of
-from vig_train.packs.shapes import of_size
+from vig_train.packs.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS, held_out_designs, vertices_of
+from vig_train.packs.shapes import relative_distance
 from vig_world.assets.designs.crossings import crossings
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.mugs import HELD_OUT_MUGS, MUG_FACES, MUG_PARTS, PART_NAMES, VALIDATION_MUGS
@@ -36,11 +36,13 @@ def test_the_pack_is_found_by_its_name(mug: ObjectClass) -> None:
 
 def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
     held = held_out_designs_of(mug)
-    assert held is not None and EXEMPLARS <= DRAWN
-    assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * (112 + EXEMPLARS)
+    assert held is not None and TRAINING_SCENE_DESIGNS <= DRAWN_DESIGNS
+    assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * (112 + TRAINING_SCENE_DESIGNS)
     named = vertices_of(HELD_OUT_MUGS + VALIDATION_MUGS)
     np.testing.assert_allclose(held.vertices[: len(named)], named, atol=1e-6)
-    assert held.names[:2] == ("harvest", "cottage") and held.names[-1] == f"drawn 0.{EXEMPLARS - 1}"
+    assert (
+        held.names[:2] == ("harvest", "cottage") and held.names[-1] == f"drawn 0.{TRAINING_SCENE_DESIGNS - 1}"
+    )
 
 
 @pytest.mark.slow
@@ -52,7 +54,7 @@ def test_the_designs_are_those_that_the_builder_makes(mug: ObjectClass) -> None:
 
 @pytest.mark.parametrize("designs", [HELD_OUT_MUGS, VALIDATION_MUGS], ids=["test", "validation"])
 def test_designs_beyond_training_are_within_a_hundredth_of_their_size(mug: ObjectClass, designs) -> None:
-    errors = [of_size(mug.shape_model, vertices_of(designs), count) for count in (4, 8, MODES)]
+    errors = [relative_distance(mug.shape_model, vertices_of(designs), count) for count in (4, 8, MODES)]
     assert errors[0] > errors[1] > errors[2] and errors[2] < 0.01
 
 

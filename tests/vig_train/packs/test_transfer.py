@@ -13,8 +13,8 @@ from vig.scene.object_class import TRANSFER_FILE
 from vig_train.packs.transfer import (
     Occlusion,
     cosine_directions,
+    fill_from_neighbours,
     neighbours_of,
-    spread,
     transfer_model,
     unoccluded,
 )
@@ -94,7 +94,7 @@ def test_spread_goes_ring_by_ring() -> None:
     strip = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])
     values = np.array([[6.0], [2.0], [0.0], [0.0], [9.0]])
     missing = np.array([False, False, True, True, True])
-    filled = spread(values, missing, neighbours_of(strip, 5))
+    filled = fill_from_neighbours(values, missing, neighbours_of(strip, 5))
     # Vertex 2 has the known neighbours 0 and 1, vertex 3 only 1; then 4 has 2 and 3.
     assert filled.ravel().tolist() == [6.0, 2.0, 4.0, 2.0, 3.0]
 

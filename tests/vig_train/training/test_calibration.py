@@ -14,7 +14,7 @@ from tests.vig_train.training.test_training import tiny_dataset
 from vig.io.errors import UserError
 from vig.recognition import NetworkCalibration, RecognitionNetwork, Recognizer
 from vig.scene import Latents, linear_from_srgb
-from vig_train.training.calibration import calibrate_network, temperature, widening
+from vig_train.training.calibration import calibrate_network, deviation_factors, fit_temperature
 from vig_train.training.checkpoint import save_weights
 from vig_train.training.targets import numbers_of
 
@@ -24,17 +24,17 @@ def test_temperature_undoes_a_factor_of_the_logits() -> None:
     logits = torch.randn(20000, 6, generator=generator)
     drawn = torch.multinomial(logits.softmax(1), 1, generator=generator)[:, 0]
     labels = torch.nn.functional.one_hot(drawn, 6).float()
-    assert float(temperature(3 * logits, labels)) == pytest.approx(3, rel=0.08)
+    assert float(fit_temperature(3 * logits, labels)) == pytest.approx(3, rel=0.08)
 
 
 def test_widening_makes_nine_in_ten_intervals_hold() -> None:
     error = torch.randn(50000, 2, generator=torch.Generator().manual_seed(0)) * torch.tensor([2.0, 0.5])
-    assert widening(error, torch.ones(50000, 2)).tolist() == pytest.approx([2.0, 0.5], rel=0.03)
+    assert deviation_factors(error, torch.ones(50000, 2)).tolist() == pytest.approx([2.0, 0.5], rel=0.03)
 
 
 def test_what_never_varies_keeps_half_of_its_stated_deviation() -> None:
     error = torch.tensor([0.0, 0.3]).expand(100, -1)
-    assert widening(error, torch.ones(100, 2)).tolist() == [0.5, 0.5]
+    assert deviation_factors(error, torch.ones(100, 2)).tolist() == [0.5, 0.5]
 
 
 def test_weights_are_calibrated_in_place(tmp_path: Path) -> None:

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from tests.vig_train.training.test_training import InMemory, tiny_dataset
-from vig_train.training.examples import HELD_SHARE, hold_out
+from vig_train.training.examples import HELD_OUT_SHARE, hold_out
 
 
 def test_no_room_is_both_trained_on_and_validated_on(tmp_path: Path) -> None:
     """40 photos in eight rooms: a room has an eighth of them, which is enough."""
     dataset = tiny_dataset(tmp_path)
     rooms = np.array([spec.room.layout for spec in dataset.specs()])
-    trained, held = hold_out([dataset], most=40)
+    trained, held = hold_out([dataset], max_validation=40)
     assert not set(rooms[trained]) & set(rooms[held])
-    assert len(held) >= HELD_SHARE * len(rooms)
+    assert len(held) >= HELD_OUT_SHARE * len(rooms)
     assert sorted([*trained, *held]) == list(range(len(rooms)))
     assert len(set(rooms[held])) == 1, "no more rooms than are needed"
 
@@ -27,7 +27,7 @@ def test_a_room_that_is_held_out_of_one_dataset_is_held_out_of_all(tmp_path: Pat
     first = tiny_dataset(tmp_path / "first")
     second = replace(first)
     rooms = np.array([spec.room.layout for spec in first.specs()] * 2)
-    trained, held = hold_out([first, second], most=80)
+    trained, held = hold_out([first, second], max_validation=80)
     assert sorted([*trained, *held]) == list(range(80))
     assert not set(rooms[trained]) & set(rooms[held])
     assert {index % 40 for index in held if index < 40} == {index % 40 for index in held if index >= 40}
@@ -37,7 +37,7 @@ def test_what_is_not_validated_on_is_not_trained_on_either(tmp_path: Path) -> No
     """At most two photos of the room that is held out are looked at; the others are left out."""
     dataset = tiny_dataset(tmp_path)
     rooms = np.array([spec.room.layout for spec in dataset.specs()])
-    trained, held = hold_out([dataset], most=2)
+    trained, held = hold_out([dataset], max_validation=2)
     assert len(held) == 2 and len(trained) == 35
     assert not set(rooms[trained]) & set(rooms[held])
 
@@ -46,5 +46,5 @@ def test_a_single_room_gives_its_last_tenth(tmp_path: Path, monkeypatch: pytest.
     dataset = tiny_dataset(tmp_path)
     first = dataset.specs()[0]
     monkeypatch.setattr(InMemory, "specs", lambda self: [first] * len(self))
-    trained, held = hold_out([dataset], most=40)
+    trained, held = hold_out([dataset], max_validation=40)
     assert held.tolist() == [36, 37, 38, 39] and trained.tolist() == list(range(36))

@@ -11,7 +11,7 @@ import torch
 from vig.recognition.network import Heads
 from vig.scene import Symmetry
 from vig_train.training.augmentation import Batch
-from vig_train.training.training import Schedule, losses, total
+from vig_train.training.training import Schedule, losses, weighted_sum
 
 
 def heads(mask: torch.Tensor) -> Heads:
@@ -70,7 +70,7 @@ def test_cells_about_the_object_weigh_three_times_as_much() -> None:
 def test_the_total_weighs_the_parts() -> None:
     names = ("azimuth", "numbers", "mask", "roll", "presence")
     parts = {name: torch.tensor(10.0**power) for power, name in enumerate(names)}
-    assert float(total(parts)) == pytest.approx(1 + 20 + 200 + 1000 + 3000)
+    assert float(weighted_sum(parts)) == pytest.approx(1 + 20 + 200 + 1000 + 3000)
 
 
 def test_the_learning_rate_rises_for_a_twentieth_and_falls_to_a_hundredth() -> None:

@@ -12,7 +12,7 @@ import torch
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass
 from vig_train.training.drawing import studio_examples
-from vig_train.training.snapshots import continued
+from vig_train.training.snapshots import continue_border
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 
 PLAIN = StudioSettings(
@@ -36,7 +36,7 @@ def test_an_image_is_a_pure_function_of_seed_and_index(teapot: ObjectClass, stud
 def test_an_image_that_fails_is_drawn_anew_from_its_next_stream(
     studio: Studio, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    draw, calls = Studio._drawn, []
+    draw, calls = Studio._draw_once, []
 
     def failing(self: Studio, rng: np.random.Generator) -> StudioImage:
         calls.append(rng.bit_generator.seed_seq.spawn_key)
@@ -45,11 +45,11 @@ def test_an_image_that_fails_is_drawn_anew_from_its_next_stream(
         return draw(self, rng)
 
     first = studio.draw(3, 5)
-    monkeypatch.setattr(Studio, "_drawn", failing)
+    monkeypatch.setattr(Studio, "_draw_once", failing)
     assert not np.array_equal(studio.draw(3, 5).image, first.image)
     assert calls == [(), (1,), (2,)]
     assert capsys.readouterr().err == 2 * "studio image 5 is drawn anew: ValueError('no place for it')\n"
-    monkeypatch.setattr(Studio, "_drawn", lambda self, rng: 1 / 0)
+    monkeypatch.setattr(Studio, "_draw_once", lambda self, rng: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         studio.draw(3, 5)
 
@@ -139,7 +139,7 @@ def test_borders_are_continued_outside_the_object() -> None:
     cover[60:100, 50:90] = True
     changed = 0
     for _ in range(20):
-        made = continued(rng, image, cover)
+        made = continue_border(rng, image, cover)
         np.testing.assert_array_equal(made[cover], image[cover])
         off = (made != image).any(2)
         changed += off.any()

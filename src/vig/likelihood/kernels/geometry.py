@@ -8,7 +8,8 @@ import numpy as np
 import torch
 import warp as wp
 
-from vig.likelihood.kernels.groups import RowLayout, kernel_types
+from vig.likelihood.kernels.layout import RowLayout
+from vig.likelihood.kernels.load import likelihood_kernels
 from vig.renderer.device import warp_array
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
@@ -59,7 +60,7 @@ class Geometry:
         self.faces, self.edges, self.ring_start, self.ring = (
             torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
         )
-        types = kernel_types(dtype, model.modes)
+        types = likelihood_kernels(dtype, model.modes)
         self.basis_wp = warp_array(self.basis, types.shape_row)
         self.transfer_mean_wp = warp_array(self.transfer_mean, types.lobe_vector)
         self.transfer_by_shape_wp = warp_array(self.transfer_by_shape, types.shape_row)

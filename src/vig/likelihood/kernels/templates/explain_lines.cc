@@ -83,7 +83,7 @@ while (true) {
         const real error_g = c_g[lane] - green * seen;
         const real error_b = c_b[lane] - blue * seen;
         const real square = error_r * error_r + error_g * error_g + error_b * error_b;
-        const real inlier = log_seen[lane] + normaliser - square * half_precision;
+        const real inlier = log_seen[lane] + normaliser + LOG_DENSITY(square * half_precision);
         const real gap = inlier - log_hidden[lane];
         const real far = gap < 0 ? -gap : gap;
         const real t = far < FARTHEST ? far : FARTHEST;
@@ -112,7 +112,7 @@ while (true) {
         const bool counted = lane < count;
         total[lane] += counted ? (gap < 0 ? log_hidden[lane] : inlier) + log_1_r - log_else[lane] : 0;
         const bool weighs = counted & (share > NEGLIGIBLE);
-        const real weight = weighs ? 2 * half_precision * share : 0;
+        const real weight = weighs ? 2 * half_precision * share * PULL(square * half_precision) : 0;
         painted_r[lane] += weight * error_r * seen;
         painted_g[lane] += weight * error_g * seen;
         painted_b[lane] += weight * error_b * seen;

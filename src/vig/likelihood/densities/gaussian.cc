@@ -1,0 +1,2 @@
+#define LOG_DENSITY(s) (-(s))
+#define PULL(s) real(1)

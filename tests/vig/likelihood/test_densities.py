@@ -1,0 +1,55 @@
+"""Every density of the noise: kernels against its reference, and its gradient."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from vig.likelihood import Likelihood, Photos, PixelModel, mixture
+from vig.likelihood.densities import NAMES, density_of
+
+SIGMA = 0.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_integral_is_one(name: str) -> None:
+    """Over the radius r of the error: 4 pi r^2 p(r) dr, with sigma 1."""
+    radius = torch.linspace(0, 400, 400_001, dtype=torch.float64)[1:]
+    density = density_of(name)
+    p = torch.exp(density.log_density(radius**2 / 2) - density.LOG_UNIT)
+    assert float(torch.trapezoid(4 * np.pi * radius**2 * p, radius)) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) -> None:
+    rng = np.random.default_rng(0)
+    latents = studio.latents(rng)
+    _, coverage, colour = studio.render(latents)
+    photo = colour + (1 - coverage[..., None]) * studio.blocks(rng)
+    log_prior = studio.pixels.log_prior(studio.camera.height, studio.camera.width)
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior[None]), density=name)
+    guess = studio.near(rng, latents)
+    whose = studio.whose(1, SIGMA)
+    seen = likelihood(guess, torch.zeros(1, 4, dtype=torch.float64), *whose)
+    inside = seen.coverage[0] == 1
+    rendered = seen.irradiance[0, ..., None] * guess.albedo[0]
+    _, visible = mixture(photo[0], rendered, log_prior, SIGMA, name)
+    torch.testing.assert_close(seen.posterior[0][inside], visible[inside])
+
+    layout = likelihood.layout
+    point = torch.cat([guess.to_vector(), torch.zeros(1, layout.count("framing"), dtype=torch.float64)], 1)
+    gradient = likelihood.at(point, *whose).gradient[0]
+    for column in layout.indices("azimuth", "elevation", "albedo", "light"):
+        step = torch.zeros_like(point)
+        step[0, column] = 1e-6
+        ends = [likelihood.at(point + sign * step, *whose, derivatives=False).value for sign in (1, -1)]
+        assert float(gradient[column]) == pytest.approx(float(ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-2)
+
+
+def test_an_unknown_one_is_refused() -> None:
+    with pytest.raises(ValueError, match="density must be one of gaussian; got 'cauchy'"):
+        dataclasses.replace(PixelModel(0.03, 0.9), density="cauchy")
