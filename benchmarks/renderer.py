@@ -1,7 +1,7 @@
 """Our evaluation beside other differentiable renderers: `python -m benchmarks.renderer [--json FILE]`.
 
 The same teapot, camera and image size for all, in one process, on one thread and then on two, two meshes and
-three image sizes, the measurements interleaved. What is compared and what is not: docs/benchmarks.md.
+three image sizes, the measurements interleaved. What is compared and what is not: docs/results.md.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Makes the packaged example photos (`src/vig_app/examples`): path-traced, photographed test scenes.
 
-    VIG_BLENDER_PYTHON=blender/bin/python python examples/make_examples.py      # to install: docs/cycles.md
+    VIG_BLENDER_PYTHON=blender/bin/python python examples/make_examples.py      # to install: docs/world.md
 
 writes photos, masks, truth.json and shapes.safetensors and prints a table, in some five minutes. The photos
 are chosen by a rule, before anything is fitted to them: for each level of LEVELS in turn, the first sample of

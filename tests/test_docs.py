@@ -1,15 +1,18 @@
 """The documentation keeps up with the code: links lead somewhere, code runs, commands parse, numbers hold."""
 
 import ast
+import math
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from fractions import Fraction
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,12 +21,22 @@ from packaging.version import Version
 from PIL import Image
 
 import vig
+from vig.inference import ExplainSettings, Stage
+from vig.inference.settings import PHOTO, PICTURE
 from vig.io.errors import UserError
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL
+from vig.likelihood.spatial import SpatialMask
 from vig.scene import latent_layout
+from vig.scene.latents import FRAMING
 from vig.scene.object_class import PACKAGED
+from vig.search import Annealed, Budget, LevenbergMarquardt
 from vig_app.cli.common import verbs_of_packages
 from vig_app.cli.main import VERBS
 from vig_app.cli.main import _parsed as parsed
+from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
+from vig_train.training.drawing import Drawing
+from vig_train.training.studio import StudioSettings
+from vig_train.training.training import TrainingSettings
 from vig_world.generation.write import make_dataset
 from vig_world.renderers.cycles.renderer import find_python
 
@@ -72,7 +85,7 @@ def test_links_and_pictures_are_there(page: Path) -> None:
 
 @each(CURRENT)
 def test_names_of_the_packages_in_code_quotes_exist(page: Path) -> None:
-    quoted = re.findall(r"`(vig(?:_world|_lab)?(?:\.\w+)+)[`(]", page.read_text())
+    quoted = re.findall(r"`(vig(?:_app|_world|_train|_paper)?(?:\.\w+)+)[`(]", page.read_text())
     files = {name for name in quoted if name.endswith((".toml", ".md"))} | {"vig.verbs"}
     assert sorted({name for name in quoted if name not in files and unresolved(name)}) == []
 
@@ -111,7 +124,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @each([page for page in CURRENT if python_blocks(page.read_text())])
 def test_code_blocks_run_as_printed(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if page.name == "cycles.md":
+    if page.name == "world.md":
         try:
             find_python()
         except UserError as error:
@@ -130,7 +143,7 @@ def test_positions_of_the_glb_come_onto_the_object_as_the_page_says(
     names: dict[str, Any] = {}
     (block,) = python_blocks((ROOT / "docs/explanation.md").read_text())
     exec(block, names)
-    x, y, width, height = names["said"]["box"]
+    x, y, width, height = names["explained"]["box"]
     ends = [(places.min(), places.max()) for places in (names["columns"], names["rows"])]
     np.testing.assert_allclose(ends, [(x, x + width), (y, y + height)], atol=2)
 
@@ -164,6 +177,107 @@ def test_options_of_quoted_commands_exist(page: Path, capsys: pytest.CaptureFixt
     for command in re.findall(r"`(vig [a-z][^`]*)`", page.read_text()):
         said = refusal(re.sub(r"\b[NS]\b", "1", command), capsys)
         assert not re.search("Unrecognized|Value error|Invalid choice", said), said
+
+
+SETTINGS: dict[str, Any] = {
+    "PHOTO": SimpleNamespace(**PHOTO),
+    "PICTURE": SimpleNamespace(**PICTURE),
+    "ROBUST": ROBUST,
+    "GAUSSIAN": GAUSSIAN,
+    "SPATIAL": SPATIAL,
+    "FRAMING": FRAMING,
+} | {
+    kind.__name__: kind
+    for kind in (
+        ExplainSettings, SpatialMask, LevenbergMarquardt, Annealed, Budget, Dogleg, LBFGS, BFGS,
+        ConjugateGradient, GradientDescent, TrainingSettings, Drawing, StudioSettings,
+    )
+}  # fmt: skip
+"""What pages call by its own name; whatever else they name in full, from its package on."""
+STATEMENT = re.compile(r"`([A-Za-z_]\w*(?:\.\w+)+) = ([^`=]+)`")
+"""A default that a page states, such as `ExplainSettings.azimuth_weight = 100.0`; angles in degrees."""
+
+
+def statements(text: str) -> list[tuple[str, str]]:
+    """Names and values of the defaults that a page states."""
+    found: list[tuple[str, str]] = STATEMENT.findall(text)
+    return [
+        (name, value) for name, value in found if name.split(".")[0] in SETTINGS or name.startswith("vig")
+    ]
+
+
+def in_code(name: str) -> Any:
+    """What the code has under a name; a dataclass's default is its attribute. AttributeError when nothing."""
+    first, *rest = name.split(".")
+    if first in SETTINGS:
+        found = SETTINGS[first]
+    else:
+        module, _, last = name.rpartition(".")
+        found, rest = import_module(module), [last]
+    for part in rest:
+        found = getattr(found, part)
+    return found
+
+
+def mistaken(stated: list[tuple[str, str]]) -> list[str]:
+    """Statements that are not what the code has."""
+    wrong = []
+    for name, value in stated:
+        try:
+            there = in_code(name)
+        except (AttributeError, ModuleNotFoundError):
+            wrong.append(f"{name} does not exist")
+            continue
+        if value.endswith(" degrees"):
+            right = math.isclose(math.degrees(there), float(value.removesuffix(" degrees")), rel_tol=1e-5)
+        else:
+            said = ast.literal_eval(value)
+            right = said == there and isinstance(said, bool) == isinstance(there, bool)
+        if not right:
+            wrong.append(f"{name} = {there!r}, where the page states {value}")
+    return wrong
+
+
+@each([page for page in CURRENT if statements(page.read_text())])
+def test_defaults_that_pages_state_are_those_of_the_code(page: Path) -> None:
+    assert mistaken(statements(page.read_text())) == []
+
+
+def numbers_of(name: str) -> set[str]:
+    """The names of the settings that have a number or a switch by default."""
+    values = vars(SETTINGS[name])
+    return {
+        f"{name}.{key}" for key, value in values.items() if isinstance(value, int | float) and key[0] != "_"
+    }
+
+
+@pytest.mark.parametrize(
+    "name", ["PHOTO", "PICTURE", "ROBUST", "GAUSSIAN", "SPATIAL", "SpatialMask", "ExplainSettings",
+             "TrainingSettings", "StudioSettings"]
+)  # fmt: skip
+def test_pages_state_every_default(name: str) -> None:
+    """So that a setting that is added or renamed changes a page; `untold` follows from class or weights."""
+    stated = {name for page in CURRENT for name, _ in statements(page.read_text())}
+    untold = {"TrainingSettings.trunk_only", "TrainingSettings.mirror", "ExplainSettings.calibrated"}
+    assert numbers_of(name) - stated - untold == set()
+
+
+def test_stages_are_stated_as_they_are() -> None:
+    text = (ROOT / "docs/objective.md").read_text()
+    rows = re.findall(r"^\| `(Stage\([^`]*\))` \|(.*)\|$", text, re.MULTILINE)
+    stages = tuple(eval(stage, {"Stage": Stage}) for stage, _ in rows)
+    assert stages == ExplainSettings.stages
+    for stage, (_, cells) in zip(stages, rows, strict=True):
+        starts, steps, noise, size, tolerance = (float(Fraction(cell.strip())) for cell in cells.split("|"))
+        assert Stage(int(starts), int(steps), noise, size, tolerance) == stage
+
+
+def test_a_changed_number_of_a_page_or_of_the_code_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = "`PHOTO.prior_weight = 20.0`, `ExplainSettings.azimuth_weight = 100.0`, `SPATIAL.gone = 1`"
+    assert mistaken(statements(page)) == ["SPATIAL.gone does not exist"]
+    assert len(mistaken(statements(page.replace("100.0", "10.0")))) == 2
+    monkeypatch.setattr(ExplainSettings, "azimuth_weight", 50.0)
+    assert len(mistaken(statements(page))) == 2
 
 
 def test_numbers_of_latents_are_those_of_the_packaged_classes() -> None:

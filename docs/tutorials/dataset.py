@@ -148,6 +148,5 @@ print(f"IoU of unseen pictures by the network: {overlap(guessed, truth):.2f}")
 # %% [markdown]
 # With 240 images and half a minute it is a beginning; it grows with both. More
 # images, path-traced ones (`--tier cycles`) and your own panoramas and things:
-# [datasets](../../dataset/), [the world](../../world/), [path
-# tracing](../../cycles/), [light](../../light/). vig's own network is trained by
-# `vig train`.
+# [datasets](../../dataset/), [the world](../../world/). vig's own network is
+# trained by `vig train`.

@@ -40,7 +40,7 @@ Image.fromarray(found.panels())
 # ## What else it may be
 #
 # A photo can have more than one explanation. The others come with their
-# probabilities, and one can be chosen ([putting a fit right](../../hints/)).
+# probabilities, and one can be chosen ([correcting a fit](../../hints/)).
 
 # %%
 for other in found.alternatives:

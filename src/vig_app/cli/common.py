@@ -60,7 +60,7 @@ class Fit:
     """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
     hidden or visible together; gaussian takes all of the object as visible."""
     no_self_shadow: bool = False
-    """Shade without self-shadowing and interreflection; docs/self_shadow.md."""
+    """Shade without self-shadowing and interreflection; docs/objective.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"
     """Fit the image's shift and magnification too? auto: yes."""
     workers: int = 1
@@ -68,7 +68,7 @@ class Fit:
     cluster: str | None = None
     """Address of a Ray cluster that does the work, in place of workers; auto: that of this machine."""
     device: str = "cpu"
-    """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/devices.md."""
+    """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/index.md."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     export: tuple[Literal["bop", "coco", "nerfstudio", "ros", "usd"], ...] = ()

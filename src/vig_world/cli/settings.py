@@ -41,7 +41,7 @@ class Make:
     props: Path | None = None
     """Folder of custom props (.glb, .gltf, .obj, .ply, .off, .stl) in place of the built-in ones."""
     furniture: Path | None = None
-    """Folder of custom furniture, which replaces built-in furniture of the same family; see docs/light.md."""
+    """Folder of custom furniture, which replaces built-in furniture of the same family; see docs/world.md."""
     workers: int | None = None
     """Number of processes; by default one per core."""
     ray: str | None = None

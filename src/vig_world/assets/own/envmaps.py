@@ -96,7 +96,7 @@ def bpy_panoramas(python: str | Path | None = None) -> Path:
     if not folders:
         where = "this Python" if python is None else str(python)
         raise UserError(
-            f"{where} has no bpy with panoramas. Install bpy (docs/cycles.md) and set VIG_BLENDER_PYTHON to"
+            f"{where} has no bpy with panoramas. Install bpy (docs/world.md) and set VIG_BLENDER_PYTHON to"
             " the Python that has it."
         )
     return folders[-1]

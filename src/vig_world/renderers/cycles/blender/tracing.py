@@ -69,7 +69,7 @@ def clear() -> None:
 
 
 def settle(scene: bpy.types.Scene, header: dict[str, Any], threads: int) -> None:
-    """Set up the path tracer; docs/cycles.md lists the cost of each setting."""
+    """Set up the path tracer; docs/world.md describes what is rendered."""
     scene.render.engine = "CYCLES"
     scene.render.threads_mode, scene.render.threads = "FIXED", threads
     scene.render.resolution_percentage = 100
