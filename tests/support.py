@@ -2,10 +2,28 @@
 
 from pathlib import Path
 
+import torch
+
 from vig.recognition import NetworkSettings
+from vig.scene import Latents, latent_layout, point_layout
 
 TEAPOT = Path(__file__).parent / "packs" / "teapot"
 """A pack without weights: the teapots of 0.1, with 10 components, of which many tests state numbers."""
+
+POINT = point_layout(10)
+"""The layout of a fit's points for that pack."""
+LATENT_PLACES = POINT.indices(*(block.name for block in latent_layout(10).blocks))
+"""Where a point has its latents."""
+
+
+def points_of(latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
+    """Points (B, P') of latents and framing (B, 4); further blocks are 0."""
+    points = latents.to_vector().new_zeros(len(latents), POINT.size)
+    points[:, LATENT_PLACES] = latents.to_vector()
+    if framing is not None:
+        points[:, POINT["framing"]] = framing
+    return points
+
 
 LOW_CONTRAST = """
 () => {

@@ -149,9 +149,15 @@ class Likelihood:
         images: bool = True,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise."""
-        parts = latent_layout(latents.shape.shape[1]).split(latents.to_vector())
-        points = self.layout.join(parts | {"framing": framing})
+        """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise.
+
+        Numbers of further blocks of the layout are 0.
+        """
+        vector = latents.to_vector()
+        points = vector.new_zeros(len(vector), self.layout.size)
+        parts = latent_layout(latents.shape.shape[1]).split(vector) | {"framing": framing}
+        for name, numbers in parts.items():
+            points[:, self.layout[name]] = numbers.to(points)
         return self.at(points, photo, sigma, derivatives, images, curvature)
 
     def at(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import POINT, points_of
 from vig.inference import Objective, RecognitionPrior
 from vig.inference.objective import Prior
 from vig.scene import Latents, ObjectClass, rotate_z
@@ -24,10 +25,10 @@ def test_a_point_is_the_latents_then_the_framing(studio, objective: Objective) -
     latents = studio.latents(np.random.default_rng(1), 4)
     framing = torch.full((4, 4), 0.01, dtype=torch.float64)
     points = objective.point(latents, framing)
-    assert points.shape == (4, objective.layout.size) == (4, 28)
-    torch.testing.assert_close(points, torch.cat([latents.to_vector(), framing], dim=1))
+    torch.testing.assert_close(points, points_of(latents, framing))
+    torch.testing.assert_close(objective.framing(points), framing)
     torch.testing.assert_close(objective.latents(points).to_vector(), latents.to_vector())
-    assert not objective.point(latents)[:, -4:].any()
+    assert not objective.framing(objective.point(latents)).any()
 
 
 def test_points_lie_within_the_bounds(objective: Objective) -> None:
@@ -35,12 +36,12 @@ def test_points_lie_within_the_bounds(objective: Objective) -> None:
     wild = Latents.from_vector(torch.from_numpy(rng.normal(0, 50, (20, 24))))
     points = objective.point(wild, torch.from_numpy(rng.normal(0, 5, (20, 4))))
     assert (points >= objective.lower).all() and (points <= objective.upper).all()
-    shape, elevation, albedo = points[:, :10], points[:, 11], points[:, 12:15]
+    shape, elevation, albedo = (points[:, POINT[name]] for name in ("shape", "elevation", "albedo"))
     assert shape.abs().max() == 3.0
     assert elevation.min() == 0 and elevation.max() == pytest.approx(math.pi / 2)
     assert albedo.min() == 0 and albedo.max() == 1
-    torch.testing.assert_close(points[:, 10], wild.azimuth)  # any angle is an azimuth
-    torch.testing.assert_close(points[:, 15:24], wild.light)
+    torch.testing.assert_close(points[:, POINT.at("azimuth")], wild.azimuth)  # any angle is an azimuth
+    torch.testing.assert_close(points[:, POINT["light"]], wild.light)
 
 
 def test_a_free_framing_reaches_two_fifths_of_the_width_and_its_prior_is_narrower(
@@ -50,7 +51,7 @@ def test_a_free_framing_reaches_two_fifths_of_the_width_and_its_prior_is_narrowe
     far = torch.full((1, 4), 9.0, dtype=torch.float64)
     nothing = Latents.from_vector(torch.zeros(1, 24, dtype=torch.float64))
     for sign in (-1, 1):
-        reached = objective.point(nothing, sign * far)[0, -4:]
+        reached = objective.framing(objective.point(nothing, sign * far))[0]
         assert reached.tolist() == pytest.approx([sign * 0.4, sign * 0.4, sign * 1.0, sign * 0.4])
     still = objective.prior.value(objective.point(nothing))
     for column, deviation in enumerate((0.1, 0.1, 0.3, 0.05)):
@@ -82,8 +83,8 @@ def test_a_held_framing_is_zero_whatever_is_asked(studio, teapot: ObjectClass) -
     points = held.point(
         studio.latents(np.random.default_rng(4)), torch.full((1, 4), 0.1, dtype=torch.float64)
     )
-    assert not points[:, -4:].any()
-    assert torch.equal(held.lower[-4:], held.upper[-4:])
+    assert not held.framing(points).any()
+    assert torch.equal(held.lower[POINT["framing"]], held.upper[POINT["framing"]])
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -105,16 +106,19 @@ def test_the_prior_is_that_of_shape_light_and_framing(
 ) -> None:
     rng = np.random.default_rng(5)
     points = objective.point(studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.03, (3, 4))))
-    shape = torch.distributions.Normal(0.0, 1.0).log_prob(points[:, :10]).sum(1)
+    shape = torch.distributions.Normal(0.0, 1.0).log_prob(points[:, POINT["shape"]]).sum(1)
     light = torch.distributions.MultivariateNormal(
         torch.from_numpy(teapot.light_prior_mean), torch.from_numpy(teapot.light_prior_covariance)
-    ).log_prob(points[:, 15:24])
-    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING.deviation)).log_prob(points[:, 24:]).sum(1)
+    ).log_prob(points[:, POINT["light"]])
+    framing = torch.distributions.Normal(0.0, torch.tensor(FRAMING.deviation)).log_prob(
+        objective.framing(points)
+    )
+    framing = framing.sum(1)
     expected = shape + light + framing
     off = objective.prior.value(points) - expected
     torch.testing.assert_close(off, off[:1].expand(3))  # equal up to one constant
     moved = points.clone()
-    moved[:, 10:15] += 0.1  # pose and albedo are uniform
+    moved[:, POINT.indices("azimuth", "elevation", "albedo")] += 0.1  # pose and albedo are uniform
     torch.testing.assert_close(objective.prior.value(moved), objective.prior.value(points))
 
 
@@ -135,8 +139,8 @@ def test_a_recognition_prior_multiplies_the_prior_its_light_in_the_heading_frame
     believing = Objective(objective.likelihood, teapot, free_framing=True, recognition=recognition)
     latents = studio.latents(rng, 4)
     points = objective.point(latents)
-    seen = points[:, :24].clone()
-    seen[:, 15:] = rotate_z(latents.light, -latents.azimuth)
+    seen = objective.latents(points).to_vector()
+    seen[:, POINT["light"]] = rotate_z(latents.light, -latents.azimuth)
     said = -0.5 * (recognition.precision * (seen - recognition.mean) ** 2).sum(1)
     turn = 1 - torch.cos(latents.azimuth[:, None] - recognition.azimuths)  # grows with the distance round
     nearest = torch.arccos(1 - turn.min(1).values)
@@ -166,7 +170,7 @@ def test_a_recognition_priors_derivatives_are_exact_and_its_matrix_is_that_of_it
     assert torch.linalg.eigvalsh(normal).min() > -1e-9
     # Where the residual of the light is zero the Gauss-Newton matrix is the Hessian.
     fitting = points[:1].clone()
-    fitting[:, 15:24] = rotate_z(prior.heading_mean[None], fitting[:, 10])
+    fitting[:, POINT["light"]] = rotate_z(prior.heading_mean[None], fitting[:, POINT.at("azimuth")])
     curvature = torch.autograd.functional.hessian(lambda p: -prior.value(p[None]).sum(), fitting[0])
     torch.testing.assert_close(derivatives_of(prior, fitting)[2][0], curvature, atol=1e-8, rtol=1e-8)
 
@@ -175,7 +179,7 @@ def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: 
     rng = np.random.default_rng(6)
     points = objective.point(studio.latents(rng, 2), torch.from_numpy(rng.normal(0, 0.03, (2, 4))))
     valued = objective(points, *studio.whose(2))
-    below = objective.likelihood(objective.latents(points), points[:, -4:], *studio.whose(2))
+    below = objective.likelihood.at(points, *studio.whose(2))
     torch.testing.assert_close(valued.value, below.value + objective.prior.value(points))
     variable = points.clone().requires_grad_(True)
     (slope,) = torch.autograd.grad(objective.prior.value(variable).sum(), variable)

@@ -81,10 +81,11 @@ def value(
 
 
 def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
-    """Vertices of a point (P',): latents followed by framing."""
+    """Vertices of a point (P',): latents, framing, and further blocks, which are taken for 0."""
     blocks = geometry.layout.split(point[None])
     framing = blocks.pop("framing")[0]
-    latents = Latents.from_vector(latent_layout(geometry.layout.count("shape")).join(blocks))
+    own = latent_layout(geometry.layout.count("shape"))
+    latents = Latents.from_vector(own.join({block.name: blocks[block.name] for block in own.blocks}))
     with_one = torch.cat([point.new_ones(1), latents.shape[0]])
     world = (with_one @ geometry.positions).view(-1, 3)
     cos, sin, zero, one = framing[3].cos(), framing[3].sin(), point.new_zeros(()), point.new_ones(())

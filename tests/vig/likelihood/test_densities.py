@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import points_of
 from vig.likelihood import Likelihood, Photos, PixelModel, mixture
 from vig.likelihood.densities import NAMES, density_of
 
@@ -41,7 +42,7 @@ def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) 
     torch.testing.assert_close(seen.posterior[0][inside], visible[inside])
 
     layout = likelihood.layout
-    point = torch.cat([guess.to_vector(), torch.zeros(1, layout.count("framing"), dtype=torch.float64)], 1)
+    point = points_of(guess)
     gradient = likelihood.at(point, *whose).gradient[0]
     for column in layout.indices("azimuth", "elevation", "albedo", "light"):
         step = torch.zeros_like(point)

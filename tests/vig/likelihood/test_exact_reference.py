@@ -105,25 +105,24 @@ def random_scene(seed: int, teapots: list[Geometry], target_height: float) -> Ra
     layout = geometry.layout
     light = rng.normal(0, 0.5, 9)
     light[[0, 2]] += EXPOSURE_L00, 1.0
-    truth = layout.join(
-        {
-            name: torch.from_numpy(np.atleast_1d(numbers))
-            for name, numbers in {
-                "shape": rng.normal(size=MODES).clip(-2, 2),
-                "azimuth": rng.uniform(0, 2 * np.pi),
-                "elevation": rng.uniform(0.05, 1.3),
-                "albedo": rng.uniform(0.1, 0.9, 3),
-                "light": light,
-                "framing": rng.normal(0, (0.12, 0.12, 0.15, 0.1)),
-            }.items()
-        }
-    )
-    spread = np.full(layout.size, 0.05)
+    truth = torch.zeros(layout.size, dtype=torch.float64)
+    blocks = {
+        "shape": rng.normal(size=MODES).clip(-2, 2),
+        "azimuth": rng.uniform(0, 2 * np.pi),
+        "elevation": rng.uniform(0.05, 1.3),
+        "albedo": rng.uniform(0.1, 0.9, 3),
+        "light": light,
+        "framing": rng.normal(0, (0.12, 0.12, 0.15, 0.1)),
+    }
+    for name, numbers in blocks.items():
+        truth[layout[name]] = torch.from_numpy(np.atleast_1d(numbers))
+    spread = np.zeros(layout.size)
+    spread[layout.indices("azimuth", "elevation", "albedo", "light")] = 0.05
     spread[layout["shape"]] = 0.3
     spread[layout["framing"]] = 0.02
     point = truth + torch.from_numpy(rng.normal(size=layout.size) * spread)
-    blocks = rng.uniform(0.05, 0.95, (height // 8, width // 8, 3))
-    backdrop = torch.from_numpy(np.kron(blocks, np.ones((8, 8, 1))))
+    tiles = rng.uniform(0.05, 0.95, (height // 8, width // 8, 3))
+    backdrop = torch.from_numpy(np.kron(tiles, np.ones((8, 8, 1))))
     blank = RandomScene(geometry, camera, truth, backdrop, torch.zeros_like(backdrop), 0.03)
     seen = blank.likelihood().at(
         truth[None],

@@ -6,26 +6,24 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import POINT, points_of
 from vig.likelihood import Likelihood
-from vig.scene import Latents
 
 STENCIL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
 """Fourth-order central difference: offsets in steps, weights."""
 
 
 def central(studio, likelihood: Likelihood, point: torch.Tensor, column: int, step: float) -> float:
-    """d value / d point[column] of a point (1, 24 + 4)."""
+    """d value / d point[column] of a point (1, P')."""
     points = point.repeat(len(STENCIL), 1)
     points[:, column] += torch.tensor([offset * step for offset, _ in STENCIL], dtype=torch.float64)
-    found = likelihood(
-        Latents.from_vector(points[:, :-4]), points[:, -4:], *studio.whose(len(STENCIL)), derivatives=False
-    )
+    found = likelihood.at(points, *studio.whose(len(STENCIL)), derivatives=False)
     return sum(w * v for (_, w), v in zip(STENCIL, found.value.tolist(), strict=True)) / step
 
 
 @pytest.mark.parametrize("seed", range(50))
 def test_the_gradient_is_the_objectives_own(studio, seed: int) -> None:
-    """24 latents and the framing on a random occluded photo, at a guess off the truth.
+    """Every number of a point, on a random occluded photo, at a guess off the truth.
 
     A teapot hides parts of itself; in every second photo the border cuts off part of it, too.
     """
@@ -37,14 +35,14 @@ def test_the_gradient_is_the_objectives_own(studio, seed: int) -> None:
         shift[0, 0] *= rng.choice([-1.0, 1.0])
     likelihood = studio.likelihood(studio.photo(rng, latents, shift))
     framing = shift + torch.from_numpy(rng.normal(0, 0.01, (1, 4)))
-    point = torch.cat([studio.near(rng, latents).to_vector(), framing], 1)
-    found = likelihood(Latents.from_vector(point[:, :-4]), point[:, -4:], *studio.whose(1))
+    point = points_of(studio.near(rng, latents), framing)
+    found = likelihood.at(point, *studio.whose(1), images=True)
     if seed % 2:
         covered = found.coverage[0] > 0.5
         assert covered[:, [0, -1]].any(), "the border must cut the object"
     analytic = found.gradient[0].numpy()
-    assert len(analytic) == 28
-    numeric = np.array([central(studio, likelihood, point, column, 1e-7) for column in range(28)])
+    assert len(analytic) == POINT.size
+    numeric = np.array([central(studio, likelihood, point, column, 1e-7) for column in range(POINT.size)])
 
     def error() -> np.ndarray:
         return np.abs(analytic - numeric) / (np.abs(numeric) + 1e-3 * np.abs(analytic).max())
@@ -67,7 +65,7 @@ def test_the_normal_matrix_is_symmetric_and_positive_semidefinite(studio, seed: 
     likelihood = studio.likelihood(studio.photo(rng, latents))
     framing = torch.zeros(1, 4, dtype=torch.float64)
     normal = likelihood(studio.near(rng, latents), framing, *studio.whose(1)).normal[0]
-    assert normal.shape == (28, 28)
+    assert normal.shape == (POINT.size, POINT.size)
     scale = torch.diagonal(normal).sqrt()
     assert (scale > 0).all()
     torch.testing.assert_close(normal / scale / scale[:, None], (normal / scale / scale[:, None]).T)
@@ -79,22 +77,20 @@ def test_at_the_truth_the_interiors_normal_matrix_is_gauss_newtons(studio, seed:
     """J^T W J of the rendered colours, W the posterior over sigma squared, J by central differences."""
     rng = np.random.default_rng(200 + seed)
     latents = studio.latents(rng)
-    point = torch.cat([latents.to_vector(), torch.zeros(1, 4, dtype=torch.float64)], dim=1)
+    point = points_of(latents)
     photo = studio.photo(rng, latents, occluded=False)
     likelihood = studio.likelihood(photo, "paper", stride=1)
-    found = likelihood(latents, point[:, -4:], *studio.whose(1))
+    found = likelihood.at(point, *studio.whose(1), images=True)
     inside = found.coverage[0] > 0.5
     columns = []
-    for column in range(28):
+    for column in range(POINT.size):
         ends = point.repeat(2, 1)
         ends[:, column] += torch.tensor([-1e-7, 1e-7], dtype=torch.float64)
-        seen = likelihood(
-            Latents.from_vector(ends[:, :-4]), ends[:, -4:], *studio.whose(2), derivatives=False
-        )
+        seen = likelihood.at(ends, *studio.whose(2), derivatives=False, images=True)
         assert ((seen.coverage > 0.5) == inside).all(), "a pixel flipped: choose another seed"
-        colour = seen.irradiance[..., None] * ends[:, 12:15].view(2, 1, 1, 3)
+        colour = seen.irradiance[..., None] * ends[:, POINT["albedo"]].view(2, 1, 1, 3)
         columns.append(((colour[1] - colour[0]) / 2e-7)[inside])
-    jacobian = torch.stack(columns, dim=-1)  # (pixels, 3, 28)
+    jacobian = torch.stack(columns, dim=-1)  # (pixels, 3, P')
     weight = found.posterior[0, inside] / studio.pixels.sigma**2
     expected = torch.einsum("nci,n,ncj->ij", jacobian, weight, jacobian)
     scale = torch.diagonal(expected).sqrt()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.support import LATENT_PLACES, POINT, points_of
 from tests.vig.likelihood import reference
 from tests.vig.likelihood.reference import shade, surface_at
 from vig.likelihood import Likelihood, Photos
@@ -35,9 +36,7 @@ def case(studio, seed: int) -> Case:
     latents = studio.latents(rng)
     photo = studio.photo(rng, latents)
     weights = rng.dirichlet((5, 2, 3), photo.shape[:3])
-    point = torch.cat(
-        [studio.near(rng, latents).to_vector(), torch.from_numpy(rng.normal(0, 0.02, (1, 4)))], 1
-    )
+    point = points_of(studio.near(rng, latents), torch.from_numpy(rng.normal(0, 0.02, (1, 4))))
     return Case(photo, torch.from_numpy(np.log(weights)), point)
 
 
@@ -124,9 +123,9 @@ def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_inte
     lit = surface_at(studio.geometry, shaded, seen[y, x], torch.stack([x + 0.5, y + 0.5], 1).double())[0]
     torch.testing.assert_close(run.images[2][0].view(seen.shape)[y, x], lit, rtol=1e-9, atol=1e-9)
     # The public rasteriser, in single precision and without framing, differs at a few edges only.
-    still = Case(given.photo, given.log_prior, torch.cat([given.point[:, :-4], torch.zeros(1, 4)], 1))
+    latents = Latents.from_vector(given.point[:, LATENT_PLACES])
+    still = Case(given.photo, given.log_prior, points_of(latents))
     seen = faces_seen(evaluated(studio.geometry, studio.camera, still), studio.camera)
-    latents = Latents.from_vector(given.point[:, :-4])
     pose = (part[0].numpy() for part in studio.camera.pose(latents.azimuth, latents.elevation))
     vertices = studio.geometry.model.vertices(latents.shape)[0].numpy()
     fragments = rasterize(vertices, studio.geometry.model.faces, *pose, studio.camera, cull=True)
@@ -241,7 +240,7 @@ def test_photos_and_noise_that_are_none_are_refused(studio, photo: list, sigma: 
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
     with pytest.raises(ValueError, match=message):
         likelihood.at(given.point, torch.tensor(photo), torch.tensor(sigma))
-    with pytest.raises(ValueError, match=r"points must be \(B, 28\)"):
+    with pytest.raises(ValueError, match=rf"points must be \(B, {POINT.size}\)"):
         likelihood.at(given.point[:, :1], *studio.whose(1))
     with pytest.raises(ValueError, match="log_prior must be finite"):
         Photos(given.photo, given.log_prior * float("nan"))
@@ -252,7 +251,9 @@ def test_no_points_have_no_values(studio) -> None:
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
     none = likelihood.at(given.point[:0], *studio.whose(0), images=True)
     assert (
-        none.value.shape == (0,) and none.gradient.shape == (0, 28) and none.coverage.shape == (0, 150, 150)
+        none.value.shape == (0,)
+        and none.gradient.shape == (0, POINT.size)
+        and none.coverage.shape == (0, 150, 150)
     )
 
 
@@ -267,6 +268,5 @@ def test_edges_stiffen_what_moves_them(studio) -> None:
         for silhouette in ("exact", "paper")
     )
     added = torch.diagonal((exact - paper)[0]) / torch.diagonal(paper[0])
-    modes = studio.geometry.rows.modes
-    assert (added[: modes + 2] > 0.005).all()
-    assert added[modes + 2 : -4].abs().max() < 1e-12  # colour and light do not move an edge
+    assert (added[POINT.indices("shape", "azimuth", "elevation")] > 0.005).all()
+    assert added[POINT.indices("albedo", "light")].abs().max() < 1e-12  # these do not move an edge
