@@ -14,6 +14,7 @@ import warp as wp
 
 import vig
 from tests.pretend import NAME, MixedDevicesError, is_there, pretended
+from tests.support import points_of
 from vig.inference import ExplainSettings, explain_one
 from vig.inference.posterior import geometry_of
 from vig.inference.prior_kernel import prior_kernel
@@ -93,7 +94,7 @@ def test_an_evaluation_waits_for_nothing(studio: Any, monkeypatch: pytest.Monkey
     latents = studio.latents(rng, 2)
     log_prior = torch.from_numpy(np.log(rng.dirichlet((5, 2, 3), (1, 150, 150))))
     photos = Photos(studio.photo(rng, latents[:1]), log_prior)
-    host = torch.cat([latents.to_vector(), torch.zeros(2, 4)], 1).double()
+    host = points_of(latents).double()
 
     def evaluated(at: str) -> tuple[torch.Tensor, ...]:
         likelihood = Likelihood(Geometry(studio.geometry.model, torch.float64, at), studio.camera, photos)

@@ -80,8 +80,12 @@ def value(
     return total
 
 
+BLOCKS = ("shape", "azimuth", "elevation", "albedo", "light", "framing")
+"""What the reference knows of a point: it takes further blocks for 0, and has no derivative by them."""
+
+
 def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
-    """Vertices of a point (P',): latents, framing, and further blocks, which are taken for 0."""
+    """Vertices of a point (P',); see `BLOCKS`."""
     blocks = geometry.layout.split(point[None])
     framing = blocks.pop("framing")[0]
     own = latent_layout(geometry.layout.count("shape"))

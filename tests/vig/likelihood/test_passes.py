@@ -8,6 +8,7 @@ import weakref
 import numpy as np
 import torch
 
+from tests.support import points_of
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.evaluate import FREE_POINTS
 from vig.likelihood.kernels.geometry import Geometry
@@ -29,14 +30,13 @@ def value_of(likelihood: Likelihood, points: torch.Tensor, photo: int = 0) -> to
     return torch.cat([found.value[:, None], found.gradient, found.normal.flatten(1)], 1)
 
 
-def points_of(studio, seed: int, count: int) -> torch.Tensor:
+def random_points(studio, seed: int, count: int) -> torch.Tensor:
     rng = np.random.default_rng(seed)
-    latents = torch.cat([studio.latents(rng).to_vector() for _ in range(count)])
-    return torch.cat([latents, torch.zeros(count, 4)], 1).double()
+    return torch.cat([points_of(studio.latents(rng)) for _ in range(count)]).double()
 
 
 def test_a_pass_that_served_other_photos_values_these_as_a_new_one_does(studio) -> None:
-    points = points_of(studio, 0, 2)
+    points = random_points(studio, 0, 2)
     shared = studio.geometry
     first = Likelihood(shared, studio.camera, photos_of(studio, 1))
     second = Likelihood(shared, studio.camera, photos_of(studio, 2, count=3))
@@ -51,7 +51,7 @@ def test_a_pass_that_served_other_photos_values_these_as_a_new_one_does(studio) 
 
 def test_likelihoods_of_one_geometry_share_passes_and_keep_few(studio) -> None:
     geometry = Geometry(studio.geometry.model, torch.float64)
-    points = points_of(studio, 0, 1)
+    points = random_points(studio, 0, 1)
     for seed in range(3):
         value_of(Likelihood(geometry, studio.camera, photos_of(studio, seed)), points)
     assert len(geometry.kept["passes"]) == 1
@@ -65,7 +65,7 @@ def test_likelihoods_of_one_geometry_share_passes_and_keep_few(studio) -> None:
 def test_photos_are_gone_when_their_likelihood_is(studio) -> None:
     geometry = Geometry(studio.geometry.model, torch.float64)
     likelihood = Likelihood(geometry, studio.camera, photos_of(studio, 0))
-    value_of(likelihood, points_of(studio, 0, 1))
+    value_of(likelihood, random_points(studio, 0, 1))
     photos, array = weakref.ref(likelihood.observed), weakref.ref(likelihood.photo_arrays["observed"])
     del likelihood
     gc.collect()
