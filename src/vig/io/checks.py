@@ -6,19 +6,17 @@ into the one line (UserError) that a user sees.
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 import json
 import math
 import os
 import stat
-import types
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NoReturn
 
+import msgspec
 import numpy as np
 from safetensors import safe_open
 
@@ -188,64 +186,34 @@ def check_number(name: str, value: Any, low: float, high: float) -> float:
     return float(value)
 
 
-def decode(kind: Any, value: Any, name: str = "") -> Any:
+def decode(kind: Any, value: Any) -> Any:
     """Build a value of type `kind` from parsed JSON; every part is checked against the annotations.
 
     Args:
-        kind: A dataclass, int, float, str, bool, None, Any, Literal, tuple, dict[str, ...] or a union.
-        value: What a JSON parser gave; lists become tuples, numbers stay as they are.
-        name: What errors call the value, its type's name by default.
+        kind: What `msgspec.convert` knows: a dataclass or Struct, int, float, str, bool, None, Any, Literal,
+            an enumeration, tuple, dict[str, ...] or a union.
+        value: What a JSON parser gave; lists become tuples.
 
     Raises:
-        ValueError: A value has another type, or a field is missing or unknown.
+        ValueError: A value has another type, a field is missing or unknown, or a number is 2^63 or more.
     """
-    name = name or getattr(kind, "__name__", "value")
-    form, parts = _form(kind)
-    wanted = getattr(kind, "__name__", str(kind))
-    if form is Any:
-        return value
-    if form is _Record:
-        if isinstance(value, dict):
-            of_field, needed = parts
-            if not needed <= value.keys() <= of_field.keys():
-                odd = sorted((needed - value.keys()) | (value.keys() - of_field.keys()))
-                raise ValueError(f"{name} has fields missing or unknown: {', '.join(odd)[:100]}")
-            return kind(**{key: decode(of_field[key], item, key) for key, item in value.items()})
-        wanted = "an object"
-    elif form is Literal:
-        if any(type(value) is type(each) and value == each for each in parts):
-            return value
-        wanted = "one of " + ", ".join(map(str, parts))
-    elif form is tuple:
-        repeated = Ellipsis in parts
-        if isinstance(value, list | tuple) and (repeated or len(value) == len(parts)):
-            kinds = parts[:1] * len(value) if repeated else parts
-            return tuple([decode(each, item, name) for each, item in zip(kinds, value, strict=True)])
-        wanted = "a list" if repeated else f"a list of {len(parts)}"
-    elif form is dict:
-        if isinstance(value, dict):
-            return {key: decode(parts[1], item, key) for key, item in value.items()}
-        wanted = "an object"
-    elif form is types.UnionType:
-        for each in parts:
-            with suppress(ValueError):
-                return decode(each, value, name)
-    elif type(value) is kind or (kind is float and type(value) is int):
-        if kind not in (int, float) or -(2**63) <= value < 2**63:
-            return value
-        wanted = "a number of ordinary size"
-    raise ValueError(f"{name} must be {wanted}; it is {json.dumps(value)[:40]}")
+    try:
+        decoded = msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(str(error)) from error
+    _check_parts(value, msgspec.to_builtins(decoded, builtin_types=(tuple,)), "$")
+    return decoded
 
 
-class _Record:
-    """The form of a dataclass."""
-
-
-@functools.cache
-def _form(kind: Any) -> tuple[Any, Any]:
-    """What sort of type this is, and its parts; of a dataclass, its fields' types and the names it needs."""
-    if not dataclasses.is_dataclass(kind):
-        return get_origin(kind) or kind, get_args(kind)
-    hints, fields, missing = get_type_hints(kind), dataclasses.fields(kind), dataclasses.MISSING
-    needed = {each.name for each in fields if each.default is each.default_factory is missing}
-    return _Record, ({each.name: hints[each.name] for each in fields}, needed)
+def _check_parts(value: Any, decoded: Any, path: str) -> None:
+    """Refuse fields that a dataclass did not take, which `msgspec.convert` ignores, and huge numbers."""
+    if isinstance(value, dict):
+        for name, part in value.items():
+            if name not in decoded:
+                raise ValueError(f"Object contains unknown field `{name[:40]}` - at `{path}`")
+            _check_parts(part, decoded[name], f"{path}.{name[:40]}")
+    elif isinstance(value, list | tuple):
+        for part, of_part in zip(value, decoded, strict=True):
+            _check_parts(part, of_part, f"{path}[...]")
+    elif isinstance(value, int | float) and not -(2**63) <= value < 2**63:
+        raise ValueError(f"Expected a number of ordinary size, got {str(value)[:40]} - at `{path}`")

@@ -6,11 +6,12 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+import msgspec
 import numpy as np
 from safetensors.numpy import save_file
 
@@ -51,32 +52,31 @@ class Family:
     share: float
 
 
-@dataclass(frozen=True)
-class _LightPrior:
-    """As class.json holds it."""
-
+class _LightPrior(msgspec.Struct, frozen=True):
     mean: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True)
-class _Description:
-    """What class.json holds; `vig_world.assets.held_out` reads the designs."""
+class _Description(msgspec.Struct, frozen=True, kw_only=True):
+    """What class.json holds: fields of `ObjectClass` by their names in the file, and what stands there alone.
+
+    `vig_world.assets.held_out` reads the designs.
+    """
 
     format: int
     name: str
-    target_height_m: float
+    target_height: float = msgspec.field(name="target_height_m")
     part_names: tuple[str, ...]
     light_prior: _LightPrior
-    families: tuple[Family, ...] = ()
-    symmetry: Literal["none", "half-turn", "any-turn"] = "none"
+    symmetry: Symmetry = Symmetry.NONE
     mirror: bool = True
     front: str = ""
-    points: dict[str, int] = field(default_factory=dict)
-    viewing_distance_m: float = DISTANCE
-    places: dict[str, float] = field(default_factory=dict)
+    points: dict[str, int] = {}
+    viewing_distance: float = msgspec.field(name="viewing_distance_m", default=DISTANCE)
+    places: dict[str, float] = {}
     self_shadow: bool = False
-    fit_settings: dict[str, bool | float] = field(default_factory=dict)
+    fit_settings: dict[str, bool | float] = {}
+    families: tuple[Family, ...] = ()
     held_out_designs: tuple[Any, ...] = ()
 
 
@@ -187,29 +187,20 @@ class ObjectClass:
         model = self.shape_model
         with atomic_write(Path(folder) / "shape.safetensors") as temporary:
             save_file({name: np.ascontiguousarray(getattr(model, name)) for name in _SHAPE}, temporary)
-        description: dict[str, Any] = {
-            "format": FORMAT,
-            "name": self.name,
-            "target_height_m": self.target_height,
-            "part_names": list(model.part_names),
-            "light_prior": {
-                "mean": np.round(self.light_prior_mean, 6).tolist(),
-                "covariance": np.round(self.light_prior_covariance, 6).tolist(),
-            },
-            "symmetry": str(self.symmetry),
-            "mirror": self.mirror,
-            "front": self.front,
-            "points": {name: int(index) for name, index in self.points.items()},
-            "viewing_distance_m": self.viewing_distance,
-            "places": dict(self.places),
-            "self_shadow": (Path(folder) / TRANSFER_FILE).exists(),
-        }
-        if self.fit_settings:
-            description["fit_settings"] = dict(self.fit_settings)
-        if self.families:
-            description["families"] = [asdict(family) for family in self.families]
+        mean, covariance = (np.round(p, 6) for p in (self.light_prior_mean, self.light_prior_covariance))
+        description = _Description(
+            format=FORMAT,
+            part_names=model.part_names,
+            light_prior=_LightPrior(mean.tolist(), covariance.tolist()),
+            self_shadow=(Path(folder) / TRANSFER_FILE).exists(),
+            **{name: getattr(self, name) for name in _SHARED},
+        )
+        written = msgspec.to_builtins(description)
+        for name in ("fit_settings", "families", "held_out_designs"):
+            if not written[name]:
+                del written[name]
         with atomic_write(Path(folder) / "class.json") as temporary:
-            Path(temporary).write_text(json.dumps(description, indent=1) + "\n")
+            Path(temporary).write_text(json.dumps(written, indent=1) + "\n")
 
     @staticmethod
     def load(name_or_folder: str | Path) -> ObjectClass:
@@ -251,14 +242,19 @@ class ObjectClass:
         with reading(folder, "a class pack", _DAMAGED):
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
-            height = float(described.target_height_m)
-            taken = ("families", "mirror", "front", "points", "places", "fit_settings")
+            shared = {name: getattr(described, name) for name in _SHARED}
             return ObjectClass(
-                described.name, model, height, mean, covariance, folder, transfer,
-                symmetry=Symmetry(described.symmetry),
-                viewing_distance=float(described.viewing_distance_m),
-                **{name: getattr(described, name) for name in taken},
-            )  # fmt: skip
+                shape_model=model,
+                light_prior_mean=mean,
+                light_prior_covariance=covariance,
+                folder=folder,
+                transfer=transfer,
+                **shared,
+            )
+
+
+_SHARED = tuple(field.name for field in fields(ObjectClass) if field.name in _Description.__struct_fields__)
+"""What `ObjectClass` and class.json hold alike."""
 
 
 def _check_text(what: str, text: str) -> None:

@@ -60,7 +60,7 @@ def without_split(pack: Path) -> None:
         (lambda pack: (pack / DESIGNS_FILE).unlink(), "nothing of that name"),
         (lambda pack: (pack / DESIGNS_FILE).write_bytes(b"cut"), "a damaged file"),
         (unname_one, r"vertices must be \(15, \d+, 3\); it is \(16, \d+, 3\)"),
-        (without_split, "fields missing or unknown: split"),
+        (without_split, "missing required field `split`"),
     ],
 )
 def test_missing_or_damaged_designs_are_told_in_one_line(damage, why: str, pack: Path) -> None:
