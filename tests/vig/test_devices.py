@@ -26,6 +26,7 @@ from vig.recognition import Recognizer
 from vig.renderer.primitives import crossings, texture, visibility
 from vig.search.damped_step import step_kernel
 from vig_app.examples import FOLDER
+from vig_paper.optimizers import OPTIMIZERS
 
 SOURCE = Path(vig.__file__).parent
 PHOTO = FOLDER / "01_open.png"
@@ -56,12 +57,13 @@ def test_an_explanation_is_that_of_the_cpu(
     assert not any(map(is_there, (*vars(found.fit).values(), *vars(found.latents).values())))
 
 
+@pytest.mark.parametrize("name", sorted(OPTIMIZERS))
 def test_a_fit_keeps_to_its_device(
-    packaged: vig.ObjectClass, on_cpu: vig.Explanation, monkeypatch: pytest.MonkeyPatch
+    name: str, packaged: vig.ObjectClass, on_cpu: vig.Explanation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     photo = torch.from_numpy(on_cpu.photo)
     prediction = Recognizer.of_class(packaged)(photo[None])
-    settings = ExplainSettings()
+    settings = ExplainSettings(optimizer=OPTIMIZERS[name])
     host = explain_one(photo, prediction, packaged, settings)
     with pretended(monkeypatch):
         found = explain_one(photo, prediction, packaged, settings, device=NAME)

@@ -13,6 +13,7 @@ import torch
 
 from vig import __version__
 from vig.inference import Fit, family_of
+from vig.inference.settings import UNIFORM_TURN
 from vig.io.files import atomic_write
 from vig.output.glb import glb_from_object
 from vig.photo.window import Window
@@ -86,7 +87,9 @@ def describe(
         **describe_latents(fit.latents),
         "roll_deg": _rounded(math.degrees(camera.roll)),
         "deviation": {
-            "azimuth_deg": _rounded(min(math.degrees(deviation["azimuth"]), 180 / math.sqrt(3) / turns))
+            "azimuth_deg": _rounded(
+                min(math.degrees(deviation["azimuth"]), math.degrees(UNIFORM_TURN) / turns)
+            )
             if turns
             else None,
             "elevation_deg": _rounded(math.degrees(deviation["elevation"])),

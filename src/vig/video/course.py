@@ -13,6 +13,7 @@ import torch
 from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.hints import Hints
+from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.scene import Camera
 from vig.video.following import Follower, Sighting, window_at
@@ -261,7 +262,9 @@ def _frames(
         TrackedFrame(
             number=number,
             azimuth_deg=float(azimuth[0, number]) % (360 / fold),
-            azimuth_deviation_deg=min(ALIKE[0] * float(azimuth[1, number]), 180 / math.sqrt(3)),
+            azimuth_deviation_deg=min(
+                ALIKE[0] * float(azimuth[1, number]), math.degrees(UNIFORM_TURN) / fold
+            ),
             elevation_deg=float(elevation[0, number]),
             elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
             alone_azimuth_deg=math.degrees(before.azimuths[0]),
