@@ -20,7 +20,7 @@ from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.recognition.find import upright
 from vig.scene import ObjectClass, layout_of_width, linear_from_srgb
-from vig_train.calibration import low_views, roll_photos
+from vig_train.calibration.samples import low_views, roll_photos
 from vig_train.evaluation.metrics import angle_error_deg
 from vig_train.evaluation.statistics import NEAR_DEG
 from vig_world.dataset import read_dataset

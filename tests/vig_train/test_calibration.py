@@ -22,18 +22,20 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass, Symmetry, linear_from_srgb
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
-from vig_train.calibration import (
+from vig_train.calibration.learning import (
     PRECISION,
     CalibrationSamples,
-    calibrate_fits,
-    calibrate_positions,
     describe,
     deviation_scale_and_floor,
-    fit_count,
     learn,
     logistic,
     lowest_threshold,
     out_of_fold,
+)
+from vig_train.calibration.positions import calibrate_positions
+from vig_train.calibration.samples import (
+    calibrate_fits,
+    fit_count,
     photos_to_roll,
     roll_angles,
     roll_photos,
@@ -165,9 +167,9 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
         verdict = Verdict.AMBIGUOUS if row else Verdict.TRUSTED
         posed.append((replace(explanation, fit=replace(explanation.fit, verdict=verdict)), true))
     # The fit's own deviations are small beside these.
-    monkeypatch.setattr("vig_train.calibration._explained_photos", lambda *given: iter(posed))
+    monkeypatch.setattr("vig_train.calibration.positions._explained_photos", lambda *given: iter(posed))
     photographs = SimpleNamespace(world="photo", first=lambda count: None)
-    monkeypatch.setattr("vig_train.calibration.Dataset", SimpleNamespace)
+    monkeypatch.setattr("vig_train.calibration.positions.Dataset", SimpleNamespace)
     calibration = calibrate_positions(learn(samples), [photographs], explanation.object_class, object())
     np.testing.assert_allclose(calibration.position.numpy(), drawn, rtol=0.2)
     assert torch.equal(calibrate_positions(learn(samples), [], None, None).position, learn(samples).position)

@@ -1,0 +1,271 @@
+"""A calibration learned on samples: logistic regressions, thresholds, deviations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from vig.inference import CONFIDENCE_FEATURES, FitCalibration
+from vig.inference.calibration import faded, residual
+from vig.inference.settings import MASK_RIGHT
+from vig_train.training.calibration import WITHIN_90
+
+PRECISION = 0.95
+"""Least share of the trusted fits that is to be right."""
+NEGATIVE_FEATURES = (
+    "hidden_fraction",
+    "log_residual",
+    "sine_elevation",
+    "log_azimuth_entropy",
+    "log_elevation_deviation",
+    "shape_deviation",
+    "predicted_roll",
+)
+"""Features that lower the confidence as they grow."""
+SIGNS = tuple(-1 if name in NEGATIVE_FEATURES else 1 for name in CONFIDENCE_FEATURES)
+"""Sign that a feature's weight may have: confidence must not grow with a worse fit, whatever the samples."""
+IN_DISTRIBUTION_FEATURES = (
+    "mask_log_probability",
+    "log_azimuth_entropy",
+    "log_elevation_deviation",
+    "shape_deviation",
+    "presence_log_odds",
+    "predicted_roll",
+    "outline_agreement",
+)
+"""Features by which a photo is judged to be in distribution."""
+MASK_FEATURES = (
+    "view_log_probability",
+    "network_agrees",
+    "hidden_fraction",
+    "log_visible_pixels",
+    "log_residual",
+    "mask_log_probability",
+    "log_elevation_deviation",
+    "shape_deviation",
+    "presence_log_odds",
+    "outline_agreement",
+)
+"""Features by which a mask is judged to be right."""
+MIN_FEATURE_DEVIATION = 1e-3
+"""Least standard deviation by which a feature is standardised: a constant one would get a huge weight."""
+FOLDS = 5
+"""Folds of the cross-validation."""
+REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
+"""Limits of the ranges of confidence in the report."""
+MIN_GROUP = 40
+"""Number of fits below which a group takes the deviations of all fits."""
+CERTAIN_LOG_ODDS = 20.0
+"""Log odds of a photo being in distribution where the samples hold none out of distribution."""
+
+
+@dataclass(frozen=True)
+class CalibrationSamples:
+    """Fits of N validation photos, and of M out of distribution: rolled, or without the object.
+
+    Attributes:
+        features: (N, C) confidence features.
+        right: (N,) bool, whether the view is.
+        mask_right: (N,) bool, whether the mask of the visible pixels is.
+        error: (N, P) of the latents.
+        deviation: (N, P), from the curvature.
+        weight: (N,).
+        fold: (N,), of the `FOLDS`.
+        out_of_distribution: (M, C) confidence features of the M photos; M may be 0.
+        out_of_distribution_fold: (M,), their folds: of a rolled photo, that of the photo as it was.
+    """
+
+    features: np.ndarray
+    right: np.ndarray
+    mask_right: np.ndarray
+    error: np.ndarray
+    deviation: np.ndarray
+    weight: np.ndarray
+    fold: np.ndarray
+    out_of_distribution: np.ndarray
+    out_of_distribution_fold: np.ndarray
+
+    def without(self, fold: int) -> CalibrationSamples:
+        """The same less a fold."""
+        kept_in, kept_out = self.fold != fold, self.out_of_distribution_fold != fold
+        return CalibrationSamples(
+            **{n: a[kept_out if n.startswith("out") else kept_in] for n, a in vars(self).items()}
+        )
+
+
+def learn(samples: CalibrationSamples) -> FitCalibration:
+    """Learn a calibration on samples; the thresholds are chosen out of sample, by folds."""
+    weights, bias = logistic(samples.features, samples.right, samples.weight)
+    in_distribution_weights, in_distribution_bias = _in_distribution_weights(samples)
+    mask_weights, mask_bias = _mask_weights(samples)
+    confidence, mask_confidence, _ = out_of_fold(samples)
+    threshold = lowest_threshold(confidence, samples.right, samples.weight)
+    mask_threshold = lowest_threshold(mask_confidence, samples.mask_right, samples.weight)
+    trusted = confidence >= threshold
+    noise = residual(torch.from_numpy(samples.features)).numpy()
+    scale, floor = np.empty((2, 2, samples.error.shape[1]))
+    for row, group in enumerate((trusted, ~trusted)):
+        chosen = group if group.sum() >= MIN_GROUP else np.ones_like(group)
+        for latent in range(samples.error.shape[1]):
+            error = samples.error[chosen, latent] / noise[chosen]
+            deviation, weight = samples.deviation[chosen, latent], samples.weight[chosen]
+            scale[row, latent], floor[row, latent] = deviation_scale_and_floor(error, deviation, weight)
+    return FitCalibration(
+        torch.from_numpy(weights),
+        bias,
+        torch.from_numpy(in_distribution_weights),
+        in_distribution_bias,
+        torch.from_numpy(mask_weights),
+        mask_bias,
+        threshold,
+        mask_threshold,
+        torch.from_numpy(scale),
+        torch.from_numpy(floor),
+    )
+
+
+def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Confidence in the view (N,) and in the mask (N,) of each fit, and in the view (M,) of rolled photos.
+
+    Each is by a calibration on the other folds.
+    """
+    count, outside_count = len(samples.features), len(samples.out_of_distribution)
+    confidences = np.empty(count), np.empty(count), np.empty(outside_count)
+    for fold in range(FOLDS):
+        training = samples.without(fold)
+        view, mask = logistic(training.features, training.right, training.weight), _mask_weights(training)
+        in_distribution = _in_distribution_weights(training)
+        inside = samples.features, samples.fold == fold
+        outside_distribution = samples.out_of_distribution, samples.out_of_distribution_fold == fold
+        for confidence, right_model, (features, in_fold) in zip(
+            confidences, (view, mask, view), (inside, inside, outside_distribution), strict=True
+        ):
+            probabilities = (
+                torch.from_numpy(expit(features[in_fold] @ w + b)) for w, b in (right_model, in_distribution)
+            )
+            confidence[in_fold] = faded(*probabilities).numpy()
+    return confidences
+
+
+def _mask_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+    """Weights (C,) and bias for a mask being right."""
+    weights = np.zeros(len(CONFIDENCE_FEATURES))
+    used = [CONFIDENCE_FEATURES.index(name) for name in MASK_FEATURES]
+    signs = [SIGNS[index] for index in used]
+    weights[used], bias = logistic(samples.features[:, used], samples.mask_right, samples.weight, signs)
+    return weights, bias
+
+
+def _in_distribution_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+    """Weights (C,) and bias for a photo being in distribution; both groups weigh the same."""
+    weights = np.zeros(len(CONFIDENCE_FEATURES))
+    if not len(samples.out_of_distribution):
+        return weights, CERTAIN_LOG_ODDS
+    used = [CONFIDENCE_FEATURES.index(name) for name in IN_DISTRIBUTION_FEATURES]
+    features = np.concatenate([samples.features, samples.out_of_distribution])[:, used]
+    is_in_distribution = np.arange(len(features)) < len(samples.features)
+    share = np.full(len(samples.out_of_distribution), 1 / len(samples.out_of_distribution))
+    weight = np.concatenate([samples.weight / samples.weight.sum(), share])
+    weights[used], bias = logistic(features, is_in_distribution, weight, [SIGNS[index] for index in used])
+    return weights, bias
+
+
+def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[str]:
+    """Lines on the confidence's reliability out of sample: each fit by a calibration on the other folds."""
+    confidence, mask_confidence, rolled_confidence = out_of_fold(samples)
+    trusted = confidence >= calibration.threshold
+    right = f", of which {samples.right[trusted].mean():.1%} are right" if trusted.any() else ""
+    lines = [
+        f"{len(trusted)} fits, {samples.right.mean():.1%} within 15 degrees of azimuth; trusted from a"
+        f" confidence of {calibration.threshold:.3f}: {trusted.mean():.1%}{right}"
+    ]
+    mask_trusted = mask_confidence >= calibration.mask_threshold
+    right = (
+        f", of which {samples.mask_right[mask_trusted].mean():.1%} are right" if mask_trusted.any() else ""
+    )
+    lines.append(
+        f"{samples.mask_right.mean():.1%} of masks have an IoU of {MASK_RIGHT} or more; trusted from"
+        f" {calibration.mask_threshold:.3f}: {mask_trusted.mean():.1%}{right}"
+    )
+    if len(rolled_confidence):
+        trusted_share = (rolled_confidence >= calibration.threshold).mean()
+        lines.append(
+            f"{len(rolled_confidence)} fits of photos rolled or without the object, of which"
+            f" {trusted_share:.1%} are trusted"
+        )
+    for low, high in zip(REPORTED_LEVELS[:-1], REPORTED_LEVELS[1:], strict=True):
+        in_range = (confidence >= low) & (confidence < high)
+        if in_range.any():
+            lines.append(
+                f"confidence {low:.2f} to {min(high, 1.0):.2f}: {in_range.sum()} fits, mean"
+                f" {confidence[in_range].mean():.3f}, right {samples.right[in_range].mean():.3f}"
+            )
+    return lines
+
+
+def logistic(
+    features: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
+) -> tuple[np.ndarray, float]:
+    """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on features."""
+    mean, deviation = features.mean(0), np.maximum(features.std(0), MIN_FEATURE_DEVIATION)
+    standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)
+
+    def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        margin = sign * (standard @ parameters[:-1] + parameters[-1])
+        loss_slope = -sign * weight / (1 + np.exp(margin))
+        gradient = np.append(
+            standard.T @ loss_slope + 1e-3 * weight.sum() * parameters[:-1], loss_slope.sum()
+        )
+        penalty = 0.5e-3 * weight.sum() * float(parameters[:-1] @ parameters[:-1])
+        return float(weight @ np.logaddexp(0, -margin)) + penalty, gradient
+
+    bounds = [(0.0, None) if sign_bound > 0 else (None, 0.0) for sign_bound in signs] + [(None, None)]
+    optimum = minimize(loss, np.zeros(features.shape[1] + 1), jac=True, method="L-BFGS-B", bounds=bounds).x
+    weights = optimum[:-1] / deviation
+    return weights, float(optimum[-1] - weights @ mean)
+
+
+def lowest_threshold(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
+    """The lowest threshold at which the precision less its standard error is at least `PRECISION`.
+
+    The standard error is sqrt(p (1 - p) / n), n the effective number of fits under the weights (Kish 1965).
+    Without it, the threshold chosen on these fits would be too low for other photos.
+    """
+    order = np.argsort(-confidence)
+    total = np.cumsum(weight[order])
+    share = np.cumsum((right * weight)[order]) / total
+    error = np.sqrt(share * (1 - share) * np.cumsum(weight[order] ** 2)) / total
+    enough = np.flatnonzero(share - error >= PRECISION)
+    return float(confidence[order][enough[-1]]) if len(enough) else 1.0
+
+
+def deviation_scale_and_floor(
+    error: np.ndarray, deviation: np.ndarray, weight: np.ndarray
+) -> tuple[float, float]:
+    """scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
+
+    Of all such pairs that of least mean width is taken. The floor is searched over quantiles of the errors;
+    the scale follows from it.
+    """
+    required_deviation = np.abs(error) / WITHIN_90
+    best = (math.inf, 1.0, 0.0)
+    for level in np.linspace(0, 0.85, 18):
+        floor = _quantile(required_deviation, weight, level) if level else 0.0
+        squares = np.maximum(0.0, required_deviation**2 - floor**2) / np.maximum(deviation, 1e-12) ** 2
+        scale = math.sqrt(_quantile(squares, weight, 0.9))
+        width = float(np.average(np.sqrt((scale * deviation) ** 2 + floor**2), weights=weight))
+        if width < best[0]:
+            best = width, scale, floor
+    return best[1:]
+
+
+def _quantile(values: np.ndarray, weight: np.ndarray, level: float) -> float:
+    order = np.argsort(values)
+    share = np.cumsum(weight[order]) / weight.sum()
+    return float(values[order][min(int(np.searchsorted(share, level)), len(values) - 1)])

@@ -1,0 +1,202 @@
+"""Fits of validation photos, and of photos out of distribution, as samples for a calibration."""
+
+from __future__ import annotations
+
+import math
+import os
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.ndimage import rotate
+
+from vig.inference import ExplainSettings, FitCalibration, FitSettings, resolve
+from vig.inference.settings import MASK_RIGHT
+from vig.recognition import Recognizer
+from vig.recognition.network import latents_of
+from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
+from vig_train.calibration.learning import FOLDS, CalibrationSamples, learn
+from vig_train.evaluation.fits import Fits, cache_key, fit_all
+from vig_train.evaluation.framing import fit_settings, frame_images
+from vig_train.evaluation.metrics import segmentation_iou
+from vig_train.training.drawing import studio_examples
+from vig_train.training.examples import Examples
+from vig_train.training.studio import Studio, StudioSettings
+from vig_world.dataset import Dataset
+from vig_world.dataset.spec import Split
+
+MAX_RIGHT_ERROR = math.radians(15.0)
+"""Error of azimuth, radians, up to which a view counts as right."""
+ROLL_STRIDE = 2
+"""One in so many photos from low elevations is also rolled, as a photo out of distribution."""
+MAX_ROLLED_ELEVATION = math.radians(50.0)
+"""Radians. A photo from below this elevation is out of distribution when rolled; one from above it looks like
+a photo of another azimuth."""
+ABSENT_SHARE = 0.45
+"""Share of a studio's photos that show something else."""
+MIN_ROLL_DEG = 20.0
+"""Least roll, degrees, of a photo out of distribution."""
+GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
+"""Its multiples modulo one spread evenly (a Weyl sequence)."""
+
+
+@dataclass(frozen=True)
+class StudioPhotos:
+    """Photos of a studio, for what a dataset's do not show.
+
+    Attributes:
+        images: (N, H, W, 3) uint8 sRGB, which show the object.
+        latents: (N, P) of these.
+        visible: (N, H, W) bool, where the object is seen.
+        others: (M, H, W, 3) uint8, which do not.
+    """
+
+    images: np.ndarray
+    latents: np.ndarray
+    visible: np.ndarray
+    others: np.ndarray
+
+    @staticmethod
+    def draw(object_class: ObjectClass, split: Split, count: int, seed: int) -> tuple[StudioPhotos, Examples]:
+        """The first `count` images of a seed, level ones of a split's designs; and those with the object."""
+        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE), split)
+        examples = studio_examples(studio, seed, range(count))
+        shows_object = examples.present() > 0
+        latents = latents_of(examples.numbers, examples.azimuth).to_vector().numpy()
+        images, visible = examples.images.numpy(), examples.visible.numpy() > 127
+        photos = StudioPhotos(
+            images[shows_object], latents[shows_object], visible[shows_object], images[~shows_object]
+        )
+        return photos, examples[shows_object]
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+
+def calibrate_fits(
+    datasets: Sequence[Dataset | StudioPhotos],
+    object_class: ObjectClass,
+    recognizer: Recognizer,
+    settings: ExplainSettings | None = None,
+    workers: int | None = None,
+    advance: Callable[[int], None] = lambda done: None,
+    cache: Path | None = None,
+    processes: bool = False,
+) -> tuple[FitCalibration, CalibrationSamples]:
+    """Fit all photos of datasets, and learn a calibration on the fits; datasets weigh the same at any size.
+
+    Args:
+        datasets: Of the validation split; and photos of a studio.
+        object_class: What they show.
+        recognizer: Its network, calibrated.
+        settings: Of the fits, which are made without calibration; as photos are fitted by default.
+        workers: See `vig_train.evaluation.evaluate`, as for cache and processes.
+        advance: Called with the number of fits made since the last call.
+        cache: Folder that keeps fits, so that an interrupted run resumes.
+        processes: Whether workers are processes.
+
+    Returns:
+        The calibration, and the samples that it was learned on.
+    """
+    uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
+    workers = workers or os.cpu_count() or 1
+
+    def fitted(images: np.ndarray, name: str, photo_settings: FitSettings) -> Fits:
+        key = cache_key(recognizer, object_class, photo_settings)
+        photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
+        folder = None if cache is None else cache / name
+        predicted = recognizer(photos)
+        return fit_all(
+            images, photos, predicted, object_class, photo_settings, workers, advance, folder, key, processes
+        )
+
+    parts = []
+    for dataset in datasets:
+        name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
+        if isinstance(dataset, StudioPhotos):
+            images, visible = dataset.images, dataset.visible
+            photo_settings = resolve(uncalibrated, object_class, photo=True)
+            photos, origin = dataset.others, np.arange(len(dataset.others))
+        else:
+            images, visible = frame_images(dataset, recognizer)
+            photo_settings = fit_settings(uncalibrated, object_class, dataset)
+            origin = photos_to_roll(dataset)
+            photos = roll_photos(images[origin], roll_angles(len(origin)))
+        fits = fitted(images, name, photo_settings)
+        rolled_features = fits.confidence_features[:0]
+        if len(origin):
+            rolled_features = fitted(photos, name + "_outside", photo_settings).confidence_features
+        symmetry = object_class.symmetry
+        parts.append(samples_of(fits, dataset, visible, origin, rolled_features, symmetry))
+    samples = CalibrationSamples(
+        *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
+    )
+    return learn(samples), samples
+
+
+def low_views(dataset: Dataset | StudioPhotos) -> np.ndarray:
+    """Indices of the photos of a dataset from below `MAX_ROLLED_ELEVATION`."""
+    elevation = dataset.latents[:, layout_of_width(dataset.latents.shape[1]).at("elevation")]
+    return np.flatnonzero(elevation < MAX_ROLLED_ELEVATION)
+
+
+def photos_to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
+    """Indices (M,) of the photos of a dataset that are rolled as well."""
+    return low_views(dataset)[::ROLL_STRIDE]
+
+
+def roll_angles(count: int) -> np.ndarray:
+    """Degrees (count,) of `MIN_ROLL_DEG` or more either way, of which each subsequence is spread evenly."""
+    return MIN_ROLL_DEG + (np.arange(count) * GOLDEN_RATIO) % 1 * (360 - 2 * MIN_ROLL_DEG)
+
+
+def roll_photos(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:
+    """Photos (M, H, W, 3) uint8, each rolled about its centre; the corners are filled by reflection."""
+    rolled = [
+        rotate(image, angle, (0, 1), reshape=False, order=1, mode="mirror")
+        for image, angle in zip(images, degrees, strict=True)
+    ]
+    return np.stack(rolled) if rolled else images
+
+
+def fit_count(dataset: Dataset | StudioPhotos) -> int:
+    """How many fits `calibrate_fits` makes of a dataset."""
+    if isinstance(dataset, StudioPhotos):
+        return len(dataset) + len(dataset.others)
+    return len(dataset) + len(photos_to_roll(dataset))
+
+
+def samples_of(
+    fits: Fits,
+    dataset: Dataset | StudioPhotos,
+    visible: np.ndarray,
+    origin: np.ndarray,
+    rolled_features: np.ndarray,
+    symmetry: Symmetry = Symmetry.NONE,
+) -> CalibrationSamples:
+    """The samples of fits of a whole dataset, made without calibration.
+
+    Args:
+        fits: Of the photos of the dataset.
+        dataset: Holds the true latents.
+        visible: (N, H, W) bool, where the object is truly seen in the photos as they were fitted.
+        origin: (M,) indices of the photos that were rolled, or of those without the object.
+        rolled_features: (M, C) confidence features of the fits of these.
+        symmetry: Of the class. Where any turn looks the same, a view is right by its elevation.
+    """
+    layout = layout_of_width(dataset.latents.shape[1])
+    azimuth = layout.at("azimuth")
+    true = Latents.from_vector(torch.from_numpy(dataset.latents))
+    true = symmetry.nearest(true, torch.from_numpy(fits.latents[:, azimuth]))
+    error = fits.latents.astype(np.float64) - true.to_vector().numpy()
+    error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
+    right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < MAX_RIGHT_ERROR
+    weight = np.full(len(right), 1 / len(right))
+    deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
+    features, mask_right = fits.confidence_features, segmentation_iou(fits.masks, visible) >= MASK_RIGHT
+    return CalibrationSamples(
+        features, right, mask_right, error, deviation, weight, fold, rolled_features, origin % FOLDS
+    )
