@@ -51,7 +51,7 @@ def judged(group: Group, found: tuple[Explanation, ...], before: np.ndarray) -> 
             abs(off), abs(each.elevation_deg - truth["elevation_deg"]),
             (seen & visible).sum() / max(1, (seen | visible).sum()), abs(hidden - truth["hidden_fraction"]),
         ])  # fmt: skip
-    one_way = group.before & ~group.before.T
+    one_way = group.occludes & ~group.occludes.T
     return np.array(rows), int((one_way & ~(before & ~before.T)).sum()), int(one_way.sum())
 
 

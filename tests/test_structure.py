@@ -25,7 +25,7 @@ ORDER = {
     ),
     "vig_app": ("examples", "exports", "report", "corrections", "runs", "viewer", "cli"),
     "vig_world": (
-        "extras", "kept", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms", "raster",
+        "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms", "raster",
         "library", "renderers", "composition", "generation", "cli",
     ),
     "vig_train": ("record", "packs", "building", "training", "plots", "evaluation", "calibration", "cli"),

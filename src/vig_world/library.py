@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from vig.scene import EXPOSURE_L00, rotate_z
+from vig_world.asset_cache import Arrays, asset_cache, packed_text, unpacked_text
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
 from vig_world.assets.furniture import FAMILIES as FURNITURE
@@ -26,7 +27,6 @@ from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
-from vig_world.kept import Arrays, kept, packed_text, unpacked_text
 from vig_world.raster import Packed, Pyramid
 from vig_world.rooms import Layout, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
@@ -73,9 +73,9 @@ class OwnAssets:
         def read(reader: Callable[[str], tuple[list, list[str]]], folder: str | None) -> tuple:
             if folder is None:
                 return ()
-            found, problems = reader(folder)
+            assets, problems = reader(folder)
             notes.extend(problems)
-            return tuple(found)
+            return tuple(assets)
 
         props, furniture = read(read_props, folders.props), read(read_furniture, folders.furniture)
         blender = os.environ.get(BLENDER_VARIABLE)
@@ -84,9 +84,9 @@ class OwnAssets:
 
     def fingerprints(self) -> dict[str, str]:
         """Hashes of the assets by kind and name."""
-        found = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
-        found |= {f"prop/{own.name}": own.fingerprint for own in self.props}
-        return found | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
+        fingerprints_by_name = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
+        fingerprints_by_name |= {f"prop/{own.name}": own.fingerprint for own in self.props}
+        return fingerprints_by_name | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ class Library:
 
     def _held(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
         """The arrays of an asset of the split, kept on disk but for a user's own."""
-        return make() if own else kept().arrays(f"{self.split}/{name}", make)
+        return make() if own else asset_cache().arrays(f"{self.split}/{name}", make)
 
     def _sizes(self, family: str, number: int) -> np.ndarray:
         """Extents (3,) in metres of a prop in its own frame."""

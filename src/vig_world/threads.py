@@ -16,13 +16,13 @@ def one_thread() -> Iterator[None]:
 
     Small matrices take less time so, and sums do not depend on the number of cores.
     """
-    before = torch.get_num_threads()
+    thread_count = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         with _linear_algebra().limit(limits=1, user_api="blas"):
             yield
     finally:
-        torch.set_num_threads(before)
+        torch.set_num_threads(thread_count)
 
 
 @functools.cache

@@ -71,9 +71,9 @@ def draw_coat(rng: np.random.Generator, parts: int, decorated: float, metal: flo
 
 def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -> np.ndarray:
     """Albedo (N, 3) float32 at points (N, 3), metres, of parts (N,), of an object of this height."""
-    found = np.array(coat.colours, np.float32)[part]
+    albedo = np.array(coat.colours, np.float32)[part]
     if coat.paint is None:
-        return found
+        return albedo
     rng = np.random.default_rng(coat.paint)
     around = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) + rng.random()
     level = points[:, 2] / height
@@ -82,8 +82,8 @@ def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -
     for _ in range(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1])):
         paint, cover = _painted(rng, around, level, points, height)
         cover = np.where(on, cover, 0.0)[:, None]
-        found = found * (1 - cover) + paint * cover
-    return found
+        albedo = albedo * (1 - cover) + paint * cover
+    return albedo
 
 
 def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarray:
@@ -102,8 +102,8 @@ def _painted(
     kind = rng.choice(7, p=[0.24, 0.18, 0.12, 0.12, 0.12, 0.12, 0.1])
     if kind == 0:  # painted ceramics
         image = stock_decoration(int(rng.integers(DECORATIONS)))
-        found = _looked_up(image, around * rng.choice([1, 1, 2]), 1 - level)
-        return found[:, :3], found[:, 3]
+        paint = _looked_up(image, around * rng.choice([1, 1, 2]), 1 - level)
+        return paint[:, :3], paint[:, 3]
     image = stock_texture(int(rng.integers(TEXTURES)))
     repeats = float(rng.choice([1, 2, 3, 5, 8]))
     paint = _looked_up(image, around * 2 * repeats, -level * repeats)

@@ -45,8 +45,8 @@ def read_panorama(path: str | Path) -> np.ndarray:
     lowest = -UNDERSHOOT * float(rgb[finite].mean(dtype=np.float64)) if finite.any() else 0.0
     bad = np.count_nonzero(~(finite & (rgb >= min(lowest, 0.0))).all(-1))
     if bad:
-        came = f"{bad} pixels with NaN, infinite or negative values"
-        refuse(path, "finite radiance of at least 0", came, "Clean the panorama.")
+        fault = f"{bad} pixels with NaN, infinite or negative values"
+        refuse(path, "finite radiance of at least 0", fault, "Clean the panorama.")
     if not (rgb > 0).any():
         refuse(path, "a panorama with some light in it", "a black one", "Choose another.")
     try:
@@ -104,8 +104,8 @@ def _exr(path: Path) -> tuple[np.ndarray, tuple[float, ...]]:
     number, spec, channels = max(parts, key=lambda part: part[1].width * part[1].height)
     kinds = {str(spec.channelformat(channel)) for channel in channels}
     if spec.deep or not kinds <= {"half", "float"}:
-        came = "deep pixels" if spec.deep else "integers"
-        refuse(path, "half or float pixels", came, "Export it as flat half or float.")
+        contents = "deep pixels" if spec.deep else "integers"
+        refuse(path, "half or float pixels", contents, "Export it as flat half or float.")
     if spec.get_string_attribute("textureformat") == "CubeFace Environment":
         refuse(path, "an equirectangular panorama", "a cube map", "Convert it.")
     chromaticities = spec.getattribute("chromaticities")
@@ -141,8 +141,8 @@ def _rgb_channels(path: Path, names: list[str]) -> list[int]:
 def _check_shape(path: Path, width: int, height: int) -> None:
     check_size(path, width, height)
     if width != 2 * height:
-        came = f"{width} x {height} pixels"
-        refuse(path, "an equirectangular panorama, twice as wide as high", came, "Crop or resize it.")
+        size = f"{width} x {height} pixels"
+        refuse(path, "an equirectangular panorama, twice as wide as high", size, "Crop or resize it.")
 
 
 def _opened(path: Path) -> Any:

@@ -72,9 +72,9 @@ def groups(settings: Groups) -> int:
     size = settings.width, settings.height
     for _ in write_groups(settings.out, settings.count, settings.seed, settings.split, classes, size):
         pass
-    told = {"folder": str(settings.out), "photos": settings.count}
+    summary = {"folder": str(settings.out), "photos": settings.count}
     again = f"next: vig fit {settings.out}/photos --boxes {settings.out}/boxes.json"
-    print(json.dumps(told) if settings.json else f"{settings.out}\n{again}")
+    print(json.dumps(summary) if settings.json else f"{settings.out}\n{again}")
     return 0
 
 
@@ -101,17 +101,17 @@ def check(settings: Check) -> int:
         splits = [complete_split(settings.dataset, settings.split)]
     own = _own(settings)
     findings = [check_dataset(settings.dataset, name, settings.render, object_class, own) for name in splits]
-    clean = all(found.clean for found in findings)
+    clean = all(of_split.clean for of_split in findings)
     if settings.json:
-        splits_found = {found.split: asdict(found) | {"clean": found.clean} for found in findings}
+        splits_found = {of_split.split: asdict(of_split) | {"clean": of_split.clean} for of_split in findings}
         print(json.dumps({"clean": clean, "splits": splits_found, "folder": str(settings.dataset)}))
         return 0 if clean else 1
-    for found in findings:
-        for problem in found.problems[:SHOWN]:
-            print(f"{found.split}: {problem}")
-        if len(found.problems) > SHOWN:
-            print(f"{found.split}: and {len(found.problems) - SHOWN} more (--json lists them)")
-        print(found.summary())
+    for of_split in findings:
+        for problem in of_split.problems[:SHOWN]:
+            print(f"{of_split.split}: {problem}")
+        if len(of_split.problems) > SHOWN:
+            print(f"{of_split.split}: and {len(of_split.problems) - SHOWN} more (--json lists them)")
+        print(of_split.summary())
     print(settings.dataset)
     return 0 if clean else 1
 

@@ -70,9 +70,9 @@ def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
     supports = stage.library.plan(stage.room.layout).layout.supports
     middles = stage.room.to_world(np.array([support.centre for support in supports]))
     x, y, z = ((middles - stage.actor.view.eye) @ stage.actor.view.rotation.T).T
-    seen = (z > 0.3) & (z < FAR) & (np.abs(x) < 0.8 * z + 0.3) & (np.abs(y) < 0.8 * z + 0.3)
-    seen[stage.room.support] = False
-    chosen = rng.permutation(np.nonzero(seen)[0])[:BACKGROUND]
+    in_view = (z > 0.3) & (z < FAR) & (np.abs(x) < 0.8 * z + 0.3) & (np.abs(y) < 0.8 * z + 0.3)
+    in_view[stage.room.support] = False
+    chosen = rng.permutation(np.nonzero(in_view)[0])[:BACKGROUND]
     return [supports[number] for number in chosen if supports[number].zone != "floor"]
 
 
@@ -117,7 +117,7 @@ class _Proposals:
         clouds += positions[:, None]
 
         footprints = Footprint.of(clouds, view.forward)
-        before = footprints.depths[:, 0] >= view.forward @ view.eye + stage.actor.nearest
+        in_front = footprints.depths[:, 0] >= view.forward @ view.eye + stage.actor.nearest
         top, bottom, left, right = view.windows(clouds)
         cover = (bottom - top) * (right - left) / stage.actor.depth.size
         sums = stage.actor.sums
@@ -128,7 +128,7 @@ class _Proposals:
         fit = np.ones(count, bool)
         for reason, passes in (
             ("too large", fits),
-            ("eye", before),
+            ("eye", in_front),
             ("unseen", cover > 0),
             ("too large", cover <= MOST_COVER),
             ("collision", free_of_others),
@@ -151,10 +151,10 @@ class _Proposals:
         """Place one of the props beside others, or return what obstructs it."""
         if self.touch[number, others].any():
             return "collision"
-        seen = None
+        depths = None
         if self.crosses[number]:
-            seen = stage.seen_at([self.parts[number]])
-            if stage.hidden(seen) > stage.hidden():
+            depths = stage.seen_at([self.parts[number]])
+            if stage.hidden(depths) > stage.hidden():
                 return "hides the object"
-        stage.add([self.parts[number]], [self.footprints[number]], seen)
+        stage.add([self.parts[number]], [self.footprints[number]], depths)
         return ""

@@ -68,24 +68,24 @@ def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
         return "eye"  # at any offset: motions are across the line of sight
     if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
         return "too small"
-    found = _offset(stage, candidate, level)
-    if isinstance(found, str):
-        return found
-    offset, seen = found
+    placement = _offset(stage, candidate, level)
+    if isinstance(placement, str):
+        return placement
+    offset, depths = placement
     shift = offset * candidate.motion
     footprints = [Footprint.of(cloud + shift, forward) for cloud in clouds]
     for footprint in footprints:
         if reason := stage.check(footprint):
             return reason
-    if not candidate.stands and (stage.behind < seen + 2 * MARGIN)[np.isfinite(seen)].any():
+    if not candidate.stands and (stage.behind < depths + 2 * MARGIN)[np.isfinite(depths)].any():
         return "in furniture"
-    if (np.minimum(stage.blockers, seen) < stage.behind).mean() > 0.3 + 0.5 * level:
+    if (np.minimum(stage.blockers, depths) < stage.behind).mean() > 0.3 + 0.5 * level:
         return "fills the frame"
     parts = [_moved(part, shift) for part in candidate.parts]
     arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
-    if arms and (stage.seen_at(arms) <= seen)[np.isfinite(seen)].mean() < HAND_SHARE:
+    if arms and (stage.seen_at(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
         return "no hand"
-    stage.add(parts, footprints, seen)
+    stage.add(parts, footprints, depths)
     return ""
 
 
@@ -96,26 +96,26 @@ def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np
     """
 
     def excess(offset: float) -> tuple[float, np.ndarray]:
-        seen = stage.seen_at(candidate.parts, offset * candidate.motion)
-        return stage.hidden(seen) - level, seen
+        depths = stage.seen_at(candidate.parts, offset * candidate.motion)
+        return stage.hidden(depths) - level, depths
 
     low, high = candidate.least, candidate.most
-    below, seen = excess(high)
+    below, depths = excess(high)
     if abs(below) <= FIT_TOLERANCE:
-        return high, seen
+        return high, depths
     if below > 0:
         return "not out of the way"
-    above, seen = excess(low)
+    above, depths = excess(low)
     if abs(above) <= FIT_TOLERANCE:
-        return low, seen
+        return low, depths
     if above < 0:
         return "too small"
     for step in range(STEPS):
         share = 0.5 if step % 2 else float(np.clip(above / (above - below), 0.05, 0.95))
         offset = low + share * (high - low)
-        over, seen = excess(offset)
+        over, depths = excess(offset)
         if abs(over) <= FIT_TOLERANCE:
-            return offset, seen
+            return offset, depths
         if over > 0:
             low, above = offset, over
         else:

@@ -73,8 +73,8 @@ def _framed(
 ) -> Lens:
     """A lens that frames the object as the window of its box does."""
     view = View.through(lens, object_class, azimuth, elevation)
-    seen = vertices @ view.rotation.T + view.translation
-    x, y = (view.camera.focal * seen[:, :2] / seen[:, 2:] + [view.camera.cx, view.camera.cy]).T
+    in_camera = vertices @ view.rotation.T + view.translation
+    x, y = (view.camera.focal * in_camera[:, :2] / in_camera[:, 2:] + [view.camera.cx, view.camera.cy]).T
     box = (float(x.min()), float(y.min()), float(np.ptp(x)), float(np.ptp(y)))
     window = Window.round_box(box)
     scale = IMAGE_SIZE / window.side

@@ -193,12 +193,12 @@ class Stage:
             self._poses[support] = rotation @ about_z(support.turn), origin
         return self._poses[support]
 
-    def add(self, placed: list[Placed], footprints: list[Footprint], seen: np.ndarray | None) -> None:
+    def add(self, placed: list[Placed], footprints: list[Footprint], depths: np.ndarray | None) -> None:
         """Keep props, given with their footprints and their common depth image, if they hide anything."""
         self.props += placed
         self.solids += footprints
-        if seen is not None:
-            self.blockers, self._hidden = np.minimum(self.blockers, seen), None
+        if depths is not None:
+            self.blockers, self._hidden = np.minimum(self.blockers, depths), None
 
 
 @lru_cache(maxsize=256)

@@ -159,8 +159,8 @@ def decode_picture(data: bytes, kind: str) -> np.ndarray:
     with opened as image:
         wanted = (IMAGE_SIZE, IMAGE_SIZE), PICTURE_MODES[kind]
         if (image.size, image.mode) != wanted:
-            came = f"{image.size[0]} x {image.size[1]} {image.mode}"
-            raise ValueError(f"{came}, not {IMAGE_SIZE} x {IMAGE_SIZE} {PICTURE_MODES[kind]}")
+            found = f"{image.size[0]} x {image.size[1]} {image.mode}"
+            raise ValueError(f"{found}, not {IMAGE_SIZE} x {IMAGE_SIZE} {PICTURE_MODES[kind]}")
         return np.asarray(image)
 
 

@@ -56,16 +56,16 @@ def visibility(
         visible: (H, W) bool.
         depth: (H, W), the depth image, 0 where unknown.
     """
-    whole, seen = int(np.count_nonzero(canvas)), int(np.count_nonzero(visible))
+    whole, visible_pixels = int(np.count_nonzero(canvas)), int(np.count_nonzero(visible))
     height, width = visible.shape
     aside = CANVAS // 2
     return {
-        "bbox_obj": box(canvas, (-aside * width, -aside * height)) if seen else box(visible),
+        "bbox_obj": box(canvas, (-aside * width, -aside * height)) if visible_pixels else box(visible),
         "bbox_visib": box(visible),
         "px_count_all": whole,
         "px_count_valid": int(np.count_nonzero(amodal & (depth > 0))),
-        "px_count_visib": seen,
-        "visib_fract": seen / whole if whole else 0.0,
+        "px_count_visib": visible_pixels,
+        "visib_fract": visible_pixels / whole if whole else 0.0,
     }
 
 

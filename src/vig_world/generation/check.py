@@ -63,9 +63,9 @@ class Findings:
 
     def summary(self) -> str:
         """One sentence."""
-        found = "clean" if self.clean else f"{len(self.problems)} problems"
+        state = "clean" if self.clean else f"{len(self.problems)} problems"
         again = f", {self.rendered} rendered again" if self.rendered else ""
-        return f"{self.split}: {self.samples} samples, {self.files} files{again}: {found}"
+        return f"{self.split}: {self.samples} samples, {self.files} files{again}: {state}"
 
 
 def check_dataset(

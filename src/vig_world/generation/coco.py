@@ -38,8 +38,8 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
     amodal: list[dict[str, Any]] = []
     for start in range(0, len(dataset), READ_AT_ONCE):
         indices = range(start, min(start + READ_AT_ONCE, len(dataset)))
-        alone, seen = dataset.read("mask", indices), dataset.read("mask_visib", indices)
-        for index, whole, part in zip(indices, alone, seen, strict=True):
+        alone, visible_masks = dataset.read("mask", indices), dataset.read("mask_visib", indices)
+        for index, whole, part in zip(indices, alone, visible_masks, strict=True):
             if part.any():
                 visible.append(_instance(index) | _region(part))
             amodal.append(_instance(index) | _amodal(whole, part))
@@ -60,8 +60,8 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
         "categories": [{"id": OBJECT_ID, "name": settings["class"], "supercategory": "object"}],
         "images": images,
     }
-    for name, found in (("instances", visible), ("amodal", amodal)):
-        data = json.dumps(common | {"annotations": found}).encode()
+    for name, regions in (("instances", visible), ("amodal", amodal)):
+        data = json.dumps(common | {"annotations": regions}).encode()
         write_bytes(out / "annotations" / f"{name}_{split}.json", data)
     return out
 
@@ -89,15 +89,15 @@ def _region(mask: np.ndarray) -> dict[str, Any]:
 
 
 def _amodal(whole: np.ndarray, part: np.ndarray) -> dict[str, Any]:
-    full, seen = _region(whole), _region(part)
+    full, visible = _region(whole), _region(part)
     return {
         **full,
-        "visible_mask": seen["segmentation"],
-        "visible_bbox": seen["bbox"],
+        "visible_mask": visible["segmentation"],
+        "visible_bbox": visible["bbox"],
         "invisible_mask": run_lengths(whole & ~part),
-        "occlude_rate": 1 - seen["area"] / full["area"] if full["area"] else 0.0,
+        "occlude_rate": 1 - visible["area"] / full["area"] if full["area"] else 0.0,
         **{f"a_{short}": full[name] for short, name in _KINS.items()},
-        **{f"i_{short}": seen[name] for short, name in _KINS.items()},
+        **{f"i_{short}": visible[name] for short, name in _KINS.items()},
     }
 
 

@@ -51,7 +51,7 @@ class Group:
         photo: (H, W, 3) uint8 sRGB, through a camera model.
         amodal: (N, H, W) bool, each object alone.
         visible: (N, H, W) bool, each as seen.
-        before: (N, N) bool, whether object i hides some of object j, `HIDES` pixels or more.
+        occludes: (N, N) bool, whether object i hides some of object j, `HIDES` pixels or more.
     """
 
     spec: GroupSpec
@@ -59,7 +59,7 @@ class Group:
     photo: np.ndarray
     amodal: np.ndarray
     visible: np.ndarray
-    before: np.ndarray
+    occludes: np.ndarray
 
     @property
     def boxes(self) -> list[list[int]]:
@@ -69,18 +69,18 @@ class Group:
     def truth(self) -> list[dict[str, Any]]:
         """Of each object, plain values; see the module."""
         hidden = 1 - self.visible.sum((1, 2)) / self.amodal.sum((1, 2))
-        found = []
+        objects = []
         for member, view, box, share in zip(self.spec.members, self.views, self.boxes, hidden, strict=True):
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = view.rotation, view.translation
             scene = member.scene
-            found.append(
+            objects.append(
                 {"class": member.class_name, "box": box, "azimuth_deg": math.degrees(scene.azimuth),
                  "elevation_deg": math.degrees(scene.elevation), "hidden_fraction": float(share),
                  "K": view.camera.K.tolist(), "camera_from_object": pose.tolist(),
                  "shape": list(scene.shape), "albedo": list(scene.albedo)}
             )  # fmt: skip
-        return found
+        return objects
 
 
 def make_group(
@@ -102,18 +102,18 @@ def make_group(
         render(library, member.scene, by_name[member.class_name], view.scaled(FINER))
         for member, view in zip(spec.members, views, strict=True)
     ]
-    seen = np.stack([one.visible for one in drawn])
+    uncovered = np.stack([one.visible for one in drawn])
     depths = np.stack([np.where(one.visible, one.depth, np.inf) for one in drawn])
     pictures = np.stack([linear_from_srgb(one.image.astype(np.float32) / 255) for one in drawn])
     nearest = depths.argmin(0)
     darkest = pictures.sum(-1).argmin(0)
-    chosen = np.where(seen.any(0), nearest, darkest)
+    chosen = np.where(uncovered.any(0), nearest, darkest)
     linear = np.take_along_axis(pictures, chosen[None, ..., None], 0)[0]
     amodal = np.stack([_halved(one.amodal) >= 0.5 for one in drawn])
-    shares = np.stack([_halved(mask & (nearest == number)) for number, mask in enumerate(seen)])
+    shares = np.stack([_halved(mask & (nearest == number)) for number, mask in enumerate(uncovered)])
     most = shares.argmax(0)
     visible = np.stack([(share >= 0.5) & (most == number) for number, share in enumerate(shares)])
-    hides = seen[:, None] & seen & (depths[:, None] < depths)
+    hides = uncovered[:, None] & uncovered & (depths[:, None] < depths)
     photo, _ = photograph(_halved(linear), group_stream(seed, index, library.split, 0))
     return Group(spec, tuple(views), photo, amodal, visible & amodal, hides.sum((2, 3)) >= FINER**2 * HIDES)
 
@@ -134,7 +134,7 @@ def write_groups(
         UserError: The folder holds groups of another recipe, or a scene could not be drawn.
     """
     recipe = {"seed": seed, "split": split, "classes": [each.name for each in classes], "size": list(size)}
-    told = _told(out / "truth.jsonl", recipe)
+    truths = _told(out / "truth.jsonl", recipe)
     library = Library(split)
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -144,7 +144,7 @@ def write_groups(
     with file:
         for index in range(count):
             name = f"{index:06d}.png"
-            if name not in told:
+            if name not in truths:
                 with one_thread():
                     group = make_group(library, classes, seed, index, size)
                 write_png(out / "photos" / name, group.photo)
@@ -152,14 +152,14 @@ def write_groups(
                     for number, mask in enumerate(masks, 1):
                         path = out / kind / f"{index:06d}_{number}.png"
                         write_png(path, np.repeat(mask[..., None], 3, 2).astype(np.uint8) * 255)
-                pairs = np.argwhere(group.before).tolist()
-                told[name] = {"photo": name, "before": pairs, "objects": group.truth(), "recipe": recipe}
-                file.write(json.dumps(told[name]) + "\n")
+                pairs = np.argwhere(group.occludes).tolist()
+                truths[name] = {"photo": name, "before": pairs, "objects": group.truth(), "recipe": recipe}
+                file.write(json.dumps(truths[name]) + "\n")
                 file.flush()
             yield index
     boxes = {
-        name: [{"box": each["box"], "class": each["class"]} for each in told[name]["objects"]]
-        for name in sorted(told)
+        name: [{"box": each["box"], "class": each["class"]} for each in truths[name]["objects"]]
+        for name in sorted(truths)
     }
     write_json(out / "boxes.json", boxes)
 

@@ -42,8 +42,8 @@ def label_problems(
     for kind in ("mask", "mask_visib"):
         if not np.isin(pictures[kind], (0, 255)).all():
             yield f"{kind} has values other than 0 and 255"
-    alone, seen = pictures["mask"] > 0, pictures["mask_visib"] > 0
-    if (seen & ~alone).any():
+    alone, visible = pictures["mask"] > 0, pictures["mask_visib"] > 0
+    if (visible & ~alone).any():
         yield "mask_visib is not within mask"
     if not alone.any():
         yield "mask is empty"
@@ -53,9 +53,9 @@ def label_problems(
     yield from _pose_problems(item, view)
     vertices = target_vertices(spec, object_class)
     canvas = silhouette(object_class, vertices, spec)
-    yield from _visibility_problems(item["gt_info"][0], alone, seen, pictures["depth"], canvas)
-    yield from _share_problems(item["row"], item["gt_info"][0], alone, seen)
-    inner = binary_erosion(seen)  # a pixel at an edge has the depth of what is nearest in it
+    yield from _visibility_problems(item["gt_info"][0], alone, visible, pictures["depth"], canvas)
+    yield from _share_problems(item["row"], item["gt_info"][0], alone, visible)
+    inner = binary_erosion(visible)  # a pixel at an edge has the depth of what is nearest in it
     millimetres = pictures["depth"][inner] * bop.DEPTH_SCALE
     z = 1000 * (vertices @ view.rotation[2] + view.translation[2])
     inside = (millimetres > z.min() - bop.DEPTH_SCALE) & (millimetres < z.max() + bop.DEPTH_SCALE)
@@ -111,7 +111,7 @@ def _pose_problems(item: dict[str, Any], view: View) -> Iterator[str]:
 
 
 def _visibility_problems(
-    info: dict[str, Any], alone: np.ndarray, seen: np.ndarray, depth: np.ndarray, canvas: np.ndarray
+    info: dict[str, Any], alone: np.ndarray, visible: np.ndarray, depth: np.ndarray, canvas: np.ndarray
 ) -> Iterator[str]:
     frame = canvas[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE]
     flipped = np.count_nonzero(frame != alone) / alone.sum()
@@ -120,7 +120,7 @@ def _visibility_problems(
     whole = canvas.copy()
     whole[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE] = alone
     exact = not flipped
-    for name, value in bop.visibility(whole, alone, seen, depth).items():
+    for name, value in bop.visibility(whole, alone, visible, depth).items():
         outside = name in ("bbox_obj", "px_count_all", "visib_fract")
         slack = 0.0 if exact or not outside else max(2.0, 2 * FLIPPED * info["px_count_all"])
         if name == "visib_fract":
@@ -130,9 +130,9 @@ def _visibility_problems(
 
 
 def _share_problems(
-    row: dict[str, Any], info: dict[str, Any], alone: np.ndarray, seen: np.ndarray
+    row: dict[str, Any], info: dict[str, Any], alone: np.ndarray, visible: np.ndarray
 ) -> Iterator[str]:
-    hidden = 1 - seen.sum() / alone.sum()
+    hidden = 1 - visible.sum() / alone.sum()
     if abs(row["occlusion"] - hidden) > CLOSE:
         yield f"occlusion is {row['occlusion']:.4f}; the masks give {hidden:.4f}"
     shares = {name: row[f"share_{name}"] for name in ("occluder", "support", "truncation")}

@@ -80,7 +80,7 @@ def draw(
     record = workspace.record("task", TASK)
     encode, thresholds = srgb_tables()
     image, depths = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
-    seen, support = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
+    visible, support = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
     linear = workspace.buffer("linear", 3 * pixels, np.float32)
     direction = coefficients[[3, 1, 2]]
     strength = float(np.linalg.norm(direction))
@@ -90,7 +90,7 @@ def draw(
         ("linear", linear),
         ("image", image),
         ("depth", depths),
-        ("seen", seen),
+        ("seen", visible),
         ("support", support),
         ("encode", encode),
         ("thresholds", thresholds),
@@ -105,7 +105,7 @@ def draw(
     workspace.launch("collect", "task")
     workspace.launch("shade", "task")
     if colouring is not None:
-        linear.reshape(-1)[: 3 * pixels] += _coloured(record, seen, colouring).ravel()
+        linear.reshape(-1)[: 3 * pixels] += _coloured(record, visible, colouring).ravel()
     workspace.launch("encode", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))
@@ -116,14 +116,14 @@ def draw(
         image=image,
         depth=depths,
         amodal=amodal,
-        visible=(seen >= half) & amodal,
+        visible=(visible >= half) & amodal,
         by_support=(support >= half) & amodal,
         canvas=canvas,
         light=coefficients.astype(np.float32),
     )
 
 
-def _coloured(record: np.ndarray, seen: np.ndarray, colouring: Colouring) -> np.ndarray:
+def _coloured(record: np.ndarray, visible: np.ndarray, colouring: Colouring) -> np.ndarray:
     """What the object adds (H W, 3) to the pixels of a TASK that was shaded without it."""
     size = int(record["width"][0]) * int(record["height"][0])
     surface = workspace.buffer("surface", 7 * size, np.float32)
@@ -136,8 +136,8 @@ def _coloured(record: np.ndarray, seen: np.ndarray, colouring: Colouring) -> np.
         places[: 2 * size].reshape(2, size)[:, :count],
     )
     colours = colouring(Surface(rows[:3], rows[3:6], rows[6], vertices))
-    sums = np.stack([np.bincount(pixels, channel, minlength=seen.size) for channel in colours.T], axis=1)
-    return np.clip(sums, 0, seen.reshape(-1, 1)) / SAMPLES**2
+    sums = np.stack([np.bincount(pixels, channel, minlength=visible.size) for channel in colours.T], axis=1)
+    return np.clip(sums, 0, visible.reshape(-1, 1)) / SAMPLES**2
 
 
 def silhouette(target: Target, view: View) -> np.ndarray:

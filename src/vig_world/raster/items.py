@@ -118,16 +118,16 @@ _AT_ORIGIN = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 def item_table(items: Sequence[Item], target: Target | None) -> tuple[np.ndarray, list[np.ndarray]]:
     """The ITEM records (N,) of a target, if any, and items; and the arrays that must outlive them."""
-    kept: list[np.ndarray] = []
+    arrays: list[np.ndarray] = []
     rows = [] if target is None else [_ROW.pack(*_AT_ORIGIN, target.packed.address, 0, 0, 1, 0, 0)]
     for item in items:
         finishes = 0
         if item.finishes and item.packed.slots:
-            kept.append(_finishes(item))
-            finishes = address(kept[-1])
+            arrays.append(_finishes(item))
+            finishes = address(arrays[-1])
         pose = (*item.rotation.ravel().tolist(), *item.translation.tolist())
         rows.append(_ROW.pack(*pose, item.packed.address, finishes, item.owner, 0, item.is_support, 0))
-    return np.frombuffer(b"".join(rows), ITEM), kept
+    return np.frombuffer(b"".join(rows), ITEM), arrays
 
 
 def _finishes(item: Item) -> np.ndarray:

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from vig_world.asset_cache import packed_text, unpacked_text
 from vig_world.assets.props.material import Material
-from vig_world.kept import packed_text, unpacked_text
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster.pyramid import Pyramid
 from vig_world.raster.records import CLUSTER, HEADER, PART, address

@@ -135,9 +135,9 @@ def rasterize(
     return Fragments(face.view(shape).numpy(), barycentric.view(*shape, 3).numpy(), depth.view(shape).numpy())
 
 
-def _checked(name: str, given: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
+def _checked(name: str, values: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
     """Check an array against a shape such as "V, 3", in which a letter is any number. Raises ValueError."""
-    array = np.asarray(given)
+    array = np.asarray(values)
     sizes = shape.split(", ")
     fits = array.ndim == len(sizes) and all(
         size.isalpha() or int(size) == held for size, held in zip(sizes, array.shape, strict=True)

@@ -41,7 +41,7 @@ class Layout:
 def material_under(layout: Layout, support: Support) -> Material | None:
     """The material of the highest surface at the middle of a support, None where there is none near it."""
     x, y, z = support.centre
-    highest, found = -np.inf, None
+    highest, material_found = -np.inf, None
     for mesh, material in layout.parts:
         near = np.abs(mesh.vertices[:, 2] - z) <= LEVEL
         faces = mesh.faces[near[mesh.faces].all(axis=1)]
@@ -52,8 +52,8 @@ def material_under(layout: Layout, support: Support) -> Material | None:
         weights = np.stack([_area(middle, b, c), _area(a, middle, c), _area(a, b, middle)], axis=1)
         inside = (np.abs(area) > 1e-12) & (weights * np.sign(area)[:, None] >= -1e-9).all(axis=1)
         if inside.any() and (top := mesh.vertices[faces[inside]][..., 2].max()) > highest:
-            highest, found = top, material
-    return found
+            highest, material_found = top, material
+    return material_found
 
 
 def _area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -47,7 +47,7 @@ def test_no_pixel_shows_two_objects_and_what_hides_is_where_both_are(groups: lis
     for group in groups:
         assert group.visible.sum(0).max() == 1
         assert not (group.visible & ~group.amodal).any()
-        for i, j in np.argwhere(group.before):
+        for i, j in np.argwhere(group.occludes):
             assert (group.amodal[i] & group.amodal[j] & ~group.visible[j]).any()
 
 

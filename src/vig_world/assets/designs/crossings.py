@@ -39,7 +39,7 @@ def _near(
     middles: np.ndarray, halves: np.ndarray, centres: np.ndarray, reaches: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (N,), (N,) of edges and faces whose balls meet; those of large faces are looked for apart."""
-    found = []
+    candidates = []
     limit = np.quantile(reaches, 0.9)
     for chosen in (np.flatnonzero(reaches <= limit), np.flatnonzero(reaches > limit)):
         if len(chosen) == 0:
@@ -49,5 +49,5 @@ def _near(
         edge = np.repeat(np.arange(len(lists)), [len(each) for each in lists])
         face = chosen[np.concatenate([np.array(each, int) for each in lists])] if len(edge) else edge
         close = np.linalg.norm(middles[edge] - centres[face], axis=1) <= halves[edge] + reaches[face]
-        found.append((edge[close], face[close]))
-    return np.concatenate([each[0] for each in found]), np.concatenate([each[1] for each in found])
+        candidates.append((edge[close], face[close]))
+    return np.concatenate([each[0] for each in candidates]), np.concatenate([each[1] for each in candidates])

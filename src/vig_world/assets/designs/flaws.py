@@ -28,41 +28,41 @@ def flaws(design: TeapotDesign) -> list[str]:
         "spout": spout[: SPOUT_LOFT.starts[2]],
         "handle": np.concatenate([handle[: HANDLE_LOFT.starts[2]], handle[HANDLE_LOFT.starts[-3] :]]),
     }
-    found = [
+    flaws_found = [
         f"the {part} is detached from the body"
         for part, points in ends.items()
         if not inside(points, vertices, body).all()
     ]
-    found += [
+    flaws_found += [
         f"the {part} folds"
         for part, rings in (("spout", spout_rings), ("handle", handle_rings))
         if folds(rings)
     ]
     mouth = spout[SPOUT_LOFT.starts[_MOUTH_RING - 1] : SPOUT_LOFT.starts[_MOUTH_RING]]
     if inside(mouth[::4], vertices, body).any():
-        found.append("the spout's mouth is inside the body")
+        flaws_found.append("the spout's mouth is inside the body")
     count = len(handle_rings)
     middle = handle_rings[count // 3 : -(count // 3), ::3].reshape(-1, 3)
     if inside(middle, vertices, _faces("body", "foot", "lid", "knob")).any():
-        found.append("the handle runs through the pot")
+        flaws_found.append("the handle runs through the pot")
     if design.handle == "above":
         crown = vertices[np.isin(TEAPOT_PARTS, [PART_NAMES.index("lid"), PART_NAMES.index("knob")])]
         if crown[:, 2].max() > handle_rings[count // 2, :, 2].min() - _CLEAR:
-            found.append("the lid and its knob reach the handle above")
+            flaws_found.append("the lid and its knob reach the handle above")
     apart = np.linalg.norm(
         handle_rings.mean(axis=1)[:, None] - spout_rings.mean(axis=1)[None, len(spout_rings) // 2 :], axis=2
     )
     if apart.min() < 0.5 * (design.handle_thickness + design.spout_tip_radius):
-        found.append("the handle meets the spout")
+        flaws_found.append("the handle meets the spout")
     if vertices[:, 2].min() < -1e-9:
-        found.append("it reaches below the ground")
+        flaws_found.append("it reaches below the ground")
     sizes = zip(("long", "wide", "high"), np.ptp(vertices, axis=0), (LENGTHS, WIDTHS, HEIGHTS), strict=True)
-    found += [
+    flaws_found += [
         f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
         for word, size, (least, most) in sizes
         if not least <= size <= most
     ]
-    return found
+    return flaws_found
 
 
 def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

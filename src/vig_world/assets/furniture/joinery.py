@@ -136,9 +136,9 @@ def _without_empty(points: Array, triangles: Array, uv: Array) -> Mesh:
     a, b, c = points[triangles[:, 0]], points[triangles[:, 1]], points[triangles[:, 2]]
     p, q = b - a, c - a
     area = (p * p).sum(1) * (q * q).sum(1) - (p * q).sum(1) ** 2
-    kept = area > 1e-18
-    if not kept.all():
-        triangles = triangles[kept]
+    not_empty = area > 1e-18
+    if not not_empty.all():
+        triangles = triangles[not_empty]
     used = np.zeros(len(points), bool)
     used[triangles] = True
     if not used.all():

@@ -29,31 +29,31 @@ _LEAST_ANGLE = 2.5
 def flaws(design: MugDesign) -> list[str]:
     """What makes a design no mug, a sentence each; empty for a sound one."""
     outer, inner = outside(design), inside(design)
-    found = []
+    flaws_found = []
     if np.diff(wall_rows(design, outer)).min() * outer.length < _LEAST_ROW:
-        found.append("the handle's places on the wall leave no room")
+        flaws_found.append("the handle's places on the wall leave no room")
     if inner.points[0, 0] < 0.2 * inner.points[:, 0].max():
-        found.append("it is not hollow")
+        flaws_found.append("it is not hollow")
     if (outer.radius(inner.points[:, 1]) - inner.points[:, 0]).min() < _LEAST_WALL:
-        found.append("the wall is too thin")
+        flaws_found.append("the wall is too thin")
     line = centre_line(design, outer)
     gap = line[:, 0] - 0.5 * design.handle_thickness - outer.radius(line[:, 1])
     if gap.max() < _OPENING:
-        found.append("no finger fits the handle")
+        flaws_found.append("no finger fits the handle")
     vertices = mug_vertices(design).astype(np.float64)
     if vertices[:, 2].min() < -1e-9:
-        found.append("it reaches below the ground")
+        flaws_found.append("it reaches below the ground")
     if line[:, 1].max() > 1.08 * design.height:
-        found.append("the handle rises above the rim")
+        flaws_found.append("the handle rises above the rim")
     if thinnest(vertices) < _LEAST_ANGLE:
-        found.append("it has slivers")
+        flaws_found.append("it has slivers")
     width = float(np.ptp(vertices[:, 1]))
     sizes = [
         ("high", vertices[:, 2].max(), HEIGHTS),
         ("wide", width, WIDTHS),
         ("long", float(np.ptp(vertices[:, 0])), LENGTHS),
     ]
-    found += [
+    flaws_found += [
         f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
         for word, size, (least, most) in sizes
         if not least <= size <= most
@@ -62,14 +62,14 @@ def flaws(design: MugDesign) -> list[str]:
         ("its height over its width", vertices[:, 2].max() / width, PROPORTIONS),
         ("the handle's reach over its width", (vertices[:, 0].max() + vertices[:, 0].min()) / width, REACHES),
     ]
-    found += [
+    flaws_found += [
         f"{what} is {ratio:.2f}, not {least} to {most}"
         for what, ratio, (least, most) in ratios
         if not least <= ratio <= most
     ]
-    if not found and crossings(vertices, MUG_FACES):
-        found.append("it cuts into itself")
-    return found
+    if not flaws_found and crossings(vertices, MUG_FACES):
+        flaws_found.append("it cuts into itself")
+    return flaws_found
 
 
 def thinnest(vertices: np.ndarray) -> float:

@@ -84,15 +84,15 @@ def bpy_panoramas(python: str | Path | None = None) -> Path:
     """
     if python is None:
         spec = importlib.util.find_spec("bpy")
-        found = spec.submodule_search_locations[0] if spec and spec.submodule_search_locations else ""
+        blender = spec.submodule_search_locations[0] if spec and spec.submodule_search_locations else ""
     else:
         command = [str(python), "-c", _FIND]
         try:
             answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
         except (OSError, subprocess.SubprocessError) as error:
             raise UserError(f"{python}: expected a Python interpreter; it failed ({error}).") from error
-        found = answer.stdout.strip()
-    folders = sorted(Path(found).glob("*/datafiles/studiolights/world")) if found else []
+        blender = answer.stdout.strip()
+    folders = sorted(Path(blender).glob("*/datafiles/studiolights/world")) if blender else []
     if not folders:
         where = "this Python" if python is None else str(python)
         raise UserError(

@@ -24,17 +24,17 @@ def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, P
         came = "a file" if root.exists() else "nothing of that name"
         raise UserError(f"{root}: expected a folder of files {kinds}; got {came}. Check the path.")
     try:
-        found = [
+        files = [
             (path.relative_to(root).as_posix(), path)
             for path in root.rglob("*")
             if path.suffix.lower() in suffixes and path.is_file()
         ]
     except OSError as error:
         raise UserError(f"{root}: cannot be listed ({error.strerror}). Check its permissions.") from error
-    found = [(name, path) for name, path in found if not any(p.startswith(".") for p in name.split("/"))]
-    if not found:
+    files = [(name, path) for name, path in files if not any(p.startswith(".") for p in name.split("/"))]
+    if not files:
         raise UserError(f"{root}: expected files {kinds}; got none. Check the path.")
-    return sorted(found)
+    return sorted(files)
 
 
 def fingerprint(files: Mapping[str, bytes | Path]) -> str:

@@ -138,13 +138,13 @@ def _files(root: Path, path: Path) -> Any:
 def _quiet() -> Iterator[None]:
     """Silence log lines and warnings of trimesh and pillow: problems are reported by the caller."""
     logger = logging.getLogger("trimesh")
-    before, logger.disabled = logger.disabled, True
+    was_disabled, logger.disabled = logger.disabled, True
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             yield
     finally:
-        logger.disabled = before
+        logger.disabled = was_disabled
 
 
 def _opens(data: bytes) -> bool:

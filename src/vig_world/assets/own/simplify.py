@@ -17,7 +17,7 @@ def simplified(pieces: list[Piece], most: int) -> list[Piece]:
 
     The grid is the finest found that gives few enough faces. Faces without area are dropped always.
     """
-    pieces = [kept for piece in pieces if len((kept := without_empty(piece)).faces)]
+    pieces = [solid for piece in pieces if len((solid := without_empty(piece)).faces)]
     total = sum(len(piece.faces) for piece in pieces)
     if total <= most:
         return pieces

@@ -127,7 +127,7 @@ def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
     Per row, columns of true cells are the bars of a histogram, and a stack of rising bars gives the largest
     rectangle under it.
     """
-    best, found = 0, (0, 0, 0, 0)
+    best, rectangle = 0, (0, 0, 0, 0)
     heights = np.zeros(grid.shape[1] + 1, int)
     for row in range(len(grid)):
         heights[:-1] = np.where(grid[row], heights[:-1] + 1, 0)
@@ -137,9 +137,9 @@ def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
             while stack and stack[-1][1] >= height:
                 start, tall = stack.pop()
                 if tall * (column - start) > best:
-                    best, found = tall * (column - start), (row + 1 - tall, row + 1, start, column)
+                    best, rectangle = tall * (column - start), (row + 1 - tall, row + 1, start, column)
             stack.append((start, height))
-    return found
+    return rectangle
 
 
 def _opened(
@@ -152,9 +152,9 @@ def _opened(
     middle, half = (low + high) / 2, (high - low) / 2
     for quarter in range(4):
         c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][quarter]
-        back = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]], np.float64)  # to the rectangle's own axes
-        turned = vertices @ back.T
-        centre = np.append(middle, z) @ back.T
+        to_rectangle = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]], np.float64)  # to the rectangle's own axes
+        turned = vertices @ to_rectangle.T
+        centre = np.append(middle, z) @ to_rectangle.T
         extents = half if quarter % 2 == 0 else half[::-1]
         if _front_is_open(turned[faces], centre, extents, clearance):
             behind = _behind(turned, faces, centre[:2] - extents, centre[:2] + extents, z)

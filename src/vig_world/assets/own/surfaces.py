@@ -50,8 +50,8 @@ def _rgb(colour: Any, linear: bool) -> np.ndarray:
     """A colour (3,) in linear light of trimesh's, bytes or fractions; white when there is none."""
     if colour is None:
         return np.ones(3)
-    given = np.asarray(colour)
-    values = given[:3].astype(np.float64) / (255 if np.issubdtype(given.dtype, np.integer) else 1)
+    values = np.asarray(colour)
+    values = values[:3].astype(np.float64) / (255 if np.issubdtype(values.dtype, np.integer) else 1)
     return np.clip(values if linear else linear_from_srgb(values), 0, 1)
 
 

@@ -33,7 +33,7 @@ def mirror(
         around = (np.arctan2(directions[:, 1], directions[:, 0]) - angle) / (2 * np.pi)
         down = np.arccos(np.clip(directions[:, 2], -1, 1)) / np.pi
         row = np.minimum((down * height).astype(int), height - 1)
-        found = soft[row, np.floor(around * width).astype(int) % width]
-        return np.where(directions[:, 2:] < 0, below, found)
+        reflected = soft[row, np.floor(around * width).astype(int) % width]
+        return np.where(directions[:, 2:] < 0, below, reflected)
 
     return from_directions

@@ -54,8 +54,8 @@ def weave(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     across, along = np.where(level, y, x), np.where(level, x, y)
     shade = np.sqrt(np.maximum(1 - (1.9 * across) ** 2, 0.02)) * (1 - 0.9 * along**2)
     tones = rng.uniform(-1, 1, (n, n)).astype(np.float32)
-    each = tones[np.floor(v * n).astype(int), np.floor(u * n).astype(int)]
-    return base * (shade * (1 + 0.15 * each + 0.05 * noise(rng, size, 0.5)))[..., None]
+    thread = tones[np.floor(v * n).astype(int), np.floor(u * n).astype(int)]
+    return base * (shade * (1 + 0.15 * thread + 0.05 * noise(rng, size, 0.5)))[..., None]
 
 
 @kind(metres=(0.2, 0.4))

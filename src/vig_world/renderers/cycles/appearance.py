@@ -160,9 +160,9 @@ def baked(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> tuple[np.ndarr
     weights = np.stack([1 - b - c, b, c], 1)
     points = np.einsum("tk,fkd->ftd", weights, vertices[faces]).reshape(-1, 3)
     part = np.repeat(model.parts[faces[:, 0]], TEXELS**2)
-    found = albedo_of(coat, points, part, float(model.mean[:, 2].max()))
+    albedo = albedo_of(coat, points, part, float(model.mean[:, 2].max()))
     cells = np.zeros((rows * columns, TEXELS, TEXELS, 3), np.float32)
-    cells[: len(faces)] = found.reshape(len(faces), TEXELS, TEXELS, 3)
+    cells[: len(faces)] = albedo.reshape(len(faces), TEXELS, TEXELS, 3)
     image = cells.reshape(rows, columns, TEXELS, TEXELS, 3).swapaxes(1, 2).reshape(rows * TEXELS, -1, 3)
     row, column = np.divmod(np.arange(len(faces)), columns)
     start = np.stack([column, row], 1)[:, None] * TEXELS + RIM

@@ -114,10 +114,10 @@ class CyclesRenderer:
         gain = EXPOSURE_L00 / probe[0]
         linear = traced["image"] * gain.astype(np.float32)
         drawn = render(self._library, spec, self._object_class)
-        kept = {field.name: getattr(drawn, field.name) for field in fields(Picture)}
+        picture = {field.name: getattr(drawn, field.name) for field in fields(Picture)}
         light = grey(probe * gain).astype(np.float32)
-        kept |= {"image": srgb8_from_linear(linear), "light": light}
-        return TracedPicture(**kept, linear=linear, gain=gain)
+        picture |= {"image": srgb8_from_linear(linear), "light": light}
+        return TracedPicture(**picture, linear=linear, gain=gain)
 
     def close(self) -> None:
         """End the worker process."""
@@ -191,11 +191,11 @@ def find_python(python: str | None = None) -> str:
     """
     named = python or os.environ.get(PYTHON_VARIABLE)
     if named:
-        found = shutil.which(named)
-        if found is None:
+        path = shutil.which(named)
+        if path is None:
             origin = "the argument" if python else PYTHON_VARIABLE
             raise UserError(f"expected a Python interpreter in {origin}; got '{named}'. Check the path.")
-        return found
+        return path
     if importlib.util.find_spec("bpy"):
         return sys.executable
     raise UserError(

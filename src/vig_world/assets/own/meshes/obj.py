@@ -40,8 +40,8 @@ def plain_obj(data: bytes) -> bytes:
         elif kind == b"f":
             faces.append((len(lines), [_absolute(corner, counts) for corner in words[1:]]))
         # Names of materials may hold a #: only what has numbers is written anew.
-        known = kind in counts or kind in (b"f", b"l", b"p")
-        lines.append(b" ".join(words) if known else line.strip())
+        is_geometry = kind in counts or kind in (b"f", b"l", b"p")
+        lines.append(b" ".join(words) if is_geometry else line.strip())
     vertices = np.array(positions, np.float64).reshape(-1, 3)
     polygons = [np.array([int(corner.split(b"/")[0]) - 1 for corner in corners]) for _, corners in faces]
     corners = [corner for _, polygon in faces for corner in polygon]

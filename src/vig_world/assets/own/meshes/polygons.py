@@ -44,9 +44,9 @@ def triangles_of(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> tuple[
         places.append(fans[~concave].reshape(-1, 3))
         for row, outline, normal in zip(rows[concave], points[concave], normals[concave], strict=True):
             places.append(row[_ears(outline, normal)])
-    found = np.concatenate(places) if places else np.zeros((0, 3), np.int64)
-    found = found[np.argsort(found[:, 0], kind="stable")]
-    return flat[found], found
+    triangles = np.concatenate(places) if places else np.zeros((0, 3), np.int64)
+    triangles = triangles[np.argsort(triangles[:, 0], kind="stable")]
+    return flat[triangles], triangles
 
 
 def _ears(outline: np.ndarray, normal: np.ndarray) -> np.ndarray:

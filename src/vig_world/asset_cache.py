@@ -21,11 +21,11 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 
 Arrays = dict[str, np.ndarray]
-OTHERS = 2
-"""Folders of other versions of the code that are left, the latest ones."""
+KEPT_VERSIONS = 2
+"""Folders of other versions of the code that are not deleted, the latest ones."""
 
 
-class Kept:
+class AssetCache:
     """Arrays by name, a file each, of one version of the code that makes them; None as folder keeps none."""
 
     def __init__(self, folder: Path | None) -> None:
@@ -55,31 +55,31 @@ class Kept:
 
 
 @functools.cache
-def kept() -> Kept:
+def asset_cache() -> AssetCache:
     """The assets of this code in `vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`)."""
     try:
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vig"
         folder = cache / f"world-{_version()}"
         if not folder.is_dir():
             folder.mkdir(parents=True)
-            before = sorted(cache.glob("world-*"), key=lambda path: path.stat().st_mtime)
-            for old in before[: -OTHERS - 1]:
+            versions = sorted(cache.glob("world-*"), key=lambda path: path.stat().st_mtime)
+            for old in versions[: -KEPT_VERSIONS - 1]:
                 shutil.rmtree(old, ignore_errors=True)
     except (OSError, RuntimeError):
-        return Kept(None)
-    return Kept(folder)
+        return AssetCache(None)
+    return AssetCache(folder)
 
 
 def _version() -> str:
     """A hash of the code, and of the libraries whose numbers it uses."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for package in (vig_world, vig.scene):
         root = Path(package.__path__[0])
         for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".cc", ".json")):
-            found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     for name in ("numpy", "scipy", "torch"):
-        found.update(metadata.version(name).encode())
-    return found.hexdigest()[:16]
+        digest.update(metadata.version(name).encode())
+    return digest.hexdigest()[:16]
 
 
 def packed_text(value: object) -> np.ndarray:
@@ -89,5 +89,5 @@ def packed_text(value: object) -> np.ndarray:
 
 def unpacked_text(array: np.ndarray) -> list:
     """The inverse of `packed_text` for lists and tuples, as lists."""
-    found: list = json.loads(array.tobytes())
-    return found
+    value: list = json.loads(array.tobytes())
+    return value

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vig_world import kept as module
+from vig_world import asset_cache as module
 from vig_world import library as uses
-from vig_world.kept import Arrays, Kept, packed_text, unpacked_text
+from vig_world.asset_cache import Arrays, AssetCache, packed_text, unpacked_text
 from vig_world.library import Library
 
 
@@ -26,7 +26,7 @@ def test_arrays_are_made_once(tmp_path: Path) -> None:
         return made()
 
     for _ in range(2):
-        for name, array in Kept(tmp_path).arrays("train/prop/mug/3", make).items():
+        for name, array in AssetCache(tmp_path).arrays("train/prop/mug/3", make).items():
             np.testing.assert_array_equal(array, made()[name])
     assert len(calls) == 1
 
@@ -35,13 +35,13 @@ def test_arrays_are_made_once(tmp_path: Path) -> None:
 def test_a_damaged_file_is_made_anew(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.safetensors"
     path.write_bytes(content)
-    np.testing.assert_array_equal(Kept(tmp_path).arrays("a", made)["bytes"], made()["bytes"])
+    np.testing.assert_array_equal(AssetCache(tmp_path).arrays("a", made)["bytes"], made()["bytes"])
     assert path.read_bytes() != content
 
 
 def test_a_folder_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    held = Kept(tmp_path / "file")
+    held = AssetCache(tmp_path / "file")
     np.testing.assert_array_equal(held.arrays("a", made)["bytes"], made()["bytes"])
     assert held.folder is None
 
@@ -55,7 +55,7 @@ def test_only_the_latest_versions_are_left(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     for version in ("a", "b", "c", "d"):
         monkeypatch.setattr(module, "_version", lambda version=version: version)
-        assert module.kept.__wrapped__().folder == tmp_path / "vig" / f"world-{version}"
+        assert module.asset_cache.__wrapped__().folder == tmp_path / "vig" / f"world-{version}"
     assert {path.name for path in (tmp_path / "vig").iterdir()} == {"world-b", "world-c", "world-d"}
 
 
@@ -63,7 +63,7 @@ def test_kept_assets_are_those_that_were_made(tmp_path: Path, monkeypatch: pytes
     """Of three libraries the first keeps nothing, the second writes, the third reads."""
     libraries = []
     for folder in (None, tmp_path, tmp_path):
-        monkeypatch.setattr(uses, "kept", lambda folder=folder: Kept(folder))
+        monkeypatch.setattr(uses, "asset_cache", lambda folder=folder: AssetCache(folder))
         library = Library("validation")
         for ask, what in (
             (library.plan, (1,)),
