@@ -63,7 +63,7 @@ def main() -> None:
 def turned(photo: np.ndarray, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
     """A photo (S, S, 3) linear RGB as the network sees it upright, and where that is known (S, S) bool."""
     height, width = photo.shape[:2]
-    return upright(photo, Window.of(width, height), recognizer).cut(photo)
+    return upright(photo, Window.of(width, height), recognizer).crop(photo)
 
 
 if __name__ == "__main__":

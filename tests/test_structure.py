@@ -25,8 +25,8 @@ ORDER = {
     ),
     "vig_app": ("examples", "exports", "report", "corrections", "runs", "viewer", "cli"),
     "vig_world": (
-        "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms", "raster",
-        "library", "renderers", "composition", "generation", "cli",
+        "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",
+        "raster", "library", "renderers", "composition", "generation", "cli",
     ),
     "vig_train": ("record", "packs", "building", "training", "plots", "evaluation", "calibration", "cli"),
     "vig_paper": ("network", "optimizers", "ablation", "figures", "reproduction", "cli"),

@@ -16,13 +16,13 @@ from PIL import Image
 
 from vig.explanation import Explanation
 from vig.hints import Hints
-from vig.inference import ExplainSettings, Fit, Verdict, View, explain, resolve
+from vig.inference import ExplainSettings, Fit, OtherView, Verdict, explain, resolve
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
-from vig.photo import Halved, Intrinsics, Window, focal_of
+from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
-from vig.photo.window import FARTHER
+from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import Recognizer, find, upright
 from vig.renderer.device import compute_device
 from vig.scene import Latents, ObjectClass
@@ -65,7 +65,8 @@ class Explainer:
         Args:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
             settings: How to fit. What is None in them is that of photographs, and with a window that of
-                pictures by the standard camera; `farther` follows from the photo's focal length if known.
+                pictures by the standard camera; `camera_distance_ratio` follows from the photo's focal length
+                if known.
             device: "cpu", "cuda" or one of several, "cuda:1": where network and search compute.
             recognizer: A network in place of the class's own.
 
@@ -150,7 +151,7 @@ class Explainer:
         if hints is not None and not isinstance(hints, Hints):
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
-        seen, (height, width) = Halved(coded), coded.shape[:2]
+        seen, (height, width) = ImagePyramid(coded), coded.shape[:2]
         settings, found = resolve(self.settings, self.object_class, photo=window is None or not framed), 1.0
         hints = hints.checked(width, height, self.object_class) if hints else None
         roll = None if hints is None else hints.views()[2]
@@ -164,23 +165,25 @@ class Explainer:
             window, found = best.window, best.score if clues is None else 1.0
             window = window if roll is None else replace(window, roll=roll)
         focal_from, too_wide = "assumed", False
-        if self.settings.farther is not None:
+        if self.settings.camera_distance_ratio is not None:
             focal_from = "given"
         elif lens is not None:
             intrinsics, focal_from = Intrinsics.of(lens[0], width, height), lens[1]
             window = replace(window, lens=intrinsics) if turned else window
             pixels = window.focal or intrinsics.fx
-            settings = replace(settings, farther=window.farther(pixels))
-            too_wide = window.ratio(pixels) < FARTHER[0]
-        cut, known = window.cut(seen)
+            settings = replace(settings, camera_distance_ratio=window.camera_distance_ratio(pixels))
+            too_wide = window.ratio(pixels) < DISTANCE_RATIO_BOUNDS[0]
+        cut, known = window.crop(seen)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
         told = None if hints is None else hints.in_window(window, self.object_class)
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, told))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if found < 1.0:
-            fit = _doubted(fit, found, self.object_class.name)
-        return Explanation(coded, window, fit, self.object_class, settings.farther, focal_from, hints)
+            fit = _lowered_by_presence(fit, found, self.object_class.name)
+        return Explanation(
+            coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
+        )
 
     def explain_many(
         self,
@@ -257,7 +260,7 @@ def presence_of(score: float) -> float:
     return 1 / (1 + math.exp(-PRESENCE_SLOPE * (score - PRESENCE_MIDDLE)))
 
 
-def _doubted(fit: Fit, score: float, name: str) -> Fit:
+def _lowered_by_presence(fit: Fit, score: float, name: str) -> Fit:
     """A fit of what was found, not given, with a score from 0 to 1: it may be of another thing."""
     present = presence_of(score)
     if score < LEAST_FOUND:
@@ -347,7 +350,14 @@ def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
         found = explainer._tried(item)
         if isinstance(found, UserError):
             return found
-        return found.picture, found.window, _packed(found.fit), found.farther, found.focal_from, found.hints
+        return (
+            found.picture,
+            found.window,
+            _packed(found.fit),
+            found.camera_distance_ratio,
+            found.focal_from,
+            found.hints,
+        )
 
     return work
 
@@ -370,7 +380,7 @@ def _unpacked(fields: dict[str, Any]) -> Fit:
             tensor = torch.from_numpy(each)
             given[name] = Latents.from_vector(tensor) if name == "latents" else tensor
     given["alternatives"] = tuple(
-        View(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), probability)
+        OtherView(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), probability)
         for latents, framing, probability in fields["alternatives"]
     )
     return Fit(**given)

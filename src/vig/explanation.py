@@ -73,7 +73,7 @@ class Explanation:
         window: The square of the photo that was fitted.
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
         object_class: What the photo was explained as.
-        farther: Distance of the eye and focal length of the fit, of the standard camera's.
+        camera_distance_ratio: Distance of the eye and focal length of the fit, of the standard camera's.
         focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
         hints: What was known of the object beforehand.
         others: (H, W) bool, pixels in which other objects are seen, where these were explained, too.
@@ -83,7 +83,7 @@ class Explanation:
     window: Window
     fit: Fit
     object_class: ObjectClass
-    farther: float = 1.0
+    camera_distance_ratio: float = 1.0
     focal_from: str = "assumed"
     hints: Hints | None = None
     others: np.ndarray | None = None
@@ -195,7 +195,9 @@ class Explanation:
 
     def _window_camera(self, framing: torch.Tensor) -> Camera:
         """The fit's camera, which looks straight at the object, in pixels of the window."""
-        return self.object_class.camera(farther=self.farther).framed(*framing.tolist())
+        return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).framed(
+            *framing.tolist()
+        )
 
     def _seen_by(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
         """The pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
@@ -260,7 +262,7 @@ class Explanation:
         """The photo's pixels (H, W) bool that lie within an outline of the window."""
         inside = np.zeros(self.picture.shape[:2], bool)
         for tile in self.window.tiles(*self.picture.shape[1::-1]):
-            inside[tile] = self.window.back(distance, *tile, outside=1.0) < 0
+            inside[tile] = self.window.paste(distance, *tile, outside=1.0) < 0
         return inside
 
     @cached_property
@@ -341,12 +343,12 @@ class Explanation:
         upright = Window(0, 0, PANEL)
         everything = slice(0, PANEL), slice(0, PANEL)
         return CloseUp(
-            photo=self.window.cut(self.picture, PANEL)[0],
+            photo=self.window.crop(self.picture, PANEL)[0],
             rendering=drawn.rgb[0].numpy(),
             coverage=drawn.coverage[0].numpy(),
             normals=drawn.normals[0].numpy() @ pose[:3, :3].T,
             part=part,
-            seen=upright.back(self._outlines[1], *everything) < 0,
+            seen=upright.paste(self._outlines[1], *everything) < 0,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -429,7 +431,7 @@ class Explanation:
         height, width = self.picture.shape[:2]
         focal = self.camera.focal
         if self.focal_from != "assumed" or self.others is not None:  # then all objects have it in common
-            focal = self.farther * FOCAL_OVER_WIDTH * self.window.side
+            focal = self.camera_distance_ratio * FOCAL_OVER_WIDTH * self.window.side
         matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
         return matrix, self._seen_by(matrix, self.latents, self.fit.framing)
 

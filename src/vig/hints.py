@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from vig.inference import Said, WindowHints
+from vig.inference import PixelLabel, WindowHints
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.photo import Window
-from vig.recognition.find import Clues
+from vig.recognition.find import LocationHints
 from vig.scene import IMAGE_SIZE, ObjectClass
 
 FARTHEST = 100.0
@@ -29,7 +29,7 @@ class Hints:
 
     Attributes:
         mask: (H, W) bool, all pixels in which the object is seen.
-        marks: (H, W) uint8, `Said` of each pixel, such as scribbles.
+        marks: (H, W) uint8, `PixelLabel` of each pixel, such as scribbles.
         visible: Nothing hides any of the object.
         points: Places x, y in pixels of points that the class names, such as {"spout": (120, 80)}; hidden
             ones, too. Their standard deviation is `POINT_NOISE` of the window's side.
@@ -72,8 +72,10 @@ class Hints:
                         f"expected {name} of {width} x {height} pixels, bool or uint8; got {array.dtype} of"
                         f" shape {array.shape}. Draw it on the photo itself."
                     )
-                if name == "marks" and array.max(initial=0) > max(Said):
-                    raise UserError(f"expected marks of 0 to {max(Said):d}; got {array.max()}. See Hints.")
+                if name == "marks" and array.max(initial=0) > max(PixelLabel):
+                    raise UserError(
+                        f"expected marks of 0 to {max(PixelLabel):d}; got {array.max()}. See Hints."
+                    )
                 changed[name] = array.astype(kind)
         if self.mask is not None and not changed["mask"].any():
             raise UserError(
@@ -104,14 +106,14 @@ class Hints:
             changed["pose"] = checked_pose(self.pose, object_class.viewing_distance)
         return replace(self, **changed)
 
-    def clues(self) -> Clues | None:
+    def clues(self) -> LocationHints | None:
         """What tells where the object is; None where nothing does."""
-        seen = self.mask if self.marks is None else self.marks == Said.SEEN
+        seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN
         if self.mask is not None and self.marks is not None:
-            seen = self.mask | (self.marks == Said.SEEN)
+            seen = self.mask | (self.marks == PixelLabel.SEEN)
         seen = seen if seen is not None and seen.any() else None
         points = np.array(list(self.points.values()), float).reshape(-1, 2)
-        return Clues(seen, points) if seen is not None or len(points) else None
+        return LocationHints(seen, points) if seen is not None or len(points) else None
 
     def described(self) -> dict[str, Any]:
         """What was said, in plain values: for masks and marks the number of pixels."""
@@ -138,10 +140,10 @@ class Hints:
         said = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
         if self.mask is not None:
             seen = _share(self.mask, window)
-            said[seen > 0.9] = Said.SEEN
-            said[seen < 0.1] = Said.NOTHING if self.visible else Said.IN_FRONT
+            said[seen > 0.9] = PixelLabel.SEEN
+            said[seen < 0.1] = PixelLabel.NOTHING if self.visible else PixelLabel.IN_FRONT
         if self.marks is not None:
-            for kind in (Said.NOTHING, Said.IN_FRONT, Said.SEEN):
+            for kind in (PixelLabel.NOTHING, PixelLabel.IN_FRONT, PixelLabel.SEEN):
                 said[_share(self.marks == kind, window) > 0.2] = kind
         places = []
         for place in self.points.values():
@@ -214,7 +216,7 @@ def view_of(pose: np.ndarray) -> tuple[float, float, float]:
 def _share(mask: np.ndarray, window: Window) -> torch.Tensor:
     """Share (S, S) of each of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
-    cut, inside = window.cut(grey)
+    cut, inside = window.crop(grey)
     return torch.from_numpy(cut[..., 0] * inside)
 
 

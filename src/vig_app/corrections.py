@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.hints import Hints
-from vig.inference import Said
+from vig.inference import PixelLabel
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
@@ -27,7 +27,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mark:
-    """A disc that a user painted: its middle and radius in pixels of the photo, and what it says, `Said`."""
+    """A disc that a user painted: its middle and radius in pixels of the photo, and a `PixelLabel`."""
 
     x: float
     y: float
@@ -97,7 +97,7 @@ class State:
         for mark in self.marks:
             reach = mark.radius if 0 < mark.radius <= width + height else math.nan
             inside = -reach < mark.x < width + reach and -reach < mark.y < height + reach
-            if not inside or mark.said not in list(Said):
+            if not inside or mark.said not in list(PixelLabel):
                 raise UserError(
                     f"expected marks on the photo, 0 to {width}, 0 to {height}; got one at {mark.x:g},"
                     f" {mark.y:g}. Choose another place."

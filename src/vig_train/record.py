@@ -18,7 +18,7 @@ from vig.io.files import atomic_write
 FORMAT_VERSION = 1
 
 
-class RunSettings(Protocol):
+class RecordedSettings(Protocol):
     """Settings that must be the same when a run resumes."""
 
     def to_json(self) -> dict[str, Any]: ...
@@ -37,7 +37,7 @@ class Record:
         self.path, self.data = path, data
 
     @staticmethod
-    def open(path: Path, settings: RunSettings, machine: Mapping[str, Any], command: str) -> Record:
+    def open(path: Path, settings: RecordedSettings, machine: Mapping[str, Any], command: str) -> Record:
         """Read the record at `path`, or begin one.
 
         Raises:
@@ -75,7 +75,7 @@ class Record:
                 self.data["steps"][step]["complete"] = False
         self._save()
 
-    def renew(self, settings: RunSettings, steps: list[str]) -> None:
+    def renew(self, settings: RecordedSettings, steps: list[str]) -> None:
         """Go on with other settings, `steps` being as if never begun."""
         self.data["settings"] = settings.to_json()
         for step in steps:

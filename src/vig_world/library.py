@@ -27,7 +27,7 @@ from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
 from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
-from vig_world.raster import Packed, Pyramid
+from vig_world.raster import PackedAsset, TextureLevels
 from vig_world.rooms import Layout, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
 
@@ -90,7 +90,7 @@ class OwnAssets:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class PreparedRoom:
     """What the rasteriser and the search need of a room.
 
     Attributes:
@@ -100,7 +100,7 @@ class Plan:
     """
 
     layout: Layout
-    packed: Packed
+    packed: PackedAsset
     grounds: tuple[tuple[str, float], ...]
 
 
@@ -142,7 +142,7 @@ class Library:
         size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES)
         return Prop(made.family, tuple((scaled(mesh, size), stuff) for mesh, stuff in made.parts))
 
-    def packed(self, family: str, number: int) -> Packed:
+    def packed(self, family: str, number: int) -> PackedAsset:
         """A prop for the rasteriser."""
         return self.shape(family, number)[0]
 
@@ -150,14 +150,14 @@ class Library:
         """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
         return self.shape(family, number)[1]
 
-    def _shape(self, family: str, number: int) -> tuple[Packed, np.ndarray]:
+    def _shape(self, family: str, number: int) -> tuple[PackedAsset, np.ndarray]:
         def made() -> Arrays:
             parts = self.prop(family, number).parts
             extremes = extreme_points(np.concatenate([mesh.vertices for mesh, _ in parts]))
-            return {"extremes": extremes, **Packed.of(parts).arrays()}
+            return {"extremes": extremes, **PackedAsset.of(parts).arrays()}
 
         held = self._held(family in self._own_props, f"prop/{family}/{number}", made)
-        return Packed.from_arrays(held), held["extremes"]
+        return PackedAsset.from_arrays(held), held["extremes"]
 
     def _held(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
         """The arrays of an asset of the split, kept on disk but for a user's own."""
@@ -189,7 +189,7 @@ class Library:
         own = [each.furniture for each in self.own.furniture if _stands_for(each.furniture.family, family)]
         return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
 
-    def _plan(self, number: int) -> Plan:
+    def _plan(self, number: int) -> PreparedRoom:
         def made() -> Arrays:
             layout = self.layout(number)
             under = [material_under(layout, support) for support in layout.supports]
@@ -202,12 +202,12 @@ class Library:
                 "text": packed_text([layout.kind, layout.height, supports, grounds]),
                 "outline": layout.outline,
                 "solids": layout.solids,
-                **Packed.of(layout.parts).arrays(),
+                **PackedAsset.of(layout.parts).arrays(),
             }
 
         held = self._held(bool(self.own.furniture), f"layout/{number}", made)
         kind, height, supports, grounds = unpacked_text(held["text"])
-        return Plan(
+        return PreparedRoom(
             Layout(
                 kind=kind,
                 parts=(),
@@ -218,7 +218,7 @@ class Library:
                 height=height,
                 solids=held["solids"],
             ),
-            Packed.from_arrays(held),
+            PackedAsset.from_arrays(held),
             tuple((slot, albedo) for slot, albedo in grounds),
         )
 
@@ -244,7 +244,7 @@ class Library:
         luminance = image.mean(axis=2, keepdims=True)
         return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
 
-    def pyramid(self, kind: str, number: int) -> Pyramid:
+    def pyramid(self, kind: str, number: int) -> TextureLevels:
         """A finish for the rasteriser."""
         return self.surface(kind, number)[0]
 
@@ -252,15 +252,15 @@ class Library:
         """Mean grey albedo of a finish."""
         return self.surface(kind, number)[1]
 
-    def _surface(self, kind: str, number: int) -> tuple[Pyramid, float]:
+    def _surface(self, kind: str, number: int) -> tuple[TextureLevels, float]:
         def made() -> Arrays:
             finish = self.finish(kind, number)
-            pyramid, mean = Pyramid.of(finish), float(finish.mean())
+            pyramid, mean = TextureLevels.of(finish), float(finish.mean())
             return {"texels": pyramid.texels, "numbers": packed_text([pyramid.log_size, mean])}
 
         held = self._held(False, f"surface/{kind}/{number}", made)
         (width, height), mean = unpacked_text(held["numbers"])
-        return Pyramid(held["texels"], (width, height)), mean
+        return TextureLevels(held["texels"], (width, height)), mean
 
     # Light
 

@@ -20,7 +20,7 @@ SECONDS = 10
 MOST_MEMORY = 600 << 20
 """Bytes by which the process may grow over all mutants of a test."""
 
-STRANGE: list[Any] = [
+REVIEW_ORDER: list[Any] = [
     None, True, False, 0, -1, 1, 2**31, 2**63, 2**70, -(2**70), 1e308, -1e308, 1e-320, 0.5, "", "x" * 5000,
     "../..", "/dev/zero", "\0", [], {}, [1, 2], [[]], {"a": 1}, [0] * 2000,
 ]  # fmt: skip
@@ -119,7 +119,7 @@ def damaged_json(data: bytes, rng: np.random.Generator) -> bytes:
         container[key] = "MARK"
         return json.dumps(tree).replace('"MARK"', TEXTS[int(rng.integers(0, len(TEXTS)))]).encode()
     else:
-        container[key] = STRANGE[int(rng.integers(0, len(STRANGE)))]
+        container[key] = REVIEW_ORDER[int(rng.integers(0, len(REVIEW_ORDER)))]
     return json.dumps(tree).encode()
 
 

@@ -13,7 +13,7 @@ from vig.photo import Intrinsics
 from vig.photo.masks import read_mask
 from vig_app.cli.boxes import boxes_of
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 
 
 def test_damaged_masks(tmp_path: Path) -> None:
@@ -40,10 +40,10 @@ def test_damaged_cameras_and_boxes(tmp_path: Path) -> None:
     def read(number: int) -> None:
         path.write_bytes(damaged_json((cameras if number % 2 else boxes).encode(), rng))
         if number % 2:
-            (camera,) = cameras_of(Fit((photo,), cameras=path), [photo])
+            (camera,) = cameras_of(FitCommand((photo,), cameras=path), [photo])
             assert np.isfinite(Intrinsics.of(camera, 640, 480).K).all()
         else:
-            ((box, _),) = boxes_of(Fit((photo,), boxes=path), [photo])
+            ((box, _),) = boxes_of(FitCommand((photo,), boxes=path), [photo])
             assert box is None or np.isfinite(box).all()
 
     counts = outcomes(range(300), read)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.fuzz.mutations import STRANGE, damaged, outcomes
+from tests.fuzz.mutations import REVIEW_ORDER, damaged, outcomes
 from vig.io.errors import UserError
 from vig_world.assets.own.load import load
 from vig_world.assets.own.settings import settings_of
@@ -105,7 +105,7 @@ def test_strange_settings(tmp_path: Path) -> None:
         "[defaults]\nturn = nan",
     ]
     for key in ("up", "scale", "turn", "zones", "family", "nodes", "skip", "other"):
-        texts += [f"[defaults]\n{key} = {trial!r}".replace("True", "true") for trial in STRANGE]
+        texts += [f"[defaults]\n{key} = {trial!r}".replace("True", "true") for trial in REVIEW_ORDER]
     texts += [f'[files."a.obj"]\nscale = {"9" * digits}' for digits in (5, 50, 5000)]
 
     def read(text: str) -> None:

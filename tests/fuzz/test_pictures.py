@@ -163,7 +163,7 @@ def test_boxes() -> None:
     def read(text: str) -> None:
         width, height = (int(side) for side in rng.integers(16, 120, 2))
         window = Window.of(width, height, parse_box(text))
-        cut, known = window.cut(np.zeros((height, width, 3), np.float32))
+        cut, known = window.crop(np.zeros((height, width, 3), np.float32))
         assert cut.shape == (150, 150, 3) and known.any()
 
     counts = outcomes(texts, read)

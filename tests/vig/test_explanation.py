@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
 from vig import Camera, Explainer, Explanation
-from vig.inference import Fit, Verdict, View
+from vig.inference import Fit, OtherView, Verdict
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.io.errors import UserError
 from vig.output import glb_from_object, write_glb
@@ -148,7 +148,7 @@ def test_the_json_speaks_degrees_and_names_every_latent(
 
 def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
     other = replace(latents(), azimuth=torch.tensor([2.0]))
-    view = View(other, torch.zeros(4), 0.3)
+    view = OtherView(other, torch.zeros(4), 0.3)
     ambiguous = replace(fit, verdict=Verdict.AMBIGUOUS, reason="two", alternatives=(view,))
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), ambiguous, teapot)
@@ -287,7 +287,7 @@ def test_numpy_alone_puts_the_object_on_the_photo(
     window = explanation.window
     inside = np.zeros_like(outline)
     for tile in window.tiles(*size):
-        inside[tile] = window.back(np.ones((150, 150)), *tile) > 0.5
+        inside[tile] = window.paste(np.ones((150, 150)), *tile) > 0.5
     amodal = np.asarray(Image.open(tmp_path / "mask.png")) > 0
     within(outline & inside, amodal, window.side / 150 + 1, 0.004)
 
@@ -314,7 +314,7 @@ def test_a_verdict_prints_as_the_json_has_it() -> None:
 def test_an_ambiguous_fit_has_its_other_explanation(fit: Fit, teapot: ObjectClass) -> None:
     photo, window = np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150)
     assert Explanation(photo, window, fit, teapot).alternatives == ()
-    other = View(replace(latents(), azimuth=torch.tensor([2.0])), torch.zeros(4), 0.25)
+    other = OtherView(replace(latents(), azimuth=torch.tensor([2.0])), torch.zeros(4), 0.25)
     found = Explanation(photo, window, replace(fit, alternatives=(other,)), teapot)
     (told,) = found.alternatives
     assert told.latents is other.latents and told.probability == 0.25

@@ -15,13 +15,13 @@ from PIL import Image
 
 import vig
 from vig.hints import Hints, checked_pose, view_of
-from vig.inference import Objective, PointTerm, Said, objective_of, resolve
+from vig.inference import Objective, PixelLabel, PointTerm, objective_of, resolve
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig.scene import ObjectClass
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig_app.cli.main import main
 from vig_app.examples import Example, example_photos
@@ -109,7 +109,7 @@ def test_marks_say_it_of_single_places(explainer: vig.Explainer, example: Exampl
         slice(int(np.median(columns)) - 6, int(np.median(columns)) + 6),
     )
     marks = np.zeros(plain.mask.shape, np.uint8)
-    marks[at] = Said.IN_FRONT
+    marks[at] = PixelLabel.IN_FRONT
     found = explainer.explain(example.photo, hints=Hints(marks=marks))
     assert plain.mask[at].mean() > 0.9 and found.mask[at].mean() < 0.3 and found.amodal[at].all()
 
@@ -159,11 +159,11 @@ def test_a_roll_of_a_window_that_is_given_is_refused(explainer: vig.Explainer, e
 def test_each_of_many_photos_has_the_mask_of_its_name(tmp_path: Path) -> None:
     """Which is not read here, so that a bad one is the photo's own error."""
     photos = [tmp_path / f"{name}.jpg" for name in "ab"]
-    mask = mask_of(Fit(tuple(photos), mask=tmp_path), photos)
+    mask = mask_of(FitCommand(tuple(photos), mask=tmp_path), photos)
     assert [mask(photo) for photo in photos] == [tmp_path / "a.png", tmp_path / "b.png"]
-    assert mask_of(Fit(tuple(photos)), photos)(photos[0]) is None
+    assert mask_of(FitCommand(tuple(photos)), photos)(photos[0]) is None
     with pytest.raises(UserError, match="expected --mask FOLDER for 2 photos"):
-        mask_of(Fit(tuple(photos), mask=photos[0]), photos)
+        mask_of(FitCommand(tuple(photos), mask=photos[0]), photos)
 
 
 @pytest.mark.parametrize("azimuth", [-3.0, -1.0, 0.0, 0.7, 3.1])
@@ -177,12 +177,12 @@ def test_a_pose_tells_its_view(azimuth: float, elevation: float, roll: float) ->
 def points_objective(explainer: vig.Explainer, example: Example) -> tuple[Objective, PointTerm, torch.Tensor]:
     """An objective, a term of all named points, and a point some way from where they are."""
     truth, unit = explainer.explain(example.photo), explainer.object_class.at_unit_scale
-    cut = torch.from_numpy(truth.window.cut(truth.picture)[0])
+    cut = torch.from_numpy(truth.window.crop(truth.picture)[0])
     settings = resolve(explainer.settings, explainer.object_class, photo=True)
     objective = objective_of(cut, explainer.recognizer(cut[None]), explainer.object_class, settings)
     hints = Hints(points={name: point_of(truth, name) for name in unit.points})
     told = hints.in_window(truth.window, explainer.object_class)
-    camera = unit.camera(150, truth.farther)
+    camera = unit.camera(150, truth.camera_distance_ratio)
     return (
         objective,
         PointTerm(told, unit, camera, objective.layout),
@@ -249,7 +249,13 @@ def test_marks_and_masks_are_read_from_pictures(tmp_path: Path) -> None:
     picture[2:4, :, 1], picture[5:7, :, 0], picture[8:10, :, 2], picture[12:] = 255, 255, 255, 200
     Image.fromarray(picture).save(tmp_path / "marks.png")
     marks = read_marks(tmp_path / "marks.png")
-    assert [marks[row, 0] for row in (0, 3, 6, 9, 15)] == [0, Said.SEEN, Said.IN_FRONT, Said.NOTHING, 0]
+    assert [marks[row, 0] for row in (0, 3, 6, 9, 15)] == [
+        0,
+        PixelLabel.SEEN,
+        PixelLabel.IN_FRONT,
+        PixelLabel.NOTHING,
+        0,
+    ]
     with pytest.raises(UserError, match="expected a mask of one object; got 4 colours"):
         read_mask(tmp_path / "marks.png")
     Image.new("RGB", (20, 20), (90, 90, 90)).save(tmp_path / "grey.png")

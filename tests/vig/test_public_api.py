@@ -151,7 +151,7 @@ def test_the_framing_is_free_unless_a_window_is_given(
 
 
 @pytest.mark.parametrize(
-    ("given", "farther"),
+    ("given", "camera_distance_ratio"),
     [
         ({"box": (25, 25, 100, 60)}, 1.4),
         ({"window": vig.photo.Window(0, 0, 150)}, 1.0),
@@ -162,19 +162,19 @@ def test_the_framing_is_free_unless_a_window_is_given(
     ],
 )
 def test_the_eye_is_as_far_away_as_the_focal_length_says(
-    given: dict, farther: float, explainer: vig.Explainer, monkeypatch
+    given: dict, camera_distance_ratio: float, explainer: vig.Explainer, monkeypatch
 ) -> None:
     asked = []
 
     def explained(photos, object_class, recognizer, settings, valid, hints):
-        asked.append(settings.farther)
+        asked.append(settings.camera_distance_ratio)
         raise vig.UserError("enough")
 
     monkeypatch.setattr(vig.explainer, "explain", explained)
     monkeypatch.setattr(vig.explainer, "upright", lambda photo, window, recognizer: window)
     with pytest.raises(vig.UserError, match="enough"):
         explainer.explain(np.full((150, 150, 3), 128, np.uint8), **given)
-    assert asked == pytest.approx([farther], rel=1e-5)
+    assert asked == pytest.approx([camera_distance_ratio], rel=1e-5)
 
 
 def test_a_focal_length_tells_the_camera(explainer: vig.Explainer, photo: np.ndarray) -> None:

@@ -3,11 +3,11 @@
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one, load_fit_kernels
 from vig.inference.families import family_of
-from vig.inference.hints import PointTerm, Said, WindowHints
-from vig.inference.objective import Objective, RecognitionPrior, Valuation
+from vig.inference.hints import PixelLabel, PointTerm, WindowHints
+from vig.inference.objective import Objective, ObjectiveValue, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
-from vig.inference.settings import ExplainSettings, Fit, FitSettings, Stage, Verdict, View, resolve
+from vig.inference.settings import ExplainSettings, Fit, FitSettings, OtherView, Stage, Verdict, resolve
 
 __all__ = [
     "CONFIDENCE_FEATURES",
@@ -16,13 +16,13 @@ __all__ = [
     "FitCalibration",
     "FitSettings",
     "Objective",
+    "ObjectiveValue",
+    "OtherView",
+    "PixelLabel",
     "PointTerm",
     "RecognitionPrior",
-    "Said",
     "Stage",
-    "Valuation",
     "Verdict",
-    "View",
     "WindowHints",
     "calibration_of",
     "explain",

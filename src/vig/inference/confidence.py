@@ -10,7 +10,7 @@ import torch
 from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION, FitCalibration
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
-from vig.inference.settings import UNIFORM_TURN, Fit, FitSettings, Verdict, View
+from vig.inference.settings import UNIFORM_TURN, Fit, FitSettings, OtherView, Verdict
 from vig.likelihood import PixelModel, spatial_posterior
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout
@@ -23,7 +23,7 @@ LEAST_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
 MUCH_HIDDEN = 0.3
 """Hidden share from which that is given as the reason for doubt."""
-BELOW = 0.99
+UNTRUSTED_FACTOR = 0.99
 """Share of the threshold that a confidence has at most which must not reach it."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
@@ -89,7 +89,7 @@ def assess(
 
 def _views(
     objective: Objective, selection: Selection, prediction: Prediction, latents: Latents, confidence: float
-) -> tuple[View, ...]:
+) -> tuple[OtherView, ...]:
     """The other views of a selection.
 
     What the fit's confidence leaves is shared out among them, and all that was not tried, as the recognition
@@ -103,7 +103,7 @@ def _views(
     rest = mass[1:] / (1 - mass[0]).clamp_min(mass[1:].sum())
     vectors = found.to_vector()
     return tuple(
-        View(Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]))
+        OtherView(Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]))
         for i in range(len(vectors))
     )
 
@@ -194,7 +194,7 @@ def _verdict(
 ) -> tuple[float, Verdict, str]:
     """Confidence, verdict and its reason; `anything`: whether a pixel of the object is visible."""
     if calibration is None:
-        confidence, trusted = math.nan, not selection.close and not selection.elsewhere
+        confidence, trusted = math.nan, not selection.close and not selection.rival_is_other_view
     else:
         confidence = calibration.confidence(features)
         trusted = confidence >= calibration.threshold
@@ -202,7 +202,7 @@ def _verdict(
         return (math.nan if calibration is None else 0.0), Verdict.FAILED, Verdict.FAILED.value
     if selection.reverted:
         if calibration is not None:  # a verdict below trusted never has the confidence of one
-            confidence = min(confidence, BELOW * calibration.threshold)
+            confidence = min(confidence, UNTRUSTED_FACTOR * calibration.threshold)
         return confidence, Verdict.REVERTED, Verdict.REVERTED.value
     if trusted:
         unknown = "; how often such a fit is right was not learned" if calibration is None else ""
@@ -212,7 +212,7 @@ def _verdict(
     elif selection.close:
         turned, gap = selection.turned_deg, selection.gap
         reason = f"turned by {turned:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
-    elif selection.elsewhere:
+    elif selection.rival_is_other_view:
         reason = f"the recognition model sees it turned by {selection.turned_deg:.0f} degrees"
     elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > MUCH_HIDDEN:
         reason = "too little of the object is seen to be sure of its view"

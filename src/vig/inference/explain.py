@@ -72,7 +72,9 @@ def explain_one(
     chosen = resolve(settings, object_class)
     if hints is not None:
         unit = object_class.at_unit_scale
-        prediction = hints.corrected(prediction, unit, unit.camera(photo.shape[1], chosen.farther))
+        prediction = hints.corrected(
+            prediction, unit, unit.camera(photo.shape[1], chosen.camera_distance_ratio)
+        )
 
     def fit() -> Fit:
         scales = {stage.scale for stage in chosen.stages} | {1.0}

@@ -29,7 +29,7 @@ SURE = 8.0
 """Nats against what a user excludes of a pixel: hands slip."""
 
 
-class Said(IntEnum):
+class PixelLabel(IntEnum):
     """What a user says of a pixel."""
 
     UNKNOWN = 0
@@ -46,7 +46,7 @@ class WindowHints:
     """Hints in a window of S x S pixels, for its fit.
 
     Attributes:
-        said: (S, S) uint8, `Said`.
+        said: (S, S) uint8, `PixelLabel`.
         visible: Nothing hides any of the object.
         vertices: (J,) of the class's named points.
         places: (J, 2) of these points, in sides of the window.
@@ -77,8 +77,8 @@ class WindowHints:
         behind = hidden / (hidden + beside).clamp_min(1e-6)
         away = torch.stack([torch.zeros_like(seen), behind, 1 - behind], dim=-1)
         classes = torch.stack([seen, hidden, beside], dim=-1)
-        for kind, share in ((Said.SEEN, torch.Tensor([1, 0, 0])), (Said.IN_FRONT, away),
-                            (Said.NOTHING, torch.Tensor([0, 0, 1]))):  # fmt: skip
+        for kind, share in ((PixelLabel.SEEN, torch.Tensor([1, 0, 0])), (PixelLabel.IN_FRONT, away),
+                            (PixelLabel.NOTHING, torch.Tensor([0, 0, 1]))):  # fmt: skip
             classes = torch.where((self.said == kind)[..., None], share, classes)
         if self.elevation is not None:
             place = prediction.layout["elevation"]
@@ -98,9 +98,9 @@ class WindowHints:
 
     def exclude(self, log_prior: torch.Tensor) -> None:
         """Take `SURE` nats from what is excluded: log prior (S, S, 3) of visible, hidden, background."""
-        log_prior[self.said == Said.SEEN, 1:] -= SURE
-        log_prior[self.said == Said.IN_FRONT, 0] -= SURE
-        log_prior[self.said == Said.NOTHING, :2] -= SURE
+        log_prior[self.said == PixelLabel.SEEN, 1:] -= SURE
+        log_prior[self.said == PixelLabel.IN_FRONT, 0] -= SURE
+        log_prior[self.said == PixelLabel.NOTHING, :2] -= SURE
         if self.visible:
             log_prior[..., 1] -= SURE
 

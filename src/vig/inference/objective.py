@@ -98,7 +98,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Valuation:
+class ObjectiveValue:
     """The objective at B points: value (B,) float64, gradient (B, P'), normal (B, P', P') or None."""
 
     value: torch.Tensor
@@ -169,22 +169,22 @@ class Objective:
             return torch.zeros(len(points), FRAMING.size, dtype=points.dtype)
         return points[:, self.layout["framing"]].cpu()
 
-    def of_one(self, point: torch.Tensor, sigma: float, derivatives: bool = True) -> Valuation:
+    def of_one(self, point: torch.Tensor, sigma: float, derivatives: bool = True) -> ObjectiveValue:
         """Value one point (1, P') of the first photo."""
         photo = torch.zeros(1, dtype=torch.int32, device=self.device)
         return self(point, photo, torch.tensor([sigma], device=self.device), derivatives)
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
-    ) -> Valuation:
+    ) -> ObjectiveValue:
         """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         if evaluation.gradient is None or evaluation.normal is None:
             value = evaluation.value + self.prior.value(points)
             if self.points is not None:
                 value = value + self.points.value(points).to(value)
-            return Valuation(value, None, None, evaluation)
+            return ObjectiveValue(value, None, None, evaluation)
         self.prior.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
         if self.points is not None:
             self.points.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
-        return Valuation(evaluation.value, evaluation.gradient, evaluation.normal, evaluation)
+        return ObjectiveValue(evaluation.value, evaluation.gradient, evaluation.normal, evaluation)

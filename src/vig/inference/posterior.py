@@ -57,7 +57,7 @@ def objectives_of(
     """
     settings = resolve(settings, object_class)
     object_class = object_class.at_unit_scale
-    camera = object_class.camera(photo.shape[1], settings.farther)
+    camera = object_class.camera(photo.shape[1], settings.camera_distance_ratio)
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid, hints)
     if valid is not None:
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)

@@ -49,12 +49,12 @@ class Selection:
     others: torch.Tensor
 
     @property
-    def elsewhere(self) -> bool:
+    def rival_is_other_view(self) -> bool:
         """Whether it is another view that `turned_deg` tells."""
         return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
-def select(objective: Objective, ends: Ends, guess: Latents, sigma: float) -> Selection:
+def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: float) -> Selection:
     """Choose the end of the best score, or the network's `guess` (B = 1) if it has no more evidence."""
     best = int(ends.scores.argmax())
     start = objective.point(guess)
@@ -109,7 +109,7 @@ OTHER_VIEWS = 2
 
 
 @dataclass(frozen=True)
-class Ends:
+class RefinedStarts:
     """Where the descents of the last stage ended.
 
     Attributes:
@@ -129,7 +129,9 @@ class Ends:
     paths: torch.Tensor
 
 
-def refine(objectives: Mapping[float, Objective], prediction: Prediction, settings: FitSettings) -> Ends:
+def refine(
+    objectives: Mapping[float, Objective], prediction: Prediction, settings: FitSettings
+) -> RefinedStarts:
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
     objective, count = objectives[1.0], settings.stages[0].starts
     symmetry = objective.object_class.symmetry
@@ -157,7 +159,7 @@ def refine(objectives: Mapping[float, Objective], prediction: Prediction, settin
         view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
-    return Ends(points, evidence, scores, evaluations, given_up, paths)
+    return RefinedStarts(points, evidence, scores, evaluations, given_up, paths)
 
 
 def survivors(

@@ -38,7 +38,7 @@ UNIFORM_TURN = math.tau / math.sqrt(12)
 
 
 @dataclass(frozen=True)
-class View:
+class OtherView:
     """Another explanation of a photo, of the object seen from another side.
 
     Attributes:
@@ -103,7 +103,7 @@ class Fit:
     evidence: float
     start_evidence: float
     evaluations: int
-    alternatives: tuple[View, ...]
+    alternatives: tuple[OtherView, ...]
     descent: torch.Tensor
     present: float = math.nan
     view_threshold: float = math.nan
@@ -142,7 +142,7 @@ class Stage:
 
 PICTURE: dict[str, Any] = {
     "free_framing": False,
-    "farther": 1.0,
+    "camera_distance_ratio": 1.0,
     "decoration": 0.3,
     "appearance_weight": 1.0,
     "prior_weight": 10.0,
@@ -152,7 +152,7 @@ PICTURE: dict[str, Any] = {
 
 PHOTO: dict[str, Any] = {
     "free_framing": True,
-    "farther": 1.4,
+    "camera_distance_ratio": 1.4,
     "decoration": 0.6,
     "appearance_weight": 0.05,
     "prior_weight": 20.0,
@@ -204,9 +204,11 @@ class _Settings:
             given = getattr(self, name, None)
             if given is not None and (not 0 <= given <= most or given == math.inf):
                 raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
-        distance = getattr(self, "farther", None)
+        distance = getattr(self, "camera_distance_ratio", None)
         if distance is not None and not 0 < distance < math.inf:
-            raise ValueError(f"farther must be a ratio above 0; got {distance}. Choose another.")
+            raise ValueError(
+                f"camera_distance_ratio must be a ratio above 0; got {distance}. Choose another."
+            )
         if self.silhouette not in ("exact", "paper"):
             raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
 
@@ -233,7 +235,7 @@ class ExplainSettings(_Settings):
             same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
         free_framing: Also fit shift, magnification and roll, for photos cropped by hand.
-        farther: Distance of the eye and focal length, of the standard camera's.
+        camera_distance_ratio: Distance of the eye and focal length, of the standard camera's.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.
@@ -245,7 +247,7 @@ class ExplainSettings(_Settings):
     prior_weight: float | None = None
     view_weight: float | None = None
     free_framing: bool | None = None
-    farther: float | None = None
+    camera_distance_ratio: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,7 +259,7 @@ class FitSettings(_Settings):
     prior_weight: float
     view_weight: float
     free_framing: bool
-    farther: float
+    camera_distance_ratio: float
 
 
 def resolve(

@@ -46,8 +46,8 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, seen: np.nda
     line = max(1.5, min(height, width) / 250)
     border, scale = max(1.0, line / 2), window.side * FINER / len(covered)
     for tile in window.tiles(width, height):
-        outer = scale * window.back(covered, *tile, outside=REACH)
-        inner = scale * window.back(seen, *tile, outside=REACH)
+        outer = scale * window.paste(covered, *tile, outside=REACH)
+        inner = scale * window.paste(seen, *tile, outside=REACH)
         hidden = HIDDEN_SHARE * _share(-outer) * _share(inner)
         middle = np.abs(outer - border - line / 2)
         dark, bright = _share(line / 2 + border - middle), _share(line / 2 - middle)

@@ -97,13 +97,13 @@ def map_as_done(
 
 
 @dataclass
-class _Task(Generic[Item]):
+class _Submitted(Generic[Item]):
     number: int
     item: Item
     attempts: int = 0
 
 
-class _Worker:
+class _WorkerProcess:
     """A process in an executor of its own, so that one that dies breaks no other's futures."""
 
     def __init__(self, prepare: Callable[[Any], Callable[[Any], Any]], shared: Any) -> None:
@@ -113,10 +113,10 @@ class _Worker:
         with one_thread_in_children(), without_interrupts():
             self.begun = self.executor.submit(_begin, bytes(ForkingPickler.dumps((prepare, shared))))
         self.process = process_of(self.executor)
-        self.tasks: deque[_Task[Any]] = deque()
+        self.tasks: deque[_Submitted[Any]] = deque()
         self.done = 0
 
-    def submit(self, task: _Task[Any]) -> Future[tuple[bool, Any]]:
+    def submit(self, task: _Submitted[Any]) -> Future[tuple[bool, Any]]:
         """Queue a task. BrokenProcessPool when the process has died."""
         self.tasks.append(task)
         return self.executor.submit(_do, bytes(ForkingPickler.dumps(task.item)))
@@ -139,11 +139,11 @@ class _Pool:
     ) -> None:
         self.prepare, self.shared, self.count = prepare, shared, count
         self.items = iter(enumerate(items))
-        self.again: deque[_Task[Any]] = deque()
-        self.next: _Task[Any] | None = None
+        self.again: deque[_Submitted[Any]] = deque()
+        self.next: _Submitted[Any] | None = None
         self.exhausted = False
-        self.workers: list[_Worker] = []
-        self.pending: dict[Future[tuple[bool, Any]], _Worker] = {}
+        self.workers: list[_WorkerProcess] = []
+        self.pending: dict[Future[tuple[bool, Any]], _WorkerProcess] = {}
 
     def run(self) -> Iterator[tuple[int, Any]]:
         while True:
@@ -165,14 +165,14 @@ class _Pool:
                     raise answer
                 yield task.number, answer
 
-    def upcoming(self) -> _Task[Any] | None:
+    def upcoming(self) -> _Submitted[Any] | None:
         """The task to hand out next; None when there is none, or it would be too far ahead."""
         if self.again:
             return self.again[0]
         if self.next is None:
             number, item = next(self.items, (-1, None))
             self.exhausted = number < 0
-            self.next = None if self.exhausted else _Task(number, item)
+            self.next = None if self.exhausted else _Submitted(number, item)
         oldest = min((worker.tasks[0].number for worker in self.workers if worker.tasks), default=None)
         if self.next is not None and oldest is not None and self.next.number > oldest + WINDOW * self.count:
             return None
@@ -188,10 +188,10 @@ class _Pool:
                 self.workers.remove(worker)
                 worker.executor.shutdown()
         while len(self.workers) < self.count and self.upcoming():
-            self.workers.append(_Worker(self.prepare, self.shared))
+            self.workers.append(_WorkerProcess(self.prepare, self.shared))
             yield from self.give(self.workers[-1])
 
-    def give(self, worker: _Worker) -> Iterator[tuple[int, Any]]:
+    def give(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
         """Hand the upcoming task out."""
         task = self.upcoming()
         assert task is not None
@@ -204,7 +204,7 @@ class _Pool:
         except BrokenProcessPool:
             yield from self.bury(worker)
 
-    def bury(self, worker: _Worker) -> Iterator[tuple[int, Any]]:
+    def bury(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
         """Take back the tasks of a process that died; the first one it may have died of."""
         self.workers.remove(worker)
         self.pending = {future: other for future, other in self.pending.items() if other is not worker}

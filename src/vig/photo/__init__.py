@@ -3,10 +3,10 @@
 from vig.photo.images import as_photo, read_photo, write_png
 from vig.photo.lens import Intrinsics, focal_of
 from vig.photo.outline import outline_distance
-from vig.photo.window import Halved, Window
+from vig.photo.window import ImagePyramid, Window
 
 __all__ = [
-    "Halved",
+    "ImagePyramid",
     "Intrinsics",
     "Window",
     "as_photo",

@@ -158,7 +158,7 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
     return pages
 
 
-class Page(NamedTuple):
+class TiffPage(NamedTuple):
     """A page of a TIFF file: its number, None for one below another, (width, height) and tags."""
 
     number: int | None
@@ -166,12 +166,12 @@ class Page(NamedTuple):
     tags: Any
 
 
-def largest_page(path: Path) -> Page | None:
+def largest_page(path: Path) -> TiffPage | None:
     """Return a TIFF file's largest page, reduced ones and masks left aside; None if it is damaged."""
     with path.open("rb") as file:
         pages = [(number, tags) for number, tags in tiff_pages(file) if WIDTH in tags and HEIGHT in tags]
     whole = [(number, tags) for number, tags in pages if not tags.get(SUBFILE, 0) & 5]
-    sizes = [Page(number, (tags[WIDTH], tags[HEIGHT]), tags) for number, tags in whole or pages]
+    sizes = [TiffPage(number, (tags[WIDTH], tags[HEIGHT]), tags) for number, tags in whole or pages]
     return max(sizes, key=lambda page: page.size[0] * page.size[1], default=None)
 
 

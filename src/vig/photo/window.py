@@ -26,13 +26,13 @@ BOX_BELOW_CENTRE = 0.033
 SMALLEST_BOX = 8
 LEAST_IN_PHOTO = 0.25
 """Share of a box that must be in the photo."""
-LEFT = 4
+PREFILTER_PIXELS = 4
 """Pixels of a half over those of the window cut from it: with 2, fits turn by a degree or two."""
 LINES = 256
 """Lines of a photo that are drawn at a time."""
 STRIP = 32
 """Lines of a half that are made at a time."""
-FARTHER = (0.75, 25.0)
+DISTANCE_RATIO_BOUNDS = (0.75, 25.0)
 """From an eye just outside the object to one so far away that perspective does not show."""
 
 
@@ -42,15 +42,15 @@ BESIDE = 4
 Place = TypeVar("Place", float, np.ndarray)
 
 
-class Halved:
+class ImagePyramid:
     """A photo (H, W, 3) as `coded_photo` gives it, and its halves, linear RGB, made as they are needed."""
 
     def __init__(self, photo: np.ndarray):
         self._levels, self.shape = [photo], photo.shape
 
     def level(self, reduction: float) -> tuple[np.ndarray, int]:
-        """The photo at 1 / scale of its size, and scale: a power of 2, `reduction` / `LEFT` at the most."""
-        number = max(0, math.floor(math.log2(reduction / LEFT)))
+        """The photo at 1 / scale of its size, and the scale: the least powers of 2 that suffice."""
+        number = max(0, math.floor(math.log2(reduction / PREFILTER_PIXELS)))
         while len(self._levels) <= number:
             fine = self._levels[-1]
             made = np.empty((-(-fine.shape[0] // 2), -(-fine.shape[1] // 2), 3), np.float32)
@@ -112,15 +112,15 @@ class Window:
         centre = x + w / 2 + below * math.sin(roll), y + h / 2 - below * math.cos(roll)
         return Window(centre[0] - side / 2, centre[1] - side / 2, side, roll)
 
-    def cut(self, photo: np.ndarray | Halved, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
+    def crop(self, photo: np.ndarray | ImagePyramid, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
         """Resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in
         the photo. photo (H, W, 3) as `coded_photo`. Beyond the photo its border is continued.
         """
-        if isinstance(photo, Halved):
+        if isinstance(photo, ImagePyramid):
             photo, scale = photo.level(self.side / size)
             lens = self.lens and self.lens.scaled(1 / scale)
             here = Window(self.left / scale, self.top / scale, self.side / scale, self.roll, lens)
-            return here.cut(photo, size)
+            return here.crop(photo, size)
         if self.lens is not None:
             return self._cut_through_lens(photo, size)
         if self.roll:
@@ -154,7 +154,7 @@ class Window:
         wide = math.ceil(size * (abs(math.cos(self.roll)) + abs(math.sin(self.roll))))
         side = self.side * wide / size
         grown = (side - self.side) / 2
-        image, known = Window(self.left - grown, self.top - grown, side).cut(photo, wide)
+        image, known = Window(self.left - grown, self.top - grown, side).crop(photo, wide)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         middle = wide / 2 - (cos - sin) * size / 2, wide / 2 - (sin + cos) * size / 2
         transform = (cos, -sin, middle[0], sin, cos, middle[1])
@@ -174,7 +174,7 @@ class Window:
         side = max(right - left, bottom - top)
         level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
         wide = math.ceil(size * side / self.side)
-        image, known = level.cut(photo, wide)
+        image, known = level.crop(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
         from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
         transform = to_level @ self._photo_from_window @ from_pixel
@@ -212,14 +212,14 @@ class Window:
             )
         return matrix
 
-    def farther(self, focal: float) -> float:
+    def camera_distance_ratio(self, focal: float) -> float:
         """How much longer a photo's focal length in pixels is than that of the window's standard camera,
-        within `FARTHER`.
+        within `DISTANCE_RATIO_BOUNDS`.
         """
-        return min(max(self.ratio(focal), FARTHER[0]), FARTHER[1])
+        return min(max(self.ratio(focal), DISTANCE_RATIO_BOUNDS[0]), DISTANCE_RATIO_BOUNDS[1])
 
     def ratio(self, focal: float) -> float:
-        """`farther` without limits."""
+        """`camera_distance_ratio` without limits."""
         return focal / (FOCAL_OVER_WIDTH * self.side)
 
     @property
@@ -249,7 +249,7 @@ class Window:
         camera = camera.scaled(scale)
         return replace(camera, width=width, height=height, cx=cx, cy=cy, roll=camera.roll + self.roll)
 
-    def back(self, image: np.ndarray, rows: slice, columns: slice, outside: float = 0.0) -> np.ndarray:
+    def paste(self, image: np.ndarray, rows: slice, columns: slice, outside: float = 0.0) -> np.ndarray:
         """A map (S, S) of the window drawn into rows and columns of the photo, float32.
 
         Beyond the window it is `outside`.
@@ -271,7 +271,7 @@ class Window:
             source.transform(size, Image.Transform.AFFINE, transform, method, fillcolor=outside)
         )
 
-    def carried(self, image: np.ndarray, there: Window, outside: float = 0.0) -> np.ndarray:
+    def warp_to(self, image: np.ndarray, there: Window, outside: float = 0.0) -> np.ndarray:
         """A map (S, S) of this window as another window of the photo shows it, float32.
 
         Where that lies beyond this window it is `outside`.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from vig.photo import Halved, Window
+from vig.photo import ImagePyramid, Window
 from vig.photo.masks import box_of
 from vig.photo.window import BOX_BELOW_CENTRE, SMALLEST_BOX, WINDOW_OVER_BOX
 from vig.recognition.prediction import Prediction, Recognizer
@@ -47,7 +47,9 @@ class Candidate:
     score: float
 
 
-def find(photo: np.ndarray | Halved, recognizer: Recognizer, clues: Clues | None = None) -> Candidate:
+def find(
+    photo: np.ndarray | ImagePyramid, recognizer: Recognizer, clues: LocationHints | None = None
+) -> Candidate:
     """The best place of the object in a photo (H, W, 3), as `coded_photo` gives it.
 
     A low score means that the photo may not show the object. With clues only places that agree count.
@@ -83,7 +85,7 @@ def find(photo: np.ndarray | Halved, recognizer: Recognizer, clues: Clues | None
 
 
 @dataclass(frozen=True, eq=False)
-class Clues:
+class LocationHints:
     """What is known of where the object is in a photo.
 
     Attributes:
@@ -118,7 +120,7 @@ class Clues:
         corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
 
-    def placed(self, photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:
+    def placed(self, photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
         """The window of the object's box: that of what is known, or with what the network sees hidden.
 
         window: One that shows the object.
@@ -145,13 +147,13 @@ class Clues:
         if self.mask is None:
             return 1.0
         grey = np.repeat(self.mask[:, :, None].astype(np.float32), 3, axis=2)
-        known = window.cut(grey)[0][..., 0] > 0.5
+        known = window.crop(grey)[0][..., 0] > 0.5
         seen = prediction.mask[0, :, :, 0].numpy() > SHOWN
         union = int((known | seen).sum())
         return int((known & seen).sum()) / union if union else 0.0
 
 
-def find_several(photo: np.ndarray | Halved, recognizer: Recognizer, most: int) -> list[Candidate]:
+def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most: int) -> list[Candidate]:
     """The best places of several objects in a photo, as `find` takes it: `most` at most, the best first."""
     windows = _grid(photo.shape[1], photo.shape[0], range(SIZES))
     prediction = predict_windows(photo, windows, recognizer, twice=False)
@@ -182,17 +184,17 @@ def overlap(one: Window, other: Window) -> float:
     return shared / (one.side**2 + other.side**2 - shared)
 
 
-def upright(photo: np.ndarray | Halved, window: Window, recognizer: Recognizer) -> Window:
+def upright(photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
     """Turn a window so that the object in it stands upright; as it is where that is nearly so."""
     roll = float(predict_windows(photo, [window], recognizer).roll[0])
     return window if abs(roll) < LEAST_ROLL else replace(window, roll=window.roll + roll)
 
 
 def predict_windows(
-    photo: np.ndarray | Halved, windows: list[Window], recognizer: Recognizer, twice: bool = True
+    photo: np.ndarray | ImagePyramid, windows: list[Window], recognizer: Recognizer, twice: bool = True
 ) -> Prediction:
     """What the network predicts for windows of a photo; for `twice` see `Recognizer.__call__`."""
-    cut = torch.from_numpy(np.stack([window.cut(photo)[0] for window in windows]))
+    cut = torch.from_numpy(np.stack([window.crop(photo)[0] for window in windows]))
     return recognizer(cut, twice=twice)
 
 

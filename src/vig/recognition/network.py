@@ -249,8 +249,10 @@ class RecognitionNetwork(nn.Module):
         inputs, stages = first, []
         for number, (width, count) in enumerate(zip(outputs, settings.blocks, strict=True)):
             expansion = settings.expansion if number else 1
-            blocks = [_Block(inputs, width, expansion, KERNELS[number], STRIDES[number])]
-            blocks += [_Block(width, width, expansion, KERNELS[number], 1) for _ in range(count - 1)]
+            blocks = [_InvertedResidual(inputs, width, expansion, KERNELS[number], STRIDES[number])]
+            blocks += [
+                _InvertedResidual(width, width, expansion, KERNELS[number], 1) for _ in range(count - 1)
+            ]
             stages.append(nn.Sequential(*blocks))
             inputs = width
         self.stages = nn.ModuleList(stages)
@@ -310,7 +312,7 @@ def bfloat16(device: torch.device) -> torch.autocast:
     return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())
 
 
-class _Block(nn.Module):
+class _InvertedResidual(nn.Module):
     """An inverted residual: channels are expanded, filtered one by one, and projected."""
 
     def __init__(self, inputs: int, outputs: int, expansion: int, kernel: int, stride: int):

@@ -18,7 +18,7 @@ _Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
 
 
 @dataclass(frozen=True)
-class Packed:
+class PackedScenes:
     """All objects of B scenes, numbered through: O of them with V vertices, F faces, E edges.
 
     points (V, 3): homogeneous screen points (x z, y z, z), pixels and metres. normals (V, 3): unit, world.
@@ -56,7 +56,7 @@ class Packed:
         return int(self.place.max()) + 1 if len(self.place) else 0
 
 
-def pack(scenes: Sequence[Scene]) -> Packed:
+def pack(scenes: Sequence[Scene]) -> PackedScenes:
     """Project the objects of all scenes and number them through. Raises ValueError for invalid scenes."""
     odd = (
         [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
@@ -114,7 +114,7 @@ def pack(scenes: Sequence[Scene]) -> Packed:
     background = [_background(scene, like) for scene in scenes]
     if any(each.shape[1:3] != (1, 1) for each in background):
         background = [each.expand(1, height, width, 3) for each in background]
-    return Packed(
+    return PackedScenes(
         points=_joined(points, like.new_zeros(0, 3)),
         normals=_joined(normals, like.new_zeros(0, 3)),
         albedo=_joined(albedo, like.new_zeros(0, 3)),

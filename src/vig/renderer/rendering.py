@@ -7,7 +7,7 @@ from typing import Literal
 
 import torch
 
-from vig.renderer.packing import Packed, pack
+from vig.renderer.packing import PackedScenes, pack
 from vig.renderer.primitives import (
     Visible,
     antialias,
@@ -99,7 +99,7 @@ def jacobian(
     return value, torch.stack(columns, dim=-1) if columns else value.new_zeros(*value.shape, 0)
 
 
-def _gridded(packed: Packed, samples: int) -> tuple[torch.Tensor, tuple[int, int, int]]:
+def _gridded(packed: PackedScenes, samples: int) -> tuple[torch.Tensor, tuple[int, int, int]]:
     """Homogeneous points on the grid of samples, with its margin, and the size of that grid."""
     images, height, width = packed.size
     place, depth = packed.points[:, :2], packed.points[:, 2:]
@@ -114,7 +114,7 @@ def _screen(points: torch.Tensor) -> torch.Tensor:
 
 
 def _surface(
-    packed: Packed,
+    packed: PackedScenes,
     points: torch.Tensor,
     visible: Visible,
     weights: torch.Tensor,
@@ -142,13 +142,13 @@ def _surface(
     return colour, normals, depth
 
 
-def _reflected(packed: Packed, normals: torch.Tensor, owner: torch.Tensor) -> torch.Tensor:
+def _reflected(packed: PackedScenes, normals: torch.Tensor, owner: torch.Tensor) -> torch.Tensor:
     """What white surfaces of these objects reflect: (N, 3); 1 where an object has no light."""
     colour = shade(normals, owner, packed.light, packed.direction, packed.radiance)
     return torch.where(packed.lit[owner][:, None], colour, 1.0)
 
 
-def _background(packed: Packed, samples: int, masks: int) -> torch.Tensor:
+def _background(packed: PackedScenes, samples: int, masks: int) -> torch.Tensor:
     """What is seen where nothing is, on the grid of samples with its margin: colours, then empty masks."""
     background = packed.background
     if background.shape[1:3] != (1, 1):
@@ -161,7 +161,7 @@ def _background(packed: Packed, samples: int, masks: int) -> torch.Tensor:
     return torch.cat([background, background.new_zeros(*background.shape[:3], masks)], dim=3)
 
 
-def _full_masks(packed: Packed, visible_masks: torch.Tensor, samples: int) -> torch.Tensor:
+def _full_masks(packed: PackedScenes, visible_masks: torch.Tensor, samples: int) -> torch.Tensor:
     """Coverage of each object as if it were alone: (B, O, H, W)."""
     images, most, height, width = visible_masks.shape
     if most <= 1:

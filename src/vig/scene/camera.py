@@ -70,13 +70,16 @@ class Camera:
 
     @staticmethod
     def standard(
-        size: int = IMAGE_SIZE, target_height: float = 0.0, farther: float = 1.0, distance: float = DISTANCE
+        size: int = IMAGE_SIZE,
+        target_height: float = 0.0,
+        camera_distance_ratio: float = 1.0,
+        distance: float = DISTANCE,
     ) -> Camera:
         """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m or another
-        distance; or both `farther` times as much, which shows the same with less perspective.
+        distance; or both `camera_distance_ratio` times as much, which shows the same with less perspective.
         """
-        focal, middle = farther * FOCAL_OVER_WIDTH * size, size / 2
-        return Camera(size, size, focal, middle, middle, farther * distance, target_height)
+        focal, middle = camera_distance_ratio * FOCAL_OVER_WIDTH * size, size / 2
+        return Camera(size, size, focal, middle, middle, camera_distance_ratio * distance, target_height)
 
     def scaled(self, factor: float) -> Camera:
         """The same camera for an image `factor` times as wide and high."""

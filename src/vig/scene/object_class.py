@@ -164,9 +164,9 @@ class ObjectClass:
             digest.update(repr(views).encode())
         return digest.hexdigest()[:16]
 
-    def camera(self, size: int = IMAGE_SIZE, farther: float = 1.0) -> Camera:
+    def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
         """The class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
-        return Camera.standard(size, self.target_height, farther, self.viewing_distance)
+        return Camera.standard(size, self.target_height, camera_distance_ratio, self.viewing_distance)
 
     @property
     def scale(self) -> float:

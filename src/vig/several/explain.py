@@ -13,7 +13,7 @@ from vig.explainer import SURELY_FOUND, Box, Explainer, Lens, Photo, lens_of
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
-from vig.photo import Halved, Window
+from vig.photo import ImagePyramid, Window
 from vig.photo.images import coded_photo
 from vig.recognition.find import apart, find_several
 from vig.several.joint import together
@@ -110,7 +110,7 @@ def find_together(
     picture: np.ndarray, explainers: Sequence[Explainer], most: int
 ) -> list[tuple[Explainer, Window]]:
     """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
-    seen = Halved(picture)
+    seen = ImagePyramid(picture)
     found = [
         (candidate, explainer)
         for explainer in explainers

@@ -24,24 +24,24 @@ import torch
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.inference import Said, WindowHints, explain_one, resolve
+from vig.inference import PixelLabel, WindowHints, explain_one, resolve
 from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
-from vig.photo import Halved
+from vig.photo import ImagePyramid
 from vig.recognition import Prediction
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.several.scene import SceneExplanation, heading_light
 
 LEAST_ODDS = 0.02
 """Floor of the probabilities whose odds tell the order."""
-GROUND = 50.0
+GROUND_ORDER_WEIGHT = 50.0
 TOUCHING = 0.3
 """Coverage from which two objects may hide one another."""
-BLUR = 4
+OUTLINE_PIXELS = 4
 """Pixels of a window within which an object's outline may be wrong: nothing beyond is said there."""
 PAINTED_OUT = 0.18
 """Linear grey of what stands before an object when the network is asked without it."""
-SURER = 1.0
+VIEW_SWITCH_NATS = 1.0
 """Nats by which another view must be likelier than that of the fit alone."""
 LIGHT_PRECISION = 2.0
 """Of each other object's light, per coefficient: what is near a lamp is lit by it more."""
@@ -56,8 +56,8 @@ def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> S
     """The same from explanations of each object alone, of one photo."""
     if len(alone) < 2:
         return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))
-    seen = Halved(alone[0].picture)
-    cuts = [each.window.cut(seen) for each in alone]
+    seen = ImagePyramid(alone[0].picture)
+    cuts = [each.window.crop(seen) for each in alone]
     predictions = [
         explainer.recognizer(torch.from_numpy(cut)[None])
         for explainer, (cut, _) in zip(explainers, cuts, strict=True)
@@ -77,7 +77,7 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
 
     By the sum, over the M pixels that both cover, of the difference of their log odds of being visible as the
     network predicts them, over the root of M; and, as things stand on one ground, by which of them ends lower
-    in the photo, `GROUND` times the difference over the less tall one's height.
+    in the photo, `GROUND_ORDER_WEIGHT` times the difference over the less tall one's height.
     """
     gains: dict[tuple[int, int], float] = {}
     count, odds = len(alone), []
@@ -87,12 +87,12 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
     for i in range(count):
         for j in range(i + 1, count):
             here, there = alone[i].window, alone[j].window
-            mine, other = alone[i].fit.coverage.numpy(), there.carried(alone[j].fit.coverage.numpy(), here)
+            mine, other = alone[i].fit.coverage.numpy(), there.warp_to(alone[j].fit.coverage.numpy(), here)
             if not ((mine > TOUCHING) & (other > TOUCHING)).any():
                 continue
             both = (mine > 0.5) & (other > 0.5)
-            gain = float((odds[i] - there.carried(odds[j], here))[both].sum()) / math.sqrt(max(1, both.sum()))
-            gains[i, j] = gain + GROUND * _lower(alone[i], alone[j])
+            gain = float((odds[i] - there.warp_to(odds[j], here))[both].sum()) / math.sqrt(max(1, both.sum()))
+            gains[i, j] = gain + GROUND_ORDER_WEIGHT * _lower(alone[i], alone[j])
     return _without_cycles(gains, count)
 
 
@@ -126,7 +126,9 @@ def _focal_of(alone: Sequence[Explanation]) -> float:
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
     if alone[0].focal_from == "assumed":
         return TELEPHOTO * float(np.mean(standard))
-    return float(np.mean([each.farther * own for each, own in zip(alone, standard, strict=True)]))
+    return float(
+        np.mean([each.camera_distance_ratio * own for each, own in zip(alone, standard, strict=True)])
+    )
 
 
 @dataclass(frozen=True)
@@ -148,32 +150,35 @@ class _Refit:
             prediction = _agreed(prediction, rival)
             asked = torch.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
-            view = asked[0] if likeliest - own > SURER else view
-        farther = found.window.farther(found.window.focal or _focal_of(self.alone))
-        settings = replace(resolve(explainer.settings, explainer.object_class, photo=True), farther=farther)
+            view = asked[0] if likeliest - own > VIEW_SWITCH_NATS else view
+        distance_ratio = found.window.camera_distance_ratio(found.window.focal or _focal_of(self.alone))
+        settings = replace(
+            resolve(explainer.settings, explainer.object_class, photo=True),
+            camera_distance_ratio=distance_ratio,
+        )
         prediction = self._level(self._lit(prediction, settings.appearance_weight))
         said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
-        said[torch.from_numpy(elsewhere)] = Said.NOTHING
-        said[torch.from_numpy(infront)] = Said.IN_FRONT
+        said[torch.from_numpy(elsewhere)] = PixelLabel.NOTHING
+        said[torch.from_numpy(infront)] = PixelLabel.IN_FRONT
         hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
         photo, known, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
         seen = _of_view(prediction, view)
         fit = explain_one(photo, seen, found.object_class, settings, known, device, hints, prediction)
-        return replace(found, fit=fit, farther=farther)
+        return replace(found, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage.numpy() > 0.5
-        own = scipy.ndimage.binary_dilation(covered, iterations=BLUR)
+        own = scipy.ndimage.binary_dilation(covered, iterations=OUTLINE_PIXELS)
         infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
         for index, other in enumerate(self.alone):
             if index == self.index:
                 continue
             if self.before[index, self.index]:
-                infront |= other.window.carried(other.fit.coverage.numpy(), here) > 0.5
+                infront |= other.window.warp_to(other.fit.coverage.numpy(), here) > 0.5
             else:
-                elsewhere |= other.window.carried(other.fit.visible.numpy(), here) > 0.5
+                elsewhere |= other.window.warp_to(other.fit.visible.numpy(), here) > 0.5
         return infront, elsewhere & ~own & ~infront
 
     def _level(self, prediction: Prediction) -> Prediction:

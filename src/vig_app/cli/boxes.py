@@ -9,7 +9,7 @@ from vig.explainer import Box, checked_box
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 from vig_app.cli.naming import by_photo
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
@@ -18,7 +18,7 @@ Objects = tuple[tuple[str, Box], ...]
 ONE_OBJECT = ("mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose")
 
 
-def boxes_of(settings: Fit, photos: list[Path]) -> list[tuple[Box | None, Objects]]:
+def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None, Objects]]:
     """The box of each photo's one object, None where none is named; or its several objects.
 
     UserError where the file cannot be used, or what else is said is of a single object.
@@ -42,7 +42,7 @@ def boxes_of(settings: Fit, photos: list[Path]) -> list[tuple[Box | None, Object
     return [of_photo.get(photo, (None, ())) for photo in photos]
 
 
-def _read(told: Any, settings: Fit) -> tuple[Box | None, Objects]:
+def _read(told: Any, settings: FitCommand) -> tuple[Box | None, Objects]:
     """One photo's box or objects from the file."""
     if not isinstance(told, list) or not told:
         raise ValueError("what it has for a photo is not a list with something in it")
@@ -70,7 +70,7 @@ def _box(told: Any) -> Box:
     return checked_box(decode(tuple[float, float, float, float], told))
 
 
-def _check_several(settings: Fit) -> None:
+def _check_several(settings: FitCommand) -> None:
     for name in ONE_OBJECT:
         given = getattr(settings, name)
         if not (given is None or given is False or given == ()):
@@ -79,7 +79,7 @@ def _check_several(settings: Fit) -> None:
             )
 
 
-def classes_of(settings: Fit) -> tuple[str, tuple[str, ...]]:
+def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:
     """The class, and others that `--class` names beside it; UserError where it names several in vain."""
     whole = [settings.object_class]
     several = settings.objects is not None and not Path(settings.object_class).exists()

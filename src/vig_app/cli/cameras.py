@@ -8,7 +8,7 @@ from typing import Any
 
 from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 from vig_app.cli.naming import by_photo
 
 NAMES = ("K", "k", "cam_K", "fx", "fl_x")
@@ -16,7 +16,7 @@ NAMES = ("K", "k", "cam_K", "fx", "fl_x")
 REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
 
 
-def cameras_of(settings: Fit, photos: list[Path]) -> list[Any]:
+def cameras_of(settings: FitCommand, photos: list[Path]) -> list[Any]:
     """The camera of each photo as `vig.photo.Intrinsics.of` takes it; None where none is given.
 
     UserError where a file cannot be used, has no camera for a photo, or what is given does not go together.

@@ -12,7 +12,7 @@ import tyro
 
 
 @dataclass(frozen=True)
-class Fit:
+class FitCommand:
     """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
@@ -82,7 +82,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Export:
+class ExportCommand:
     """Write the results of many photos as one file in the format of another tool."""
 
     results: tyro.conf.Positional[Path]
@@ -97,7 +97,7 @@ class Export:
 
 
 @dataclass(frozen=True)
-class View:
+class ViewCommand:
     """Open a photo on a page: draw a box, click points, mark what is in front, choose a view, save."""
 
     photo: tyro.conf.Positional[Path]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 
-from vig_app.cli.common import Export
+from vig_app.cli.common import ExportCommand
 from vig_app.runs.results import bop_csv, coco_json
 
 WRITERS = {"bop": ("bop.csv", bop_csv), "coco": ("coco.json", coco_json)}
 
 
-def export(settings: Export) -> int:
+def export(settings: ExportCommand) -> int:
     """Write and name the files; returns the exit code."""
     out = settings.out or settings.results
     written = []

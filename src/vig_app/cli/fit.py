@@ -28,11 +28,11 @@ from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.naming import listed, note
 from vig_app.cli.progress import progress_of
-from vig_app.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
+from vig_app.report.page import THUMBNAIL_FILE, Entry, folder_html, review_order
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
 from vig_app.runs.results import TABLES, TRACK, name_of, write_table
@@ -50,7 +50,7 @@ EXPORTS = ("bop.csv", "coco.json")
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
-def fit(settings: Fit) -> int:
+def fit(settings: FitCommand) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
     if settings.track:
         _check_track(settings)
@@ -132,7 +132,7 @@ def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
 
 def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
-    seen = sorted((row for row in rows if row["error"] is None), key=strange_first)
+    seen = sorted((row for row in rows if row["error"] is None), key=review_order)
     entries = []
     for row in seen[:MOST_ENTRIES]:
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
@@ -165,7 +165,7 @@ def add_line(log: Path | None, words: str) -> None:
         ) from None
 
 
-def _check_track(settings: Fit) -> None:
+def _check_track(settings: FitCommand) -> None:
     """UserError where what was given does not go with `--track`."""
     if len(settings.images) != 1 or not (settings.images[0].is_dir() or is_video(settings.images[0])):
         came = f"{len(settings.images)} names" if len(settings.images) != 1 else f"'{settings.images[0]}'"

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 
 from vig.hints import Hints
-from vig.inference import Said
+from vig.inference import PixelLabel
 from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
 from vig.photo.images import eight_bit_photo, refuse
 from vig.photo.masks import mask_file
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 
-CHANNELS = ((0, Said.IN_FRONT), (1, Said.SEEN), (2, Said.NOTHING))
+CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
 """What a pixel of marks says whose red, green or blue is far above the others."""
 FAR = 80
 ONE_PHOTO = ("marks", "points", "azimuth", "pose")
 
 
-def hints_of(settings: Fit, photos: list[Path]) -> Hints | None:
+def hints_of(settings: FitCommand, photos: list[Path]) -> Hints | None:
     """What is said of each photo, but for its mask; UserError where something cannot be used."""
     if len(photos) > 1:
         for name in ONE_PHOTO:
@@ -40,7 +40,7 @@ def hints_of(settings: Fit, photos: list[Path]) -> Hints | None:
     return said or None
 
 
-def mask_of(settings: Fit, photos: list[Path]) -> Callable[[Path], Path | None]:
+def mask_of(settings: FitCommand, photos: list[Path]) -> Callable[[Path], Path | None]:
     """Tells the file of a photo's mask, which is read with the photo; UserError for one mask of several."""
     given = settings.mask
     if given is None or not given.is_dir():
@@ -72,7 +72,7 @@ def parse_point(text: str) -> tuple[str, tuple[float, float]]:
 
 
 def read_marks(path: Path) -> np.ndarray:
-    """Marks (H, W) uint8, `Said`, from a picture."""
+    """Marks (H, W) uint8, `PixelLabel`, from a picture."""
     colours = eight_bit_photo(path).astype(int)
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in CHANNELS:

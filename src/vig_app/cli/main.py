@@ -10,13 +10,13 @@ import tyro
 
 from vig import __version__
 from vig.io.errors import UserError
-from vig_app.cli.common import Demo, Doctor, Export, Fit, Verb, View, verbs_of_packages
+from vig_app.cli.common import Demo, Doctor, ExportCommand, FitCommand, Verb, ViewCommand, verbs_of_packages
 
 VERBS = (
     Verb("demo", Demo, "vig_app.cli.demo:demo"),
-    Verb("fit", Fit, "vig_app.cli.fit:fit"),
-    Verb("export", Export, "vig_app.cli.export:export"),
-    Verb("view", View, "vig_app.cli.view:view"),
+    Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
+    Verb("export", ExportCommand, "vig_app.cli.export:export"),
+    Verb("view", ViewCommand, "vig_app.cli.view:view"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
 )
 GROUPS = {
@@ -33,7 +33,9 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(0)
     verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
     chosen = _parsed(list(verbs.values()), arguments)
-    if isinstance(chosen, Fit | View):  # whose matrices are small: numpy's further threads would only spin
+    if isinstance(
+        chosen, FitCommand | ViewCommand
+    ):  # whose matrices are small: numpy's further threads would only spin
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         sys.exit(verbs[type(chosen)].run(chosen))

@@ -11,13 +11,13 @@ from pathlib import Path
 from vig.explainer import Explainer
 from vig.io.errors import UserError
 from vig_app.cli.boxes import parse_box
-from vig_app.cli.common import View
+from vig_app.cli.common import ViewCommand
 from vig_app.corrections import State, result_in
 from vig_app.viewer import Session
 from vig_app.viewer.server import HOST, Viewer, free_port
 
 
-def view(settings: View) -> int:
+def view(settings: ViewCommand) -> int:
     """Serve the page until interrupted; returns the exit code."""
     photo, object_class, folder, state = settings.photo, settings.object_class, settings.out, State()
     if photo.is_dir():

@@ -78,8 +78,8 @@ def _whole(found: Explanation, photo: np.ndarray, hidden: np.ndarray, scale: flo
 
 def _drawn(found: Explanation, views: Sequence[tuple[str, Latents, torch.Tensor]]) -> tuple[Seen, ...]:
     """Views in front of the photo; of each what it is called, its latents (B = 1) and its framing (4,)."""
-    photo = srgb_from_linear(found.window.cut(found.picture, VIEW_SIDE)[0])
-    standard, seen = found.object_class.camera(farther=found.farther), []
+    photo = srgb_from_linear(found.window.crop(found.picture, VIEW_SIDE)[0])
+    standard, seen = found.object_class.camera(camera_distance_ratio=found.camera_distance_ratio), []
     for words, latents, framing in views:
         camera = standard.framed(*framing.tolist()).scaled(VIEW_SIDE / standard.width)
         drawn = on_one_core(partial(render_latents, latents, found.object_class, camera))

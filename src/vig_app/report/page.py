@@ -24,7 +24,7 @@ THUMBNAIL = 320
 WHOLE = 1200
 """And of the picture of several objects."""
 THUMBNAIL_FILE = "thumbnail.jpg"
-STRANGE = ("failed", "absent", "reverted", "ambiguous", "trusted")
+REVIEW_ORDER = ("failed", "absent", "reverted", "ambiguous", "trusted")
 """Verdicts in the order in which their photos should be looked at."""
 INTERVAL = 1.645
 """Standard deviations to either side that hold 90 % of a Gaussian."""
@@ -142,11 +142,11 @@ def write_thumbnail(folder: Path, picture: np.ndarray) -> None:
         Image.fromarray(thumbnail(picture)).save(temporary, "JPEG", quality=QUALITY)
 
 
-def strange_first(row: Mapping[str, Any]) -> tuple[int, float]:
-    """Sort key of photos: errors, then by verdict (`STRANGE`); within each the least confidence first."""
+def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
+    """Sort key of photos: errors, then by verdict (`REVIEW_ORDER`), the least confidence first."""
     if row.get("error") is not None:
         return -1, 0.0
-    return STRANGE.index(row["verdict"]), row["confidence"] or 0.0
+    return REVIEW_ORDER.index(row["verdict"]), row["confidence"] or 0.0
 
 
 def folder_html(
@@ -168,7 +168,7 @@ def folder_html(
         note: Under the title.
     """
     data = []
-    for place, entry in enumerate(sorted(entries, key=lambda entry: strange_first(entry.described))):
+    for place, entry in enumerate(sorted(entries, key=lambda entry: review_order(entry.described))):
         said = entry.described
         confidence, hidden = said["confidence"], said["hidden_fraction"]
         words = [f"azimuth {said['azimuth_deg']:.0f}°"]

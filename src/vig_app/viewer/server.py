@@ -16,12 +16,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from vig.explanation import Explanation
-from vig.inference import Said
+from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.photo.images import coded
 from vig.scene import srgb8_from_linear
 from vig_app.viewer.session import Session, cleared, marked, placed
-from vig_app.viewer.worker import Worker
+from vig_app.viewer.worker import CorrectionWorker
 
 HOST = "127.0.0.1"
 TRIED = 100
@@ -40,17 +40,17 @@ FACING = (0.0, 1.0, 0.0, 0.0)
 LOOKS_BACK = np.diag([1.0, -1.0, -1.0])
 NARROW = 700
 """Pixels of a screen on which the controls stand below the scene, not beside it."""
-BELOW = 0.55
+PANEL_HEIGHT = 0.55
 """Share of such a screen that they take."""
 BRUSH = 2.0
 """Radius of a mark at first, % of the photo's longer side."""
 LOOK, BOX = "nothing, look around", "a box round the object"
 MARKS = {
-    "here it is seen": Said.SEEN,
-    "something is in front": Said.IN_FRONT,
-    "it is not here": Said.NOTHING,
+    "here it is seen": PixelLabel.SEEN,
+    "something is in front": PixelLabel.IN_FRONT,
+    "it is not here": PixelLabel.NOTHING,
 }
-INKS = {Said.SEEN: (0, 200, 0), Said.IN_FRONT: (220, 0, 0), Said.NOTHING: (0, 0, 220)}
+INKS = {PixelLabel.SEEN: (0, 200, 0), PixelLabel.IN_FRONT: (220, 0, 0), PixelLabel.NOTHING: (0, 0, 220)}
 """Colours of marks, those of `--marks`."""
 AS_FOUND = "as found"
 STYLE = """<style>
@@ -133,7 +133,7 @@ class Viewer:
             self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
         self.server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         self._theme(dark=False)
-        self.worker = Worker(session, self._show, self._tell)
+        self.worker = CorrectionWorker(session, self._show, self._tell)
         self.image = self.server.scene.add_image(
             "/photo", session.photo[:1, :1], width * self.unit, height * self.unit, wxyz=FACING
         )
@@ -198,7 +198,7 @@ class Viewer:
         """The controls beside the scene, or below it on a narrow screen; all of it in sight at any width."""
         camera, panel = client.camera, client.gui.main_panel
         if camera.image_width < NARROW:
-            below = BELOW * camera.image_height
+            below = PANEL_HEIGHT * camera.image_height
             panel.float(x=0.0, y=camera.image_height - below, width=camera.image_width, height=below)
         else:
             panel.dock_right()
@@ -214,7 +214,7 @@ class Viewer:
 
     def _look(self, camera: Any) -> None:
         """Photo and object from the front, above the controls where these cover a part of the screen."""
-        below = BELOW if camera.image_width < NARROW else 0.0
+        below = PANEL_HEIGHT if camera.image_width < NARROW else 0.0
         height, width = (self.unit * side for side in self.session.photo.shape[:2])
         across, tangent = width + GAP + OBJECT, math.tan(FIELD / 2)
         far = 1.1 * max(max(height, OBJECT) / (1.0 - below), across / max(camera.aspect, 0.1)) / 2 / tangent
@@ -326,7 +326,7 @@ class Viewer:
             draw.rectangle((x, y, x + width, y + height), outline=(255, 255, 255, 255), width=2)
         for mark in state.marks:
             place = (mark.x * scale, mark.y * scale)
-            draw.circle(place, max(mark.radius * scale, 2.0), fill=(*INKS[Said(mark.said)], 130))
+            draw.circle(place, max(mark.radius * scale, 2.0), fill=(*INKS[PixelLabel(mark.said)], 130))
         for name, (x, y) in state.points.items():
             place = (x * scale, y * scale)
             draw.circle(place, 5, fill=(255, 255, 255, 255), outline=(0, 0, 0, 255), width=2)

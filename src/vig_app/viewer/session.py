@@ -9,7 +9,7 @@ from typing import Any
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.inference import Said
+from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.photo import focal_of
 from vig.photo.images import coded_photo
@@ -89,7 +89,7 @@ class Session:
         """Where a named point of the class is."""
         return self.correct(placed(name, x, y))
 
-    def mark(self, said: Said, x: float, y: float, radius: float) -> Explanation:
+    def mark(self, said: PixelLabel, x: float, y: float, radius: float) -> Explanation:
         """What a disc of the photo shows."""
         return self.correct(marked(said, x, y, radius))
 
@@ -130,7 +130,7 @@ class Session:
         focal = state.focal if said else self.focal
         try:
             found = self.explainer.explain(self.photo, focal=focal, camera=state.camera, **given)
-            exif = not said and focal is not None and self.explainer.settings.farther is None
+            exif = not said and focal is not None and self.explainer.settings.camera_distance_ratio is None
             return replace(found, focal_from="exif") if exif else found
         except UserError as error:
             raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
@@ -141,7 +141,7 @@ def placed(name: str, x: float, y: float) -> Change:
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
-def marked(said: Said, x: float, y: float, radius: float) -> Change:
+def marked(said: PixelLabel, x: float, y: float, radius: float) -> Change:
     """The change that `Session.mark` makes."""
     return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, said)))
 

@@ -21,7 +21,7 @@ class Tell(Protocol):
     def __call__(self, words: str, refused: bool = False) -> None: ...
 
 
-class Worker:
+class CorrectionWorker:
     """Makes corrections in their order, those that came while it fitted all at once, and other work between.
 
     A page's events come on many threads and faster than fits are made. Where some of several corrections

@@ -29,10 +29,10 @@ def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, 
         linear = linear_from_srgb(image.astype(np.float32) / 255)
         height, width = silhouette.shape
         window = upright(linear, Window.of(width, height, box_of_silhouette(silhouette)), recognizer)
-        cropped, _ = window.cut(linear)
+        cropped, _ = window.crop(linear)
         images[number] = (srgb_from_linear(cropped) * 255).round()
         visible_channels = np.repeat(dataset.visible[number][..., None].astype(np.float32), 3, axis=2)
-        mask, inside = window.cut(visible_channels)
+        mask, inside = window.crop(visible_channels)
         visible[number] = (mask[..., 0] > 0.5) & inside
     return images, visible
 

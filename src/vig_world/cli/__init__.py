@@ -1,13 +1,13 @@
 """The generator's verbs of the command line."""
 
-from vig_world.cli.settings import Check, Export, Groups, Make, Show
+from vig_world.cli.settings import Check, ExportDataset, Groups, Make, Show
 
 VERBS = (
     ("dataset make", Make, "vig_world.cli.dataset:make"),
     ("dataset groups", Groups, "vig_world.cli.dataset:groups"),
     ("dataset check", Check, "vig_world.cli.dataset:check"),
     ("dataset show", Show, "vig_world.cli.dataset:show"),
-    ("dataset export", Export, "vig_world.cli.dataset:export"),
+    ("dataset export", ExportDataset, "vig_world.cli.dataset:export"),
 )
 
 __all__ = ["VERBS"]

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from vig.io.errors import UserError
-from vig_world.cli.settings import Check, Export, Groups, Make, Show
+from vig_world.cli.settings import Check, ExportDataset, Groups, Make, Show
 
 if TYPE_CHECKING:
     from vig_world.library import OwnAssets
@@ -142,7 +142,7 @@ def show(settings: Show) -> int:
     return 0
 
 
-def export(settings: Export) -> int:
+def export(settings: ExportDataset) -> int:
     """`vig dataset export`."""
     from vig_world.generation.coco import export_coco
     from vig_world.generation.webdataset import export_webdataset

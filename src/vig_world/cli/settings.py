@@ -114,7 +114,7 @@ class Show:
 
 
 @dataclass(frozen=True)
-class Export:
+class ExportDataset:
     """Write a dataset in another format: COCO annotations, visible and amodal, or WebDataset shards."""
 
     dataset: tyro.conf.Positional[Path]

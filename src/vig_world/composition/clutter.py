@@ -10,7 +10,7 @@ import numpy as np
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.furniture import Support
 from vig_world.composition.occluders import draw_prop, placed
-from vig_world.composition.stage import MARGIN, Stage
+from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.dataset.spec import Placed
 from vig_world.rotations import about_z, turned_about_z
 
@@ -22,7 +22,7 @@ BACKGROUND = 4
 """Number of supports besides the object's own on which clutter is scattered."""
 
 
-def scatter(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> None:
+def scatter(stage: StagedRoom, rng: np.random.Generator, rejected: Counter[str]) -> None:
     """Place clutter on the object's own support round the object, and on others in view."""
     wanted = int(rng.integers(2, 9))
     near, far = visible_ground(stage)
@@ -51,7 +51,7 @@ def scatter(stage: Stage, rng: np.random.Generator, rejected: Counter[str]) -> N
             placed_here.append(number)
 
 
-def visible_ground(stage: Stage) -> tuple[float, float]:
+def visible_ground(stage: StagedRoom) -> tuple[float, float]:
     """Nearest and farthest ground in the frame, metres ahead of the object's axis.
 
     At most 1.3, or so much more as the object is larger than teapots.
@@ -65,7 +65,7 @@ def visible_ground(stage: Stage) -> tuple[float, float]:
     return near, float(min(far + 0.05, 1.3 * max(1.0, stage.actor.scale)))
 
 
-def _in_background(stage: Stage, rng: np.random.Generator) -> list[Support]:
+def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]:
     """Up to four other supports whose middle is in front of the camera and not too far, in random order."""
     supports = stage.library.plan(stage.room.layout).layout.supports
     middles = stage.room.to_world(np.array([support.centre for support in supports]))
@@ -94,7 +94,9 @@ class _Proposals:
     unfit: Counter[str]
 
     @staticmethod
-    def draw(stage: Stage, rng: np.random.Generator, supports: list[Support], own: np.ndarray) -> _Proposals:
+    def draw(
+        stage: StagedRoom, rng: np.random.Generator, supports: list[Support], own: np.ndarray
+    ) -> _Proposals:
         """Random props as near to spots (N, 3) on supports (N), in their frames, as the edges allow.
 
         Half of them are square to the support's edges.
@@ -147,7 +149,7 @@ class _Proposals:
             unfit=unfit,
         )
 
-    def obstacle(self, stage: Stage, number: int, others: list[int]) -> str:
+    def obstacle(self, stage: StagedRoom, number: int, others: list[int]) -> str:
         """Place one of the props beside others, or return what obstructs it."""
         if self.touch[number, others].any():
             return "collision"

@@ -17,7 +17,7 @@ from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, shape_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
 from vig_world.composition.sampling import CompositionError, sample, solids
-from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, Stage
+from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom
 from vig_world.dataset.spec import Placed, SceneSpec, Split
 from vig_world.library import Library
 from vig_world.raster import depth
@@ -108,7 +108,7 @@ def sample_group(
             scene = sample(library, first, seed, number, smaller=SMALLER, target=hidden, draw=draw)
         except CompositionError:  # no room hides it as it should, so far from the eye
             continue
-        group = _Group(library, classes, scene, first, aspect)
+        group = _GroupBuilder(library, classes, scene, first, aspect)
         for _ in range(DRAWS):
             if len(group.members) == wanted:
                 return GroupSpec(tuple(group.members))
@@ -116,7 +116,7 @@ def sample_group(
     raise UserError(f"group {index} of seed {seed}: expected a place for it; got none. Use another seed.")
 
 
-class _Group:
+class _GroupBuilder:
     """A group under construction."""
 
     def __init__(
@@ -138,7 +138,7 @@ class _Group:
             View.through(scene.lens, first, scene.azimuth, scene.elevation, LAYOUT_SIZE),
             first, vertices, scene.elevation, scene.azimuth,
         )  # fmt: skip
-        self.stage = Stage.empty(library, actor, scene.room)
+        self.stage = StagedRoom.empty(library, actor, scene.room)
         for prop in scene.props:
             footprint = Footprint.of(self.stage.points(prop), actor.view.forward)
             self.stage.add([prop], [footprint], None)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.composition.stage import MARGIN, Stage
+from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.dataset.spec import Placed, Role
 from vig_world.library import ALL_ZONES
 from vig_world.rotations import about_x, about_z, along, turned_about_z, vector_of
 
 
 @dataclass(frozen=True)
-class Candidate:
+class OccluderCandidate:
     """Props that move together along a line: at offset `least` they hide most, at `most` little or nothing.
 
     Attributes:
@@ -33,7 +33,7 @@ class Candidate:
     stands: bool
 
 
-Kind = Callable[[Stage, np.random.Generator, float], Candidate | None]
+Kind = Callable[[StagedRoom, np.random.Generator, float], OccluderCandidate | None]
 """Draws a candidate that may hide the share of the object given last; None when no draw is promising."""
 DRAWS = 12
 PROPS, TURNS = 3, 5
@@ -48,7 +48,11 @@ HAND_INSIDE = 6
 
 
 def draw_kind(
-    stage: Stage, rng: np.random.Generator, level: float, last_resort: bool, hopeless: Container[Kind] = ()
+    stage: StagedRoom,
+    rng: np.random.Generator,
+    level: float,
+    last_resort: bool,
+    hopeless: Container[Kind] = (),
 ) -> Kind | None:
     """Draw a way to hide the object that suits the elevation and the share to be hidden.
 
@@ -71,7 +75,7 @@ def draw_kind(
     return kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
 
 
-def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, int]:
+def draw_prop(stage: StagedRoom, rng: np.random.Generator, zone: str) -> tuple[str, int]:
     """A random prop that belongs in a zone: its family and number."""
     families = stage.families(zone)
     family = families[int(rng.integers(len(families)))]
@@ -79,7 +83,7 @@ def draw_prop(stage: Stage, rng: np.random.Generator, zone: str) -> tuple[str, i
 
 
 def draw_large(
-    stage: Stage, rng: np.random.Generator, areas: tuple[float, float], upright: bool
+    stage: StagedRoom, rng: np.random.Generator, areas: tuple[float, float], upright: bool
 ) -> tuple[str, int]:
     """Draw a prop whose broadest side is within `areas`, or the last one drawn.
 
@@ -102,7 +106,7 @@ def draw_large(
     return name
 
 
-def area_to_hide(stage: Stage, level: float, nearness: float) -> float:
+def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
     """Square metres of a silhouette, `nearness` of the object's distance away, that can hide `level`."""
     view = stage.actor.view
     pixels = (level - stage.hidden()) * len(stage.actor.pixels)
@@ -117,7 +121,7 @@ def placed(
     return Placed(name[0], name[1], (x, y, z), vector_of(rotation), role)
 
 
-def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
+def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A prop on the same support, between the camera and the object; moves sideways."""
     ahead, least_area = stage.actor.ahead, area_to_hide(stage, level, 0.7)
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
@@ -142,10 +146,10 @@ def standing(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
         return None
     chosen = int(numbers[0])
     part = placed(names[chosen % PROPS], -distances[chosen] * ahead, about_z(float(angles[chosen])))
-    return Candidate([part], motions[chosen], float(least[chosen]), float(most[chosen]), True)
+    return OccluderCandidate([part], motions[chosen], float(least[chosen]), float(most[chosen]), True)
 
 
-def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
+def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the camera."""
     least_area = area_to_hide(stage, level, 0.75)
     name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES * stage.actor.scale**2), False)
@@ -174,7 +178,7 @@ def in_hand(stage: Stage, rng: np.random.Generator, level: float) -> Candidate |
 
 def _held(
     parts: list[Placed], lowest: float, motion: np.ndarray, least: float, most: float
-) -> Candidate | None:
+) -> OccluderCandidate | None:
     """A candidate in mid-air, `lowest` at offset 0; None where all of its path is below the support."""
     to_support, rise = lowest - MARGIN, float(motion[2])
     if rise < 0:
@@ -182,11 +186,13 @@ def _held(
     elif rise > 0:
         least = max(least, -to_support / rise)
     return (
-        Candidate(parts, motion, least, most, False) if least < most and (rise or to_support >= 0) else None
+        OccluderCandidate(parts, motion, least, most, False)
+        if least < most and (rise or to_support >= 0)
+        else None
     )
 
 
-def _until_hand_is_out(stage: Stage, fingertips: np.ndarray, outward: np.ndarray) -> float:
+def _until_hand_is_out(stage: StagedRoom, fingertips: np.ndarray, outward: np.ndarray) -> float:
     """How far a point (3,) can move along a direction (3,) in the image plane inside the frame's margin."""
     view = stage.actor.view
     place = (view.rotation @ fingertips + view.translation).tolist()
@@ -207,7 +213,7 @@ def _until_hand_is_out(stage: Stage, fingertips: np.ndarray, outward: np.ndarray
     return min(ends)
 
 
-def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
+def reaching(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A bare hand and its arm before the object."""
     outward = _outward(stage, rng)
     arm, hand = _arm(stage, rng, outward)
@@ -218,7 +224,7 @@ def reaching(stage: Stage, rng: np.random.Generator, level: float) -> Candidate 
     return _held([placed(arm[0], aim, arm[1])], lowest, outward, -0.2 * scale, 0.3 * scale)
 
 
-def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
+def branch(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A leafy twig that reaches into the frame."""
     outward = _outward(stage, rng)
     twig = ("twig", _member(stage, rng))
@@ -231,7 +237,7 @@ def branch(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | 
     return _held([placed(twig, aim, rotation)], lowest, outward, -0.3 * scale, 0.2 * scale)
 
 
-def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | None:
+def board(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
     if rng.uniform() < 0.5:
         turn = rng.uniform(-0.3, np.pi + 0.3)
@@ -249,12 +255,12 @@ def board(stage: Stage, rng: np.random.Generator, level: float) -> Candidate | N
     return _held([placed(end, aim, rotation)], lowest, outward, -0.3 * scale, 0.3 * scale)
 
 
-def _member(stage: Stage, rng: np.random.Generator) -> int:
+def _member(stage: StagedRoom, rng: np.random.Generator) -> int:
     return int(rng.integers(stage.library.members("arm")))
 
 
 def _arm(
-    stage: Stage, rng: np.random.Generator, outward: np.ndarray
+    stage: StagedRoom, rng: np.random.Generator, outward: np.ndarray
 ) -> tuple[tuple[tuple[str, int], np.ndarray], np.ndarray]:
     """An arm's name and rotation (3, 3), and its farthest points (N, 3) from the fingertips."""
     name = ("arm", _member(stage, rng))
@@ -262,14 +268,14 @@ def _arm(
     return (name, rotation), stage.library.extremes(*name) @ rotation.T
 
 
-def _facing(stage: Stage, rng: np.random.Generator, axis: int) -> np.ndarray:
+def _facing(stage: StagedRoom, rng: np.random.Generator, axis: int) -> np.ndarray:
     """A rotation that takes a prop's `axis` nearly to the direction of view, with any roll."""
     to_x = np.eye(3)[[axis, (axis + 1) % 3, (axis + 2) % 3]]
     tilt = about_z(rng.normal(0, 0.25)) @ about_x(rng.uniform(0, 2 * np.pi))
     return along(stage.actor.view.forward, _outward(stage, rng)) @ tilt @ to_x
 
 
-def _aim(stage: Stage, rng: np.random.Generator, points: np.ndarray) -> np.ndarray | None:
+def _aim(stage: StagedRoom, rng: np.random.Generator, points: np.ndarray) -> np.ndarray | None:
     """A point (3,) on a ray to the object's middle, so that points (N, 3) from there are before the object.
 
     None when there is no room for them between camera and object.
@@ -286,7 +292,7 @@ def _aim(stage: Stage, rng: np.random.Generator, points: np.ndarray) -> np.ndarr
     return view.eye + depth * (np.array([x, y, 1.0]) @ view.rotation)
 
 
-def _outward(stage: Stage, rng: np.random.Generator) -> np.ndarray:
+def _outward(stage: StagedRoom, rng: np.random.Generator) -> np.ndarray:
     """A random unit vector (3,) in the image plane."""
     angle = rng.uniform(0, 2 * np.pi)
     return np.cos(angle) * stage.actor.view.rotation[0] + np.sin(angle) * stage.actor.view.rotation[1]

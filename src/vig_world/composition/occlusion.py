@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 
 from vig_world.assets.footprint import Footprint
-from vig_world.composition.occluders import Candidate, Kind, draw_kind
-from vig_world.composition.stage import MARGIN, Stage
+from vig_world.composition.occluders import Kind, OccluderCandidate, draw_kind
+from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.dataset.spec import Placed
 
 FIT_TOLERANCE = 0.008
@@ -21,7 +21,7 @@ HAND_SHARE = 0.02
 
 
 def hide(
-    stage: Stage, target: float, rng: np.random.Generator, rejected: Counter[str], last_resort: bool
+    stage: StagedRoom, target: float, rng: np.random.Generator, rejected: Counter[str], last_resort: bool
 ) -> bool:
     """Add one to three occluders that together with the room hide `target`; False when nothing fits.
 
@@ -58,7 +58,7 @@ def _count(rejected: Counter[str], reason: str) -> None:
         rejected[f"occluder {reason}"] += 1
 
 
-def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
+def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float) -> str:
     """Move a candidate until `level` is hidden and keep it, or return the reason of its rejection."""
     if candidate is None:
         return "no room"
@@ -89,7 +89,7 @@ def _place(stage: Stage, candidate: Candidate | None, level: float) -> str:
     return ""
 
 
-def _offset(stage: Stage, candidate: Candidate, level: float) -> tuple[float, np.ndarray] | str:
+def _offset(stage: StagedRoom, candidate: OccluderCandidate, level: float) -> tuple[float, np.ndarray] | str:
     """The offset at which `level` is hidden, with the depth image (75, 75) there; or why there is none.
 
     Regula falsi with every other step a bisection, as what is hidden falls with the offset, but not smoothly.

@@ -12,7 +12,7 @@ import numpy as np
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.props import ZONE_NAMES
-from vig_world.composition.stage import Actor, Stage
+from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
 from vig_world.rooms import Layout
@@ -63,7 +63,7 @@ def find_place(
     hidden: tuple[float, float],
     rng: np.random.Generator,
     rejected: Counter[str],
-) -> Stage | None:
+) -> StagedRoom | None:
     """A stage whose room and furniture hide a share of the object within `hidden`; None if none is found.
 
     The latents stay fixed: one of the rooms `layouts` is turned and shifted round the object.
@@ -74,10 +74,10 @@ def find_place(
     for place in places.sifted(layout, actor, hidden[0] > 0, rejected):
         chosen = int(places.support[place])
 
-        def stage_at(slid: float, place: int = place, chosen: int = chosen) -> Stage:
+        def stage_at(slid: float, place: int = place, chosen: int = chosen) -> StagedRoom:
             origin, turn = places.pose(place, slid)
             zone = layout.supports[chosen].zone
-            return Stage.empty(library, actor, Room(number, chosen, zone, origin, turn, finishes))
+            return StagedRoom.empty(library, actor, Room(number, chosen, zone, origin, turn, finishes))
 
         stage = _hiding(stage_at, hidden)
         share = stage.hidden()
@@ -92,7 +92,7 @@ def find_place(
     return None
 
 
-def _hiding(stage_at: Callable[[float], Stage], hidden: tuple[float, float]) -> Stage:
+def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> StagedRoom:
     """A stage moved out, by 0 to 1, from under what hides more of the object than wanted."""
     stage = stage_at(0.0)
     if hidden[0] == 0 or stage.hidden() <= hidden[1]:
@@ -108,7 +108,7 @@ def _hiding(stage_at: Callable[[float], Stage], hidden: tuple[float, float]) -> 
     return stage
 
 
-def _eye_of(stage: Stage) -> np.ndarray:
+def _eye_of(stage: StagedRoom) -> np.ndarray:
     """The camera's position (1, 3) in the layout."""
     room = stage.room
     return (stage.actor.view.eye - np.array(room.origin))[None] @ room.rotation()

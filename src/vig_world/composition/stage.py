@@ -92,7 +92,7 @@ class Actor:
 
 
 @dataclass
-class Stage:
+class StagedRoom:
     """A scene under construction.
 
     Attributes:
@@ -114,12 +114,12 @@ class Stage:
     _hidden: np.ndarray | None = None
 
     @staticmethod
-    def empty(library: Library, actor: Actor, room: Room) -> Stage:
+    def empty(library: Library, actor: Actor, room: Room) -> StagedRoom:
         """A furnished room with the object alone."""
         packed = library.plan(room.layout).packed
         behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
         support = library.plan(room.layout).layout.supports[room.support]
-        return Stage(library, actor, room, support, behind, behind)
+        return StagedRoom(library, actor, room, support, behind, behind)
 
     def families(self, zone: str) -> tuple[str, ...]:
         """The families of props that belong in a zone, but for those like the object."""

@@ -1,9 +1,9 @@
 """The throughput rasteriser: scenes as pictures, shaded with nine light coefficients.
 
-    mug = Packed.of(prop.parts)                      # once for each asset
-room = Packed.of(layout.parts)
+    mug = PackedAsset.of(prop.parts)                      # once for each asset
+room = PackedAsset.of(layout.parts)
 items = [
-    Item(room, turn, shift, 0, {"wall": (Pyramid.of(texture), 0.6)}, is_support=True),
+    Item(room, turn, shift, 0, {"wall": (TextureLevels.of(texture), 0.6)}, is_support=True),
     Item(mug, rotation, translation, owner=1),
 ]
 target = Target.of(object_class, vertices, shape, albedo, light)
@@ -12,14 +12,14 @@ far, owner = depth(items, View.of(object_class, azimuth, elevation, 75))"""
 
 from vig_world.raster.draw import depth, draw
 from vig_world.raster.items import Item, Target
-from vig_world.raster.packed import Packed
-from vig_world.raster.pyramid import Pyramid
+from vig_world.raster.packed import PackedAsset
+from vig_world.raster.pyramid import TextureLevels
 
 __all__ = [
     "Item",
-    "Packed",
-    "Pyramid",
+    "PackedAsset",
     "Target",
+    "TextureLevels",
     "depth",
     "draw",
 ]

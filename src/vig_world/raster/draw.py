@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from vig.scene.light import COSINE_LOBE, Y1, linear_from_srgb
 from vig_world.raster.items import HARMONICS, Item, Target, item_table
 from vig_world.raster.native import workspace
-from vig_world.raster.packed import Packed
+from vig_world.raster.packed import PackedAsset
 from vig_world.raster.picture import CANVAS, Picture
 from vig_world.raster.records import BINS, DRAWN, FRAGMENT, SAMPLES, TASK, VISIBLE_PART, address
 from vig_world.raster.shadows import cast_shadows
@@ -27,7 +27,7 @@ _MARGIN = 16
 
 
 @dataclass(frozen=True)
-class Surface:
+class SurfaceSamples:
     """Where on the object's surface the N samples that show it lie; arrays are valid during the call only.
 
     Attributes:
@@ -43,7 +43,7 @@ class Surface:
     vertices: np.ndarray
 
 
-Colouring = Callable[[Surface], np.ndarray]
+Colouring = Callable[[SurfaceSamples], np.ndarray]
 """Linear RGB (N, 3) of an object's samples."""
 
 
@@ -135,7 +135,7 @@ def _coloured(record: np.ndarray, visible: np.ndarray, colouring: Colouring) -> 
         surface[: 7 * size].reshape(7, size)[:, :count],
         places[: 2 * size].reshape(2, size)[:, :count],
     )
-    colours = colouring(Surface(rows[:3], rows[3:6], rows[6], vertices))
+    colours = colouring(SurfaceSamples(rows[:3], rows[3:6], rows[6], vertices))
     sums = np.stack([np.bincount(pixels, channel, minlength=visible.size) for channel in colours.T], axis=1)
     return np.clip(sums, 0, visible.reshape(-1, 1)) / SAMPLES**2
 
@@ -176,7 +176,7 @@ def _window(target: Target, view: View) -> tuple[slice, slice]:
 
 
 def _rasterise(
-    table: np.ndarray, assets: Sequence[Packed], view: View, samples: int, keep: bool
+    table: np.ndarray, assets: Sequence[PackedAsset], view: View, samples: int, keep: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """One over depth and owner, or face to be shaded, of each sample; views of the thread's buffers."""
     camera = view.camera

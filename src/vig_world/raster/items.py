@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from vig.scene import ObjectClass
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20
 from vig_world.raster.native import workspace
-from vig_world.raster.packed import Packed, assembled
-from vig_world.raster.pyramid import Pyramid
+from vig_world.raster.packed import PackedAsset, assembled
+from vig_world.raster.pyramid import TextureLevels
 from vig_world.raster.records import CLUSTER, FINISH, ITEM, PART, TARGET, address
 
 HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
@@ -35,11 +35,11 @@ class Item:
             object; other items are props.
     """
 
-    packed: Packed
+    packed: PackedAsset
     rotation: np.ndarray
     translation: np.ndarray
     owner: int = 0
-    finishes: Mapping[str, tuple[Pyramid, float]] = field(default_factory=dict)
+    finishes: Mapping[str, tuple[TextureLevels, float]] = field(default_factory=dict)
     is_support: bool = False
 
 
@@ -53,7 +53,7 @@ class Target:
         albedo: (3,).
     """
 
-    packed: Packed
+    packed: PackedAsset
     vertices: np.ndarray
     albedo: np.ndarray
 
@@ -92,7 +92,7 @@ ANYWHERE = 1e6
 
 
 @functools.lru_cache(maxsize=4)
-def _template(object_class: ObjectClass) -> Packed:
+def _template(object_class: ObjectClass) -> PackedAsset:
     """The object's asset, yet without shape and light."""
     count, faces = len(object_class.shape_model.mean), object_class.shape_model.faces
     part = np.zeros(1, PART)
@@ -107,7 +107,7 @@ def _template(object_class: ObjectClass) -> Packed:
         "points": np.zeros((count, 4), np.float32),
         "texels": np.zeros(1, np.uint32),
     }
-    return Packed(assembled(part, (0, 0, 0, 0), blocks), (1, count, len(faces)), ())
+    return PackedAsset(assembled(part, (0, 0, 0, 0), blocks), (1, count, len(faces)), ())
 
 
 _ROW = struct.Struct("=12d2q4i")

@@ -11,7 +11,7 @@ import numpy as np
 from vig_world.asset_cache import packed_text, unpacked_text
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh, vertex_normals
-from vig_world.raster.pyramid import Pyramid
+from vig_world.raster.pyramid import TextureLevels
 from vig_world.raster.records import CLUSTER, HEADER, PART, address
 from vig_world.raster.shadows import ambient_occlusion, surface_points
 
@@ -29,7 +29,7 @@ MATT = ("cloth", "earth", "paper", "paint", "wallpaper", "brick")
 
 
 @dataclass(frozen=True, eq=False)
-class Packed:
+class PackedAsset:
     """An asset as one block of memory that the native code reads; some 50 kB for a prop.
 
     Attributes:
@@ -52,13 +52,13 @@ class Packed:
         return {"data": self.data, "form": packed_text([self.counts, self.slots])}
 
     @staticmethod
-    def from_arrays(arrays: dict[str, np.ndarray]) -> Packed:
+    def from_arrays(arrays: dict[str, np.ndarray]) -> PackedAsset:
         """The asset whose `arrays` these are."""
         (parts, vertices, faces), slots = unpacked_text(arrays["form"])
-        return Packed(arrays["data"], (parts, vertices, faces), tuple(slots))
+        return PackedAsset(arrays["data"], (parts, vertices, faces), tuple(slots))
 
     @staticmethod
-    def of(parts: Sequence[tuple[Mesh, Material]]) -> Packed:
+    def of(parts: Sequence[tuple[Mesh, Material]]) -> PackedAsset:
         """Pack meshes with their materials, in a frame of their own, metres.
 
         Meshes need texture coordinates, metres for materials with a slot.
@@ -70,14 +70,14 @@ class Packed:
             raise ValueError("an asset needs one part or more; got none")
         table = np.zeros(len(parts), PART)
         slots: list[str] = []
-        pyramids: dict[int, tuple[int, Pyramid]] = {}
+        pyramids: dict[int, tuple[int, TextureLevels]] = {}
         positions, attributes, corners, clusters, texels = [], [], [], [], []
         vertex = face = cluster = texel = 0
         for row, (mesh, material) in zip(table, parts, strict=True):
             if mesh.uv is None:
                 raise ValueError("a part of an asset needs texture coordinates; got none")
             if id(material.texture) not in pyramids:
-                pyramid = Pyramid.of(material.texture)
+                pyramid = TextureLevels.of(material.texture)
                 pyramids[id(material.texture)] = texel, pyramid
                 texels.append(pyramid.texels)
                 texel += len(pyramid.texels)
@@ -118,7 +118,7 @@ class Packed:
         if is_room:
             blocks["occlusion"] = ambient_occlusion(everything, faces)
         data = assembled(table, sphere, blocks)
-        return Packed(data, (len(table), len(everything), len(faces)), tuple(slots))
+        return PackedAsset(data, (len(table), len(everything), len(faces)), tuple(slots))
 
 
 def bounding_sphere(vertices: np.ndarray) -> tuple[float, float, float, float]:

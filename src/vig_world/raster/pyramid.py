@@ -13,7 +13,7 @@ MOST_TEXELS = 2 ** (MOST_LEVELS - 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Pyramid:
+class TextureLevels:
     """A texture for the rasteriser.
 
     Attributes:
@@ -26,7 +26,7 @@ class Pyramid:
     log_size: tuple[int, int]
 
     @staticmethod
-    def of(texture: np.ndarray) -> Pyramid:
+    def of(texture: np.ndarray) -> TextureLevels:
         """The pyramid of (h, w, 3) linear values in [0, 1].
 
         Sides become powers of two, at most 512, by averaging and linear interpolation across the edges: the
@@ -40,7 +40,7 @@ class Pyramid:
         while min(level.shape[:2]) > 1:
             level = 0.25 * (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2])
             levels.append(_encoded(level))
-        return Pyramid(np.concatenate(levels), (width.bit_length() - 1, height.bit_length() - 1))
+        return TextureLevels(np.concatenate(levels), (width.bit_length() - 1, height.bit_length() - 1))
 
 
 def _encoded(level: np.ndarray) -> np.ndarray:

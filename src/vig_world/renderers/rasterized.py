@@ -10,7 +10,7 @@ from vig_world.assets.target import target_vertices
 from vig_world.dataset.spec import Coat, SceneSpec
 from vig_world.library import Library
 from vig_world.raster import Item, Target, draw
-from vig_world.raster.draw import Colouring, Surface
+from vig_world.raster.draw import Colouring, SurfaceSamples
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
 from vig_world.renderers.coated import coloured
@@ -31,7 +31,7 @@ def _coated(
     """The object's colours, of its coat in the scene's light."""
     mirrored = mirror(library.radiance(spec.panorama), spec.panorama_angle, library.ground_albedo(spec.room))
 
-    def colouring(at: Surface) -> np.ndarray:
+    def colouring(at: SurfaceSamples) -> np.ndarray:
         model, eye = object_class.shape_model, view.eye
         return coloured(coat, model, at.points, at.normals, at.irradiance, at.vertices, eye, mirrored)[0]
 

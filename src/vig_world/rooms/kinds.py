@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.rooms.plan import Placed, Plan
+from vig_world.rooms.plan import PlacedFurniture, Plan
 
 FULL = 8000
 """Faces of a room to which nothing more is added."""
 
 
 @dataclass(frozen=True)
-class Kind:
+class RoomKind:
     """A kind of room: the least and greatest sides in metres, its windows' sills, how it is furnished."""
 
     sides: tuple[tuple[float, float], tuple[float, float]]
@@ -32,7 +32,7 @@ def _dine(plan: Plan, family: str = "dining_table") -> None:
         plan.around(table, "chair", int(plan.rng.integers(2, 7)))
 
 
-def _sit(plan: Plan, walls: list[int] | None = None) -> Placed | None:
+def _sit(plan: Plan, walls: list[int] | None = None) -> PlacedFurniture | None:
     """A sofa with its coffee table, armchairs, side table and lamp."""
     rng = plan.rng
     sofa = plan.against("sofa", 0.95, walls, tries=3) or plan.against("armchair", 0.6, walls)
@@ -68,9 +68,9 @@ def _cook(plan: Plan) -> None:
                 plan.against("wall_shelf", 0.0, runs, lift, gap=0.0)
 
 
-def _some(plan: Plan, front: float = 0.6, **expected: float) -> list[Placed]:
+def _some(plan: Plan, front: float = 0.6, **expected: float) -> list[PlacedFurniture]:
     """Stands pieces against walls while the room is not too full: of each family as many as `expected`."""
-    result: list[Placed] = []
+    result: list[PlacedFurniture] = []
     for family, number in expected.items():
         for _ in range(int(number + plan.rng.uniform())):
             if sum(len(mesh.faces) for mesh, _ in plan.parts) > FULL:
@@ -95,7 +95,7 @@ def kitchen(plan: Plan) -> None:
             low, high = island.piece.low, island.piece.high
             for x in (-0.25, 0.25):
                 at = island.point(x * float(high[0] - low[0]), float(high[1]) + 0.25)
-                plan.put(Placed(plan.draw("bar_stool"), (*at, 0.0), island.turn))
+                plan.put(PlacedFurniture(plan.draw("bar_stool"), (*at, 0.0), island.turn))
     _dine(plan, "dining_table" if plan.rng.uniform() < 0.6 else "cafe_table")
     _some(plan, dresser=0.5, tea_trolley=0.5, stool=0.4, console=0.3, potted_tree=0.3)
     _shelf(plan, 0.7)
@@ -173,14 +173,14 @@ def living_kitchen(plan: Plan) -> None:
     _shelf(plan, 0.5)
 
 
-KINDS: dict[str, Kind] = {
-    "kitchen": Kind(((3.0, 3.5), (4.6, 5.6)), (1.08, 1.2), kitchen),
-    "dining room": Kind(((3.2, 3.6), (4.6, 5.5)), (0.5, 0.95), dining_room),
-    "living room": Kind(((3.6, 4.2), (5.2, 6.2)), (0.45, 0.95), living_room),
-    "bedroom": Kind(((3.0, 3.5), (4.4, 5.2)), (0.55, 1.0), bedroom),
-    "study": Kind(((2.6, 3.0), (4.0, 4.8)), (0.8, 1.1), study),
-    "hall": Kind(((2.0, 3.0), (3.0, 5.0)), (0.8, 1.2), hall),
-    "cafe": Kind(((3.6, 4.4), (5.4, 7.0)), (0.6, 1.1), cafe),
-    "living kitchen": Kind(((4.2, 5.4), (5.6, 7.2)), (1.0, 1.15), living_kitchen),
+KINDS: dict[str, RoomKind] = {
+    "kitchen": RoomKind(((3.0, 3.5), (4.6, 5.6)), (1.08, 1.2), kitchen),
+    "dining room": RoomKind(((3.2, 3.6), (4.6, 5.5)), (0.5, 0.95), dining_room),
+    "living room": RoomKind(((3.6, 4.2), (5.2, 6.2)), (0.45, 0.95), living_room),
+    "bedroom": RoomKind(((3.0, 3.5), (4.4, 5.2)), (0.55, 1.0), bedroom),
+    "study": RoomKind(((2.6, 3.0), (4.0, 4.8)), (0.8, 1.1), study),
+    "hall": RoomKind(((2.0, 3.0), (3.0, 5.0)), (0.8, 1.2), hall),
+    "cafe": RoomKind(((3.6, 4.4), (5.4, 7.0)), (0.6, 1.1), cafe),
+    "living kitchen": RoomKind(((4.2, 5.4), (5.6, 7.2)), (1.0, 1.15), living_kitchen),
 }
 """Every kind of room by name."""

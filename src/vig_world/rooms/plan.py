@@ -116,7 +116,7 @@ def _above(piece: Furniture, level: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Piece:
+class FurniturePiece:
     """A piece of furniture with its bounding box's corners (3,), (3,) and the boxes that hold it."""
 
     furniture: Furniture
@@ -125,20 +125,20 @@ class Piece:
     boxes: list[Box]
 
     @staticmethod
-    def of(furniture: Furniture) -> Piece:
+    def of(furniture: Furniture) -> FurniturePiece:
         """The piece with its measures taken."""
-        return Piece(furniture, *extent(furniture), boxes_of(furniture))
+        return FurniturePiece(furniture, *extent(furniture), boxes_of(furniture))
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedFurniture:
     """A piece of furniture where it stands.
 
     Attributes:
         along: Its place on its wall, if it stands against one.
     """
 
-    piece: Piece
+    piece: FurniturePiece
     offset: tuple[float, float, float]
     turn: float
     wall: int = -1
@@ -161,7 +161,7 @@ class Plan:
     def __init__(self, rng: np.random.Generator, outline: Array, height: float, make: Make) -> None:
         self.rng, self.outline, self.height, self._make = rng, outline, height, make
         self.walls: list[Wall] = walls_of(outline)
-        self.placed: list[Placed] = []
+        self.placed: list[PlacedFurniture] = []
         self.parts: list[Part] = []
         self.supports: list[Support] = []
         self.bodies: list[Body] = []
@@ -180,9 +180,9 @@ class Plan:
         a, b = np.minimum(corner, nearest), np.maximum(corner, nearest)
         return Body.of((float(a[0]), float(a[1]), float(b[0]), float(b[1]), -1.0, self.height + 1))
 
-    def draw(self, family: str) -> Piece:
+    def draw(self, family: str) -> FurniturePiece:
         """A new piece of a family."""
-        return Piece.of(self._make(family, np.random.default_rng(self.rng.integers(2**63))))
+        return FurniturePiece.of(self._make(family, np.random.default_rng(self.rng.integers(2**63))))
 
     def indoors(self, body: Body) -> bool:
         """Whether a body is inside the walls."""
@@ -193,7 +193,7 @@ class Plan:
         return self.notch is None or not body.meets(self.notch)
 
     def free(
-        self, bodies: Sequence[Body], aisles: Sequence[Body] = (), shared: Sequence[Placed] = ()
+        self, bodies: Sequence[Body], aisles: Sequence[Body] = (), shared: Sequence[PlacedFurniture] = ()
     ) -> bool:
         """Whether bodies can stand here, with aisles before them that no other body is in.
 
@@ -209,7 +209,11 @@ class Plan:
         )
 
     def put(
-        self, placed: Placed, front: float = 0.0, aside: bool = False, shared: Sequence[Placed] = ()
+        self,
+        placed: PlacedFurniture,
+        front: float = 0.0,
+        aside: bool = False,
+        shared: Sequence[PlacedFurniture] = (),
     ) -> bool:
         """Place a piece there if it fits, with an aisle `front` metres deep before it.
 
@@ -265,7 +269,7 @@ class Plan:
         at: float | None = None,
         tries: int = 2,
         gap: float = 0.02,
-    ) -> Placed | None:
+    ) -> PlacedFurniture | None:
         """Place (or at `lift` hang) a piece of a family with its back to a wall.
 
         Args:
@@ -282,32 +286,32 @@ class Plan:
                 spots = self._spots(number, half, snug) if at is None else [at]
                 for along in spots if snug else self.rng.permutation(spots).tolist():
                     x, y = wall.at(along, deep + gap).tolist()
-                    spot = Placed(piece, (x, y, lift), wall.angle + np.pi, number, along)
+                    spot = PlacedFurniture(piece, (x, y, lift), wall.angle + np.pi, number, along)
                     if self.put(spot, front):
                         return spot
         return None
 
     def beside(
-        self, other: Placed, family: str, side: int, space: float = 0.03, front: float = 0.4
-    ) -> Placed | None:
+        self, other: PlacedFurniture, family: str, side: int, space: float = 0.03, front: float = 0.4
+    ) -> PlacedFurniture | None:
         """Place a piece against the same wall, on a side (-1, +1 along it) of one that stands there."""
         low, high = other.piece.low, other.piece.high
         piece = self.draw(family)
         a, b = piece.low, piece.high
         along = other.along + side * (float(high[0] - low[0] + b[0] - a[0]) / 2 + space)
         x, y = self.walls[other.wall].at(along, float(b[1]) + 0.02).tolist()
-        spot = Placed(piece, (x, y, 0.0), other.turn, other.wall, along)
+        spot = PlacedFurniture(piece, (x, y, 0.0), other.turn, other.wall, along)
         return spot if self.put(spot, front) else None
 
     def before(
         self,
-        other: Placed,
+        other: PlacedFurniture,
         family: str,
         distance: float,
         facing: bool = False,
         aside: float = 0.0,
-        shared: Sequence[Placed] = (),
-    ) -> Placed | None:
+        shared: Sequence[PlacedFurniture] = (),
+    ) -> PlacedFurniture | None:
         """Place a piece in front of another, `distance` away and `aside` to a side.
 
         Args:
@@ -317,10 +321,10 @@ class Plan:
         piece = self.draw(family)
         deep = float(-piece.low[1] if facing else piece.high[1])
         x, y = other.point(aside, float(other.piece.low[1]) - distance - deep)
-        spot = Placed(piece, (x, y, 0.0), other.turn + (np.pi if facing else 0.0))
+        spot = PlacedFurniture(piece, (x, y, 0.0), other.turn + (np.pi if facing else 0.0))
         return spot if self.put(spot, aside=facing and distance < 0.3, shared=(other, *shared)) else None
 
-    def amid(self, family: str, margin: float, tries: int = 24) -> Placed | None:
+    def amid(self, family: str, margin: float, tries: int = 24) -> PlacedFurniture | None:
         """Place a piece freely in the room with `margin` metres of floor round it."""
         piece = self.draw(family)
         low, high = piece.low, piece.high
@@ -336,7 +340,7 @@ class Plan:
                 0.0,
                 HEADROOM,
             )
-            spot = Placed(piece, (x, y, 0.0), turn)
+            spot = PlacedFurniture(piece, (x, y, 0.0), turn)
             around = Body.of(ring, spot.offset, turn)
             if (
                 self.indoors(around)
@@ -346,7 +350,7 @@ class Plan:
                 return spot
         return None
 
-    def around(self, table: Placed, family: str, count: int) -> int:
+    def around(self, table: PlacedFurniture, family: str, count: int) -> int:
         """Place chairs around a table, no more than `count`; returns how many found room."""
         high = table.piece.high
         x, y = float(high[0]), float(high[1])
@@ -371,5 +375,5 @@ class Plan:
             spot = {0: (along, -away), 1: (away, along), 2: (along, away), 3: (-away, along)}[side]
             at = table.point(*spot)
             heading = table.turn + np.pi + side * np.pi / 2 + turn
-            done += self.put(Placed(model, (*at, 0.0), heading), aside=True)
+            done += self.put(PlacedFurniture(model, (*at, 0.0), heading), aside=True)
         return done

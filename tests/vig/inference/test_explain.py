@@ -26,7 +26,7 @@ from vig.inference import (
 from vig.inference.calibration import LEAST_DEVIATION
 from vig.inference.confidence import MOST_GAP, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
-from vig.inference.refinement import AMBIGUOUS_NATS, Ends, select, survivors
+from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, survivors
 from vig.inference.settings import PICTURE, Stage
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
@@ -320,7 +320,7 @@ def judged(case: Case, teapot: ObjectClass, turned_deg: float, gap: float) -> Fi
     noise = torch.full((2,), SETTINGS.likelihood.sigma)
     values = objective(points, torch.zeros(2, dtype=torch.int32), noise, derivatives=False).value
     scores = torch.tensor([1000.0, 1000.0 - gap], dtype=torch.float64)
-    ends = Ends(points, values, scores, 1, points[:0], points[None])
+    ends = RefinedStarts(points, values, scores, 1, points[:0], points[None])
     selection = select(objective, ends, case.prediction.best(), SETTINGS.likelihood.sigma)
     return assess(objective, selection, case.prediction, SETTINGS, None)
 
@@ -494,7 +494,12 @@ def test_a_users_setting_comes_before_the_classes_and_that_before_the_kind_of_ph
     assert resolve(ExplainSettings(), teapot, photo=True).prior_weight == 20.0
     assert resolve(ExplainSettings(), own, photo=True).prior_weight == 30.0
     assert resolve(ExplainSettings(prior_weight=0.0), own, photo=True).prior_weight == 0.0
-    assert resolve(ExplainSettings(decoration=0.0, farther=2.0), own, photo=True).farther == 2.0
+    assert (
+        resolve(
+            ExplainSettings(decoration=0.0, camera_distance_ratio=2.0), own, photo=True
+        ).camera_distance_ratio
+        == 2.0
+    )
     resolved = resolve(ExplainSettings(view_weight=7.0), own)
     assert resolve(resolved, teapot, photo=True) is resolved
     own.save(tmp_path / "again")
@@ -506,7 +511,10 @@ def test_a_users_setting_comes_before_the_classes_and_that_before_the_kind_of_ph
     [
         ({"prior_wieght": 30.0}, "among free_framing, .*; got 'prior_wieght'. Correct its class.json"),
         ({"prior_weight": -1.0}, "settings of class 'teapot': prior_weight must be from 0 to inf; got -1.0"),
-        ({"farther": 0.0}, "settings of class 'teapot': farther must be a ratio above 0; got 0.0"),
+        (
+            {"camera_distance_ratio": 0.0},
+            "settings of class 'teapot': camera_distance_ratio must be a ratio above 0; got 0.0",
+        ),
         (
             {"free_framing": 1.0},
             "expected true or false as fit setting 'free_framing' of class '.*'; got 1.0",
@@ -533,7 +541,7 @@ def test_the_settings_are_those_of_the_published_tables(teapot: ObjectClass) -> 
     assert weights == (1, 1, 1) and settings.azimuth_weight == 100
     for photo, chosen in ((False, (False, 1.0, 0.3, 1, 10, 1000)), (True, (True, 1.4, 0.6, 0.05, 20, 3000))):
         of_kind = resolve(settings, teapot, photo)
-        open_settings = (of_kind.free_framing, of_kind.farther, of_kind.decoration)
+        open_settings = (of_kind.free_framing, of_kind.camera_distance_ratio, of_kind.decoration)
         assert (
             *open_settings,
             of_kind.appearance_weight,

@@ -35,7 +35,7 @@ def test_the_outline_is_as_wide_in_a_large_photo_and_as_smooth() -> None:
     disc = np.clip(20.5 - np.hypot(x - 30, y - 30), 0, 1).astype(np.float32)
     distance = outline_distance(disc)
     window = Window(100, 50, 1200)
-    inside = window.back(distance, slice(0, 1300), slice(0, 1400)) < 0
+    inside = window.paste(distance, slice(0, 1300), slice(0, 1400)) < 0
     rows, columns = np.mgrid[:1300, :1400] + 0.5
     radius = np.hypot(columns - 700, rows - 650)
     assert inside[radius < 397].all() and not inside[(radius > 403) & (radius < 550)].any()

@@ -96,7 +96,7 @@ def test_what_a_lens_shows_of_a_photo_goes_back_to_where_it_was() -> None:
     window = Window(450.0, 300.0, 100.0, 0.2, lens)
     rows, columns = np.mgrid[:480, :640] + 0.5
     photo = np.stack([columns / 640, rows / 480, np.zeros((480, 640))], 2).astype(np.float32)
-    cut, inside = window.cut(photo)
+    cut, inside = window.crop(photo)
     assert inside.all()
     middles = (np.arange(150) + 0.5 - 75) / 150 * 100
     x, y = window.to_photo(*np.meshgrid(middles, middles))
@@ -104,7 +104,7 @@ def test_what_a_lens_shows_of_a_photo_goes_back_to_where_it_was() -> None:
     np.testing.assert_allclose(cut[..., 1] * 480, y, atol=0.3)
     (left, right, top, bottom), back = (450, 560, 300, 400), np.zeros((480, 640))
     for tile in window.tiles(640, 480):
-        back[tile] = window.back(cut[..., 0], *tile, outside=-1.0)
+        back[tile] = window.paste(cut[..., 0], *tile, outside=-1.0)
     known = back[top:bottom, left:right] > 0
     assert known.mean() > 0.7
     np.testing.assert_allclose(

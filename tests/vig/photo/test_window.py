@@ -8,13 +8,13 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.photo.images import linear_photo
-from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, Halved, Window
+from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX, ImagePyramid, Window
 from vig.scene import Camera
 
 
 def test_whole_square_photo_of_the_right_size_is_not_resampled():
     photo = np.random.default_rng(0).random((150, 150, 3)).astype(np.float32)
-    cut, known = Window.of(150, 150).cut(photo)
+    cut, known = Window.of(150, 150).crop(photo)
     assert cut is photo
     assert known.all()
 
@@ -28,7 +28,7 @@ def test_window_of_a_box_is_larger_with_the_box_a_little_below_its_centre():
 
 def test_wide_photo_is_padded_above_and_below_and_padding_is_marked_unknown():
     photo = np.full((100, 200, 3), 0.25, np.float32)
-    cut, known = Window.of(200, 100).cut(photo, 100)
+    cut, known = Window.of(200, 100).crop(photo, 100)
     assert cut.shape == (100, 100, 3)
     assert np.allclose(cut, 0.25)
     assert known[25:75].mean() > 0.97
@@ -39,7 +39,7 @@ def test_wide_photo_is_padded_above_and_below_and_padding_is_marked_unknown():
 def test_box_at_the_corner_reaches_beyond_the_photo_and_is_filled_with_its_border():
     photo = np.zeros((60, 60, 3), np.float32)
     photo[:20, :20] = 0.5
-    cut, known = Window.of(60, 60, (0, 0, 20, 20)).cut(photo, 54)
+    cut, known = Window.of(60, 60, (0, 0, 20, 20)).crop(photo, 54)
     assert np.allclose(cut[2, 2], 0.5)  # beyond the photo, continued from its corner
     assert not known[2, 2]
     assert known[20, 20]
@@ -54,8 +54,8 @@ def test_a_disc_drawn_in_the_photo_comes_back_where_it_was(size):
     photo = np.repeat(disc[:, :, None], 3, axis=2).astype(np.float32)
     box = (centre[0] - radius, centre[1] - radius, 2 * radius, 2 * radius)
     window = Window.of(width, height, box)
-    cut, _ = window.cut(photo)
-    back = window.back((cut[:, :, 0] > 0.5).astype(np.float32), slice(0, height), slice(0, width)) > 0.5
+    cut, _ = window.crop(photo)
+    back = window.paste((cut[:, :, 0] > 0.5).astype(np.float32), slice(0, height), slice(0, width)) > 0.5
     union = (back | disc).sum()
     assert (back & disc).sum() / union > 0.93
 
@@ -87,13 +87,13 @@ def test_a_turned_window_shows_upright_what_is_turned_and_maps_back(roll: float)
     along = np.cos(roll) * (x - 170) + np.sin(roll) * (y - 120)
     across = np.cos(roll) * (y - 120) - np.sin(roll) * (x - 170)
     bar = ((along > 0) & (along < 40) & (np.abs(across) < 6)).astype(np.float32)
-    cut, known = window.cut(np.repeat(bar[..., None], 3, axis=2), 150)
+    cut, known = window.crop(np.repeat(bar[..., None], 3, axis=2), 150)
     seen = cut[..., 0] > 0.5
     rows, columns = np.nonzero(seen)
     assert np.ptp(rows) == pytest.approx(15, abs=2) and abs(rows.mean() - 74.5) < 1
     assert columns.min() == pytest.approx(75, abs=2) and columns.max() == pytest.approx(125, abs=2)
     assert known.all()
-    back = window.back(seen.astype(np.float32), slice(0, height), slice(0, width)) > 0.5
+    back = window.paste(seen.astype(np.float32), slice(0, height), slice(0, width)) > 0.5
     assert (back & (bar > 0.5)).sum() / (back | (bar > 0.5)).sum() > 0.85
 
 
@@ -129,7 +129,7 @@ def smooth_photo(height: int, width: int) -> np.ndarray:
 def test_a_window_of_less_than_eight_times_its_pixels_is_cut_from_the_photo_itself(box, roll: float) -> None:
     coded = smooth_photo(500, 750)
     window = replace(Window.of(750, 500, box), roll=roll)
-    for mine, plain in zip(window.cut(Halved(coded)), window.cut(linear_photo(coded)), strict=True):
+    for mine, plain in zip(window.crop(ImagePyramid(coded)), window.crop(linear_photo(coded)), strict=True):
         np.testing.assert_array_equal(mine, plain)
 
 
@@ -137,9 +137,9 @@ def test_a_window_of_less_than_eight_times_its_pixels_is_cut_from_the_photo_itse
 @pytest.mark.parametrize("box", [(300, 200, 1501, 900), (0, 0, 900, 600), (1313, 801, 900, 700)])
 def test_a_large_window_is_cut_from_a_half_and_looks_the_same(box, roll: float) -> None:
     coded = smooth_photo(1601, 2215)
-    halved, window = Halved(coded), replace(Window.of(2215, 1601, box), roll=roll)
-    cut, known = window.cut(halved)
-    plain, all_known = window.cut(linear_photo(coded))
+    halved, window = ImagePyramid(coded), replace(Window.of(2215, 1601, box), roll=roll)
+    cut, known = window.crop(halved)
+    plain, all_known = window.crop(linear_photo(coded))
     assert halved.level(window.side / 150)[1] > 1
     assert np.abs(cut - plain).mean() < 0.01
     assert (known != all_known).mean() < 0.01
@@ -152,10 +152,10 @@ def test_map_is_carried_to_where_another_window_shows_it():
     map_ = np.zeros((50, 50), np.float32)
     map_[20:30, 10:20] = 1  # the photo's rows 50 to 70 and columns 20 to 40
     here = Window(0.0, 10.0, 100.0)
-    assert np.allclose(here.carried(map_, here), map_)
-    smaller = here.carried(map_, Window(20.0, 50.0, 20.0))
+    assert np.allclose(here.warp_to(map_, here), map_)
+    smaller = here.warp_to(map_, Window(20.0, 50.0, 20.0))
     assert smaller[3:-3, 3:-3].min() == 1
-    beyond = here.carried(map_, Window(500.0, 0.0, 100.0), outside=0.25)
+    beyond = here.warp_to(map_, Window(500.0, 0.0, 100.0), outside=0.25)
     assert np.allclose(beyond, 0.25)
 
 
@@ -165,7 +165,7 @@ def test_map_is_carried_between_windows_that_are_turned():
     here, there = Window(3.0, 5.0, 90.0, roll=0.3), Window(-2.0, 11.0, 84.0, roll=-0.4)
     x, y = here.to_photo(90 * (35.5 / 60 - 0.5), 90 * (20.5 / 60 - 0.5))
     expected = np.array(there.to_window(x, y)) * 60 / 84 + 30 - 0.5
-    found = np.unravel_index(here.carried(map_, there).argmax(), (60, 60))
+    found = np.unravel_index(here.warp_to(map_, there).argmax(), (60, 60))
     assert np.allclose(found[::-1], expected, atol=1)
-    back = there.carried(here.carried(map_, there), here)
+    back = there.warp_to(here.warp_to(map_, there), here)
     assert np.abs(back - map_)[10:-10, 10:-10].max() < 0.12

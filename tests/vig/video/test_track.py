@@ -13,8 +13,8 @@ from tests.vig.video.conftest import Video
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.scene import Camera
-from vig.video.course import FAR, Course, views_of
 from vig.video.following import Follower, Sighting, window_at
+from vig.video.trajectory import FAR, Trajectory, views_of
 
 
 def sighting(azimuth: float, probability: float = 0.8, **changed: Any) -> Sighting:
@@ -46,9 +46,9 @@ def test_a_view_from_the_other_side_is_taken_back() -> None:
     seen = [sighting(angle) for angle in truth]
     seen[7] = sighting(truth[7] + 180)
     assert off(np.degrees(views_of(seen)), truth).max() < 5
-    course = Course.of(seen, views_of(seen))
-    assert off(np.degrees(course.azimuth[0]), truth).max() < 3
-    assert [number for number, each in enumerate(seen) if course.contradicts(number, each, 1)] == [7]
+    trajectory = Trajectory.of(seen, views_of(seen))
+    assert off(np.degrees(trajectory.azimuth[0]), truth).max() < 3
+    assert [number for number, each in enumerate(seen) if trajectory.contradicts(number, each, 1)] == [7]
 
 
 def test_sure_frames_outvote_unsure_ones() -> None:
@@ -64,7 +64,7 @@ def test_lost_frames_and_outliers_do_not_move_the_place() -> None:
     seen = [sighting(5.0 * number, place=np.array([50.0 + 2 * number, 70.0, 4.6])) for number in range(20)]
     seen[9] = sighting(45.0, lost=True, place=np.array([140.0, 10.0, 3.0]))
     seen[14] = sighting(70.0, place=np.array([120.0, 70.0, 4.6]))
-    place = Course.of(seen, views_of(seen)).place
+    place = Trajectory.of(seen, views_of(seen)).place
     assert np.abs(place[:, 0] - (50 + 2 * np.arange(20))).max() < 2
     assert np.abs(place[:, 2] - 4.6).max() < 0.01
 

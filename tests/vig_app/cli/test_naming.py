@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 from vig_app.cli.fit import photos_of
 from vig_app.cli.hints import mask_of
 from vig_app.cli.naming import by_photo
@@ -42,11 +42,11 @@ def test_one_mask_is_not_that_of_two_photos(tmp_path: Path) -> None:
     masks.mkdir()
     (masks / "0.png").write_bytes(b"")
     with pytest.raises(UserError, match="expected a mask for each photo; got '.*0.png' for .*s1.* and .*s2"):
-        mask_of(Fit(tuple(photos), mask=masks), photos)
+        mask_of(FitCommand(tuple(photos), mask=masks), photos)
     for scene in ("s1", "s2"):
         (masks / scene).mkdir()
         (masks / scene / "0.png").write_bytes(b"")
-    of = mask_of(Fit(tuple(photos), mask=masks), photos)
+    of = mask_of(FitCommand(tuple(photos), mask=masks), photos)
     assert [of(photo) for photo in photos] == [masks / "s1" / "0.png", masks / "s2" / "0.png"]
 
 

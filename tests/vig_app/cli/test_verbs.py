@@ -15,7 +15,7 @@ from PIL import Image
 import vig
 from vig.likelihood import LIKELIHOODS
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import Fit
+from vig_app.cli.common import FitCommand
 from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
@@ -60,7 +60,7 @@ def test_no_photo_at_all(capsys, tmp_path):
 
 
 def test_help_offers_what_there_is():
-    assert get_args(get_type_hints(Fit)["likelihood"]) == tuple(LIKELIHOODS)
+    assert get_args(get_type_hints(FitCommand)["likelihood"]) == tuple(LIKELIHOODS)
 
 
 def test_an_unknown_likelihood_is_refused(capsys, photo, tmp_path):
@@ -227,7 +227,7 @@ def test_a_quiet_fit_prints_its_folder_alone(tmp_path: Path, capsys: pytest.Capt
 
 
 def cameras_given(folder: Path, photos: list[Path], **settings: Any) -> list[Any]:
-    return cameras_of(Fit(tuple(photos), out=folder, **settings), photos)
+    return cameras_of(FitCommand(tuple(photos), out=folder, **settings), photos)
 
 
 def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import torch
 
 import vig
 from tests.support import LOW_CONTRAST
-from vig.inference import View
+from vig.inference import OtherView
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.report.page import Entry, folder_html, thumbnail
@@ -30,7 +30,7 @@ def explanation() -> vig.Explanation:
     """A fit with another view beside it."""
     found = vig.Explainer("teapot").explain(example_photos()[1].photo)
     turned = replace(found.latents, azimuth=found.latents.azimuth + 1.0)
-    return replace(found, fit=replace(found.fit, alternatives=(View(turned, found.fit.framing, 0.25),)))
+    return replace(found, fit=replace(found.fit, alternatives=(OtherView(turned, found.fit.framing, 0.25),)))
 
 
 def data_of(page: str) -> Any:

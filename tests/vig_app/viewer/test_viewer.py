@@ -22,7 +22,7 @@ from PIL import Image
 
 import vig
 from tests.support import LOW_CONTRAST
-from vig.inference import Said
+from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig_app.cli.main import main
 from vig_app.corrections import Mark, State, result_in
@@ -72,7 +72,7 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
 def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) -> None:
     first = session.explanation
     session.place("spout", 150.0, 140.0)
-    session.mark(Said.IN_FRONT, 200.0, 150.0, 12.0)
+    session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0)
     held = session.hold(25.0, None)
     assert held.elevation_deg == pytest.approx(25.0, abs=1e-3)
     assert held.to_dict()["hints"]["points"] == {"spout": [150.0, 140.0]}
@@ -102,7 +102,7 @@ def test_what_is_saved_is_what_vig_fit_saves_and_can_be_resumed(
     session.say_visible(True)
     session.draw_box(100.0, 60.0, 190.0, 180.0)
     session.place("spout", 150.0, 140.0)
-    session.mark(Said.IN_FRONT, 200.0, 150.0, 12.0)
+    session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0)
     folder = session.save(tmp_path / "out")
     assert {path.name for path in folder.iterdir()} >= {"explanation.json", "object.glb", "report.html"}
     assert json.loads((folder / "explanation.json").read_text())["hints"].keys() == {

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from vig.inference import ExplainSettings, Stage, Valuation, explain_one
+from vig.inference import ExplainSettings, ObjectiveValue, Stage, explain_one
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig.search.levenberg_marquardt import LevenbergMarquardt
@@ -26,9 +26,9 @@ class Bowl:
     lower, upper = torch.full((18,), -9.0), torch.full((18,), 9.0)
     dtype, device = torch.float32, "cpu"
 
-    def __call__(self, points, photo, sigma, derivatives=True) -> Valuation:
+    def __call__(self, points, photo, sigma, derivatives=True) -> ObjectiveValue:
         normal = 2 * torch.eye(18).expand(len(points), -1, -1)
-        return Valuation(-(points**2).sum(1).double(), -2 * points, normal, None)
+        return ObjectiveValue(-(points**2).sum(1).double(), -2 * points, normal, None)
 
 
 def test_the_recorder_changes_nothing_and_keeps_the_best_so_far() -> None:

@@ -10,7 +10,7 @@ from vig.scene import EXPOSURE_L00, irradiance, rotate_z
 from vig_world.assets.panoramas import directions, light_parts, local_light, panorama
 from vig_world.assets.panoramas.light import exposed, grey, project_panorama
 from vig_world.assets.panoramas.painting import paint
-from vig_world.assets.panoramas.parts import Box, Bulb, Finish, Panel, Room
+from vig_world.assets.panoramas.parts import Box, Bulb, Finish, Panel, PanoramaRoom
 from vig_world.assets.panoramas.tracing import first_met, seen
 
 
@@ -90,8 +90,8 @@ def test_refuses_too_few_rows():
         panorama(np.random.default_rng(0), 8)
 
 
-def bare_room(**things) -> Room:
-    return Room(np.full(6, 2.0, np.float32), [Finish(np.full(3, 0.5, np.float32))] * 6, **things)
+def bare_room(**things) -> PanoramaRoom:
+    return PanoramaRoom(np.full(6, 2.0, np.float32), [Finish(np.full(3, 0.5, np.float32))] * 6, **things)
 
 
 def test_rays_meet_the_nearest_side_of_boxes_and_of_the_room():

@@ -16,8 +16,8 @@ from vig_world.assets.props import FAMILIES
 from vig_world.assets.props.material import Material
 from vig_world.assets.target import NO_DESIGN, shape_vertices
 from vig_world.mesh import Mesh, vertex_normals
-from vig_world.raster import Item, Packed, Pyramid, Target, depth, draw
-from vig_world.raster.draw import Surface
+from vig_world.raster import Item, PackedAsset, Target, TextureLevels, depth, draw
+from vig_world.raster.draw import SurfaceSamples
 from vig_world.raster.picture import Picture
 from vig_world.raster.rasterize import rasterize
 from vig_world.raster.records import EVEN, MOST_LIGHT
@@ -39,13 +39,13 @@ def stuff(value: float | np.ndarray, slot: str = "", emission: float = 0.0) -> M
     return Material(texture, "cloth", 1.0, slot, emission)
 
 
-def sheet(corners: list[list[float]], material: Material) -> Packed:
+def sheet(corners: list[list[float]], material: Material) -> PackedAsset:
     """A rectangle of four corners, counter-clockwise from its front; texture coordinates are metres."""
     points = np.array(corners, np.float32)
     a, b = points[1] - points[0], points[3] - points[0]
     uv = [[0, 0], [np.linalg.norm(a), 0], [np.linalg.norm(a), np.linalg.norm(b)], [0, np.linalg.norm(b)]]
     mesh = Mesh(points, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.array(uv, np.float32))
-    return Packed.of([(mesh, material)])
+    return PackedAsset.of([(mesh, material)])
 
 
 def floor(material: Material, z: float = 0.0, half: float = 1.0) -> Item:
@@ -53,7 +53,7 @@ def floor(material: Material, z: float = 0.0, half: float = 1.0) -> Item:
     return Item(sheet(corners, material), *HERE, owner=0, is_support=True)
 
 
-def box(low: list[float], high: list[float], material: Material, inward: bool = False) -> Packed:
+def box(low: list[float], high: list[float], material: Material, inward: bool = False) -> PackedAsset:
     parts = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -65,7 +65,7 @@ def box(low: list[float], high: list[float], material: Material, inward: bool = 
             outward = (end[axis] > other[axis]) != inward
             faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)[:, :: 1 if outward else -1]
             parts.append((Mesh(corners, faces, corners[:, [u, v]] - corners[0, [u, v]]), material))
-    return Packed.of(parts)
+    return PackedAsset.of(parts)
 
 
 def target(teapot: ObjectClass, light: np.ndarray = LIGHT) -> Target:
@@ -135,7 +135,7 @@ def test_depth_and_owner_agree_with_the_fits_rasteriser(teapot: ObjectClass) -> 
     ):
         parts = FAMILIES[family](rng).parts
         place = np.array([*at, 0.0])
-        things.append(Item(Packed.of(parts), np.eye(3), place, owner=number + 4))
+        things.append(Item(PackedAsset.of(parts), np.eye(3), place, owner=number + 4))
         meshes.append([(mesh.vertices + place, mesh.faces) for mesh, _ in parts])
     far, owner = depth(things, view)
     nearest, expected = np.full((75, 75), np.inf), np.full((75, 75), -1)
@@ -179,7 +179,7 @@ def test_round_things_are_shaded_by_their_interpolated_normals(teapot: ObjectCla
     faces = quads.reshape(-1, 3).astype(np.int32)
     mesh = Mesh((0.08 * points).astype(np.float32), faces, np.zeros((len(points), 2), np.float32))
     place, view = np.array([0.2, 0.1, -0.3]), View.of(teapot, 0.4, 1.4)
-    ball = Item(Packed.of([(mesh, stuff(0.5))]), np.eye(3), place, 1)
+    ball = Item(PackedAsset.of([(mesh, stuff(0.5))]), np.eye(3), place, 1)
     picture = draw([ball], target(teapot), view, LIGHT)
 
     fine = View.of(teapot, 0.4, 1.4, 300)
@@ -209,7 +209,7 @@ def test_the_samples_of_the_object_lie_on_what_is_seen_of_it(teapot: ObjectClass
     screen = Item(sheet([corner.tolist() for corner in corners], stuff(0.5)), *HERE, 1)
     found = []
 
-    def colouring(at: Surface) -> np.ndarray:
+    def colouring(at: SurfaceSamples) -> np.ndarray:
         found.append((at.points.copy(), at.normals.copy(), at.vertices.copy()))
         return np.outer(at.irradiance, pot.albedo)
 
@@ -244,14 +244,14 @@ def test_finishes_replace_what_stands_in_for_a_slot(teapot: ObjectClass) -> None
     """A striped texture of 2 texels at 8 cm a repeat: stripes of 4 cm; other slots keep their own."""
     stripes = np.zeros((1, 2, 3), np.float32)
     stripes[0, 0] = [0.4, 0, 0]
-    ground = replace(floor(stuff(0.2, "top")), finishes={"top": (Pyramid.of(stripes), 0.08)})
+    ground = replace(floor(stuff(0.2, "top")), finishes={"top": (TextureLevels.of(stripes), 0.08)})
     view = View.of(teapot, 0.0, np.pi / 2)
     row = linear(draw([ground], target(teapot), view, LIGHT))[8, :, 0] > 0.15
     changes = np.nonzero(np.diff(row.astype(int)))[0]
     scale = view.camera.focal / (0.4 + teapot.target_height)
     assert np.median(np.diff(changes)) == pytest.approx(0.04 * scale, abs=1.1)
     plain = draw(
-        [replace(ground, finishes={"wall": (Pyramid.of(stripes), 0.08)})], target(teapot), view, LIGHT
+        [replace(ground, finishes={"wall": (TextureLevels.of(stripes), 0.08)})], target(teapot), view, LIGHT
     )
     np.testing.assert_allclose(plain.image[8, :].max(0), plain.image[8, :].min(0), atol=3)
 
@@ -316,7 +316,9 @@ def test_the_same_bytes_on_any_thread(teapot: ObjectClass) -> None:
     items = [floor(stuff(rng.uniform(0, 1, (8, 8, 3)).astype(np.float32)))]
     for number in range(3):
         parts = FAMILIES["mug"](rng).parts
-        items.append(Item(Packed.of(parts), np.eye(3), np.array([0.1 * number - 0.1, 0.15, 0]), number + 1))
+        items.append(
+            Item(PackedAsset.of(parts), np.eye(3), np.array([0.1 * number - 0.1, 0.15, 0]), number + 1)
+        )
 
     def once(azimuth: float) -> bytes:
         return draw(items, target(teapot), View.of(teapot, azimuth, 0.6), LIGHT).image.tobytes()

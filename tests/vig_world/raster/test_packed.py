@@ -6,14 +6,14 @@ import pytest
 from vig.scene import srgb8_from_linear
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh
-from vig_world.raster import Packed, Pyramid
+from vig_world.raster import PackedAsset, TextureLevels
 from vig_world.raster.draw import srgb_tables
 from vig_world.raster.packed import clustered
 from vig_world.raster.records import BINS
 from vig_world.raster.shadows import BOUNCE, directions, sky_weights, surface_points
 
 
-def decoded(pyramid: Pyramid) -> list[np.ndarray]:
+def decoded(pyramid: TextureLevels) -> list[np.ndarray]:
     """The levels (h, w, 3), linear."""
     width, height = (1 << n for n in pyramid.log_size)
     levels, start = [], 0
@@ -27,7 +27,7 @@ def decoded(pyramid: Pyramid) -> list[np.ndarray]:
 
 def test_levels_halve_down_to_the_mean() -> None:
     texture = np.random.default_rng(0).uniform(size=(8, 16, 3)).astype(np.float32)
-    pyramid = Pyramid.of(texture)
+    pyramid = TextureLevels.of(texture)
     levels = decoded(pyramid)
     assert [level.shape[:2] for level in levels] == [(8, 16), (4, 8), (2, 4), (1, 2)]
     np.testing.assert_allclose(levels[0], texture, atol=0.005)
@@ -39,7 +39,7 @@ def test_any_size_becomes_a_power_of_two_and_keeps_its_mean(shape: tuple[int, in
     """A linear slope round the edges has the same mean whatever the number of texels."""
     wave = 0.5 + 0.3 * np.sin(2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1])
     texture = np.broadcast_to(wave[None, :, None], (*shape, 3)).astype(np.float32)
-    finest = decoded(Pyramid.of(texture))[0]
+    finest = decoded(TextureLevels.of(texture))[0]
     for size, wanted in zip(finest.shape, shape, strict=False):
         assert size & (size - 1) == 0 and size <= 512
         assert 0.7 < size / min(wanted, 512) < 1.42 or wanted > 512
@@ -82,9 +82,9 @@ def test_an_asset_needs_parts_and_texture_coordinates() -> None:
     material = Material(np.ones((1, 1, 3), np.float32), "cloth", 1.0)
     bare = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32))
     with pytest.raises(ValueError, match="one part or more"):
-        Packed.of([])
+        PackedAsset.of([])
     with pytest.raises(ValueError, match="texture coordinates"):
-        Packed.of([(bare, material)])
+        PackedAsset.of([(bare, material)])
 
 
 def test_slots_and_shared_textures_are_kept_once() -> None:
@@ -92,7 +92,7 @@ def test_slots_and_shared_textures_are_kept_once() -> None:
     points = 0.1 * np.eye(3, dtype=np.float32)
     mesh = Mesh(points, np.array([[0, 1, 2]], np.int32), np.zeros((3, 2), np.float32))
     wood, top = Material(texture, "wood", 0.5, "wood"), Material(texture, "wood", 0.5, "top")
-    packed = Packed.of([(mesh, wood), (mesh, top), (mesh, wood)])
+    packed = PackedAsset.of([(mesh, wood), (mesh, top), (mesh, wood)])
     assert packed.slots == ("wood", "top")
     assert packed.counts == (3, 9, 3)
     assert len(packed.data) < 2 * 4 * 64 * 64

@@ -24,7 +24,7 @@ from vig_world.renderers.cycles import FINISHES, CyclesRenderer, renderer
 from vig_world.renderers.cycles.appearance import cylindrical_uv
 from vig_world.renderers.cycles.blender import wire
 from vig_world.renderers.cycles.message import compose
-from vig_world.renderers.cycles.process import Worker, WorkerDiedError
+from vig_world.renderers.cycles.process import BlenderProcess, WorkerDiedError
 from vig_world.renderers.cycles.renderer import PYTHON_VARIABLE, arriving, find_python
 from vig_world.renderers.rasterized import render
 
@@ -80,7 +80,7 @@ def test_messages_come_out_as_they_went_in() -> None:
 
 
 def test_a_worker_answers_until_it_dies_and_tells_its_last_words() -> None:
-    worker = Worker([sys.executable, "-c", FAKE])
+    worker = BlenderProcess([sys.executable, "-c", FAKE])
     assert worker.hello == {"blender": "fake"}
     big = np.arange(500_000, dtype=np.float64)  # more than a pipe holds
     np.testing.assert_array_equal(worker.ask({}, {"x": big}, 20)[1]["double"], 2 * big)
@@ -90,22 +90,22 @@ def test_a_worker_answers_until_it_dies_and_tells_its_last_words() -> None:
 
 def test_a_worker_that_takes_too_long_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vig_world.renderers.cycles.process.GRACE", 0.0)
-    worker = Worker([sys.executable, "-c", FAKE])
+    worker = BlenderProcess([sys.executable, "-c", FAKE])
     with pytest.raises(WorkerDiedError, match="signal 9"):
         worker.ask({"do": "sleep"}, {}, 0.2)
 
 
 def test_a_command_that_is_no_worker_is_told_apart() -> None:
     with pytest.raises(WorkerDiedError, match="No module named 'nothing'"):
-        Worker([sys.executable, "-c", "import nothing"])
+        BlenderProcess([sys.executable, "-c", "import nothing"])
 
 
 def test_a_worker_leaves_when_its_parent_is_killed(tmp_path: Path) -> None:
     code = f"""
 import sys, time
-from vig_world.renderers.cycles.process import Worker
+from vig_world.renderers.cycles.process import BlenderProcess
 import numpy as np
-worker = Worker([sys.executable, "-c", {FAKE!r}])
+worker = BlenderProcess([sys.executable, "-c", {FAKE!r}])
 print(worker.ask({{}}, {{"x": np.zeros(1)}}, 20)[0]["pid"], flush=True)
 time.sleep(60)
 """
@@ -127,7 +127,9 @@ def test_a_dead_worker_is_replaced_once_and_then_the_sample_is_named(
     script.write_text(FAKE.replace('header.get("do") == "die"', "True"))
     monkeypatch.setattr(renderer, "WORKER", script)
     started = []
-    monkeypatch.setattr(renderer, "Worker", lambda command: started.append(1) or Worker(command))
+    monkeypatch.setattr(
+        renderer, "BlenderProcess", lambda command: started.append(1) or BlenderProcess(command)
+    )
     with CyclesRenderer(library, teapot, sys.executable) as cycles:
         with pytest.raises(UserError, match="sample 8 of seed 5: .* two tries: it ended with code 3"):
             cycles.render(spec)

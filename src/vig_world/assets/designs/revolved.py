@@ -25,7 +25,7 @@ _KNOB_SEAT = 0.004
 
 
 @dataclass(frozen=True)
-class Wall:
+class BodyProfile:
     """The body's profile from foot to shoulder: dense points (N, 2) of (radius, height), metres."""
 
     points: np.ndarray
@@ -41,7 +41,7 @@ class Wall:
         return float(np.interp(-radius, -np.maximum.accumulate(upper[::-1, 0])[::-1], upper[:, 1]))
 
 
-def wall(design: TeapotDesign) -> Wall:
+def wall(design: TeapotDesign) -> BodyProfile:
     """The body's dense profile; foot, neck and rim come before and after it."""
     d = design
     base = np.array([d.base_radius, d.foot_height])
@@ -60,7 +60,7 @@ def wall(design: TeapotDesign) -> Wall:
         neck - [d.shoulder_reach * up[0], d.neck_sweep * up[1]],
         neck,
     )
-    return Wall(join(lower, upper))
+    return BodyProfile(join(lower, upper))
 
 
 def rim(design: TeapotDesign) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from vig_world.assets.designs.curves import (
     tangents,
 )
 from vig_world.assets.designs.design import TeapotDesign
-from vig_world.assets.designs.revolved import Wall, lid_top
+from vig_world.assets.designs.revolved import BodyProfile, lid_top
 from vig_world.assets.designs.topology import Loft
 
 _SPOUT_AROUND = 20
@@ -32,7 +32,7 @@ _GRIP_GAP = 1.08  # distance of the two halves of a straight handle / their thic
 _DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
 
-def spout_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
+def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """The spout as a closed surface over SPOUT_LOFT, from inside the body to the mouth's dimple, (V, 3)."""
     d = design
     base_slope, tip_slope = np.radians(d.spout_base_angle), np.radians(d.spout_tip_angle)
@@ -66,7 +66,7 @@ def spout_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
     return np.concatenate([*_cap(rings[0], 10), *rings, *dimple])
 
 
-def handle_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
+def handle_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """The handle as a closed surface over HANDLE_LOFT, both ends inside the body, (V, 3).
 
     Its rings run from the lower end to the upper one; above the lid, from the back to the front, which is the
@@ -90,7 +90,7 @@ def handle_vertices(design: TeapotDesign, wall: Wall) -> np.ndarray:
     return np.concatenate([*_cap(rings[0], 6), *rings, *_cap(rings[-1], 6)[::-1]])
 
 
-def _ear(d: TeapotDesign, wall: Wall) -> np.ndarray:
+def _ear(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """Centre line (N, 2) of (x, z) of a handle behind the body, from its lower end to its upper."""
     end_half, end_side = 0.5 * _HANDLE_FLARE * d.handle_thickness, 0.5 * _HANDLE_FLARE * d.handle_width
     rise, drop = np.radians(d.handle_rise), np.radians(d.handle_drop)
@@ -117,7 +117,7 @@ def _ear(d: TeapotDesign, wall: Wall) -> np.ndarray:
     return smooth(dense, 0.035)
 
 
-def _bail(d: TeapotDesign, wall: Wall) -> np.ndarray:
+def _bail(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """Centre line (N, 2) of (x, z) of a handle above the lid, from the back shoulder to the front's."""
     span, widest = d.bail_span * d.belly_radius, (d.bail_span + d.bail_swell) * d.belly_radius
     end = wall.shoulder(span)
@@ -138,7 +138,7 @@ def _bail(d: TeapotDesign, wall: Wall) -> np.ndarray:
     return smooth(join(*pieces), 0.02)
 
 
-def _grip(d: TeapotDesign, wall: Wall) -> np.ndarray:
+def _grip(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """Centre line (N, 2) of (x, z) of a straight handle: out below, round its tip and back above.
 
     The halves of the loop touch, so that a grip is an ear without an opening, and the two blend.
@@ -155,7 +155,9 @@ def _grip(d: TeapotDesign, wall: Wall) -> np.ndarray:
     return np.concatenate([[base - bend * up], tip, [base + bend * up]])
 
 
-def _inside(d: TeapotDesign, wall: Wall, height: float, half_height: float, half_width: float) -> float:
+def _inside(
+    d: TeapotDesign, wall: BodyProfile, height: float, half_height: float, half_width: float
+) -> float:
     """Largest x at which an upright elliptic section round `height` lies wholly inside the body."""
     angle = np.linspace(0.0, np.pi, 33)
     radius = wall.radius(height + half_height * np.cos(angle))

@@ -11,11 +11,11 @@ from vig.io.errors import UserError
 from vig_world.assets.furniture import Furniture, Support
 from vig_world.assets.own.props import Parts, read_each
 from vig_world.assets.own.settings import FileSettings
-from vig_world.assets.own.standing import Kind
+from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.own.supports import Area, level_areas
 from vig_world.assets.props.material import prop
 
-_FURNITURE = Kind("piece of furniture", 0.3, 4.0, furniture=True)
+_FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
 FAMILIES = {  # by keywords in a file's name; earlier ones take precedence
     "bedside": "nightstand", "nightstand": "nightstand", "coffee_table": "coffee_table", "desk": "desk",

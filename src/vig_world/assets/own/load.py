@@ -31,7 +31,7 @@ _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", 
 
 
 @dataclass(frozen=True)
-class Piece:
+class MeshPiece:
     """Triangles with one texture.
 
     vertices (V, 3) float64 in the file's units and axes; faces (F, 3); uv (V, 2), (0, 0) at the texture's
@@ -48,7 +48,7 @@ class Piece:
 class Loaded:
     """What a mesh file holds: pieces by material, the bytes of all files read, and names not found."""
 
-    pieces: list[Piece]
+    pieces: list[MeshPiece]
     files: dict[str, bytes]
     missing: list[str]
 
@@ -167,13 +167,13 @@ def _readable(name: str, data: bytes) -> bool:
         return False
 
 
-def _pieces(path: Path, scene: Any, nodes: tuple[str, ...], gltf: bool) -> list[Piece]:
+def _pieces(path: Path, scene: Any, nodes: tuple[str, ...], gltf: bool) -> list[MeshPiece]:
     """The scene's triangles in its own frame, those of one texture together."""
     names = sorted(scene.graph.nodes_geometry)
     unknown = sorted(set(nodes) - set(scene.graph.nodes))
     if unknown:
         raise UserError(f"{path}: expected nodes among {' '.join(names)[:300]}; got {' '.join(unknown)}.")
-    groups: dict[Any, list[Piece]] = {}
+    groups: dict[Any, list[MeshPiece]] = {}
     for node in names:
         transform, geometry_name = scene.graph[node]
         if nodes and not any(node in (name, *scene.graph.transforms.successors(name)) for name in nodes):
@@ -191,12 +191,12 @@ def _pieces(path: Path, scene: Any, nodes: tuple[str, ...], gltf: bool) -> list[
         points = points @ transform[:3, :3].T + transform[:3, 3]
         points, faces, uv, texture = painted(points, faces, geometry.visual, gltf)
         key = (texture.shape, texture.tobytes())
-        groups.setdefault(key, []).append(Piece(points, faces, uv, texture))
+        groups.setdefault(key, []).append(MeshPiece(points, faces, uv, texture))
     return [_joined(group) for group in groups.values()]
 
 
-def _joined(group: list[Piece]) -> Piece:
+def _joined(group: list[MeshPiece]) -> MeshPiece:
     starts = np.cumsum([0] + [len(piece.vertices) for piece in group[:-1]])
     faces = [piece.faces + start for piece, start in zip(group, starts, strict=True)]
     vertices, uv = (np.concatenate([getattr(p, key) for p in group]) for key in ("vertices", "uv"))
-    return Piece(vertices, np.concatenate(faces), uv, group[0].texture)
+    return MeshPiece(vertices, np.concatenate(faces), uv, group[0].texture)

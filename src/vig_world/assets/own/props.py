@@ -11,16 +11,16 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig_world.assets.own.folder import files_of, fingerprint
-from vig_world.assets.own.load import SUFFIXES, Piece, load
+from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
 from vig_world.assets.own.settings import FileSettings, settings_of
 from vig_world.assets.own.simplify import outward
-from vig_world.assets.own.standing import Kind, stand
+from vig_world.assets.own.standing import SizedKind, stand
 from vig_world.assets.props.material import Material, Prop, prop
 from vig_world.mesh import Mesh
 
 MOST_FACES = 20_000
 _GENERIC = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")
-_PROP = Kind("prop", 0.01, 0.6, furniture=False)
+_PROP = SizedKind("prop", 0.01, 0.6, furniture=False)
 
 Parts = tuple[tuple[Mesh, Material], ...]
 
@@ -64,7 +64,9 @@ def _called(name: str) -> str:
 
 
 def read_each(
-    folder: str | Path, kind: Kind, made: Callable[[str, str, Parts, FileSettings], tuple[Any, list[str]]]
+    folder: str | Path,
+    kind: SizedKind,
+    made: Callable[[str, str, Parts, FileSettings], tuple[Any, list[str]]],
 ) -> tuple[list[Any], list[str]]:
     """Apply `made` to each mesh file's name, fingerprint, parts and settings; also return all problems."""
     root = Path(folder)
@@ -92,8 +94,8 @@ def read_each(
 
 
 def _standing(
-    path: Path, pieces: list[Piece], settings: FileSettings, kind: Kind
-) -> tuple[list[Piece], list[str]]:
+    path: Path, pieces: list[MeshPiece], settings: FileSettings, kind: SizedKind
+) -> tuple[list[MeshPiece], list[str]]:
     try:
         pieces = outward(pieces, MOST_FACES)
         if not pieces:
@@ -105,7 +107,7 @@ def _standing(
         raise UserError(f"{path}: expected {error}.") from error
 
 
-def parts_of(pieces: list[Piece]) -> Parts:
+def parts_of(pieces: list[MeshPiece]) -> Parts:
     """Pieces as meshes with materials; files do not name these, so they are plastic."""
     return tuple(
         (

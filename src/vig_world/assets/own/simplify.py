@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from vig_world.assets.own.load import Piece
+from vig_world.assets.own.load import MeshPiece
 
 _UV_CELLS = 16
 """Vertices of one place stay apart where their texture coordinates fall into different cells of this many."""
 
 
-def simplified(pieces: list[Piece], most: int) -> list[Piece]:
+def simplified(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
     """The pieces with at most `most` faces together: vertices that share a cell of a grid become one.
 
     The grid is the finest found that gives few enough faces. Faces without area are dropped always.
@@ -35,7 +35,7 @@ def simplified(pieces: list[Piece], most: int) -> list[Piece]:
     return [piece for piece in best or trial if len(piece.faces)]
 
 
-def without_empty(piece: Piece) -> Piece:
+def without_empty(piece: MeshPiece) -> MeshPiece:
     """The piece without triangles that have no area, and without vertices that no triangle uses."""
     a, b, c = (piece.vertices[piece.faces[:, i]] for i in range(3))
     area = (np.cross(b - a, c - a) ** 2).sum(1)
@@ -45,7 +45,7 @@ def without_empty(piece: Piece) -> Piece:
     return replace(piece, vertices=piece.vertices[used], faces=faces.reshape(-1, 3), uv=piece.uv[used])
 
 
-def _clustered(piece: Piece, low: np.ndarray, cell: float) -> Piece:
+def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
     grid = np.floor((piece.vertices - low) / cell).astype(np.int64)
     place = (grid[:, 0] * 2**40) + (grid[:, 1] * 2**20) + grid[:, 2]
     _, place = np.unique(place, return_inverse=True)
@@ -67,7 +67,7 @@ def _clustered(piece: Piece, low: np.ndarray, cell: float) -> Piece:
     return without_empty(replace(piece, vertices=points[home], faces=faces[np.sort(first)], uv=uv))
 
 
-def signed_volume(pieces: list[Piece]) -> float | None:
+def signed_volume(pieces: list[MeshPiece]) -> float | None:
     """Volume within the pieces' surface, negative when it is inside out; None when it is not closed."""
     points = np.concatenate([piece.vertices for piece in pieces])
     starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces[:-1]])
@@ -84,7 +84,7 @@ def signed_volume(pieces: list[Piece]) -> float | None:
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
-def outward(pieces: list[Piece], most: int) -> list[Piece]:
+def outward(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
     """The pieces facing outwards, with at most `most` faces; open ones with a back side of their own."""
     pieces = simplified(pieces, most)
     volume = signed_volume(pieces) if pieces else None
@@ -103,5 +103,5 @@ def outward(pieces: list[Piece], most: int) -> list[Piece]:
     return result
 
 
-def _flipped(piece: Piece) -> Piece:
+def _flipped(piece: MeshPiece) -> MeshPiece:
     return replace(piece, faces=piece.faces[:, ::-1])

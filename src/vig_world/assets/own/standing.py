@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from vig_world.assets.own.load import Piece
+from vig_world.assets.own.load import MeshPiece
 from vig_world.assets.own.settings import FileSettings
 from vig_world.mesh import face_normals
 
@@ -28,7 +28,7 @@ _CLEARLY = 3.0
 
 
 @dataclass(frozen=True)
-class Kind:
+class SizedKind:
     """Props or furniture: its name, and the range of its largest side in metres."""
 
     noun: str
@@ -38,8 +38,8 @@ class Kind:
 
 
 def stand(
-    pieces: list[Piece], settings: FileSettings, suffix: str, kind: Kind
-) -> tuple[list[Piece], list[str]]:
+    pieces: list[MeshPiece], settings: FileSettings, suffix: str, kind: SizedKind
+) -> tuple[list[MeshPiece], list[str]]:
     """Turn pieces upright and scale them to metres; also return the guesses made, as sentences.
 
     Raises:
@@ -76,11 +76,11 @@ def stand(
     return [replace(piece, vertices=piece.vertices * scale) for piece in pieces], guesses
 
 
-def _turned(pieces: list[Piece], rotation: np.ndarray) -> list[Piece]:
+def _turned(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
     return [replace(piece, vertices=piece.vertices @ rotation.T) for piece in pieces]
 
 
-def _guessed_up(pieces: list[Piece], suffix: str, kind: Kind) -> tuple[str, bool]:
+def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
     """Which of y and z points up, by the side on which it can stand, and whether that is beyond doubt."""
     steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     standing = [up for up, share in steady.items() if share > _STEADY]
@@ -95,7 +95,7 @@ def _guessed_up(pieces: list[Piece], suffix: str, kind: Kind) -> tuple[str, bool
     return ("y" if suffix == ".obj" else "z"), False  # as most programs export it
 
 
-def _base(pieces: list[Piece]) -> float:
+def _base(pieces: list[MeshPiece]) -> float:
     """Share of the footprint that touches the ground; 0 where the centre is not above it."""
     points = np.concatenate([piece.vertices for piece in pieces])
     height = points[:, 2] - points[:, 2].min()
@@ -109,7 +109,7 @@ def _base(pieces: list[Piece]) -> float:
     return float(base.volume / whole.volume) if inside else 0.0
 
 
-def _level(pieces: list[Piece]) -> float:
+def _level(pieces: list[MeshPiece]) -> float:
     """Area of the faces that look straight up."""
     normals = np.concatenate([face_normals(piece.vertices, piece.faces) for piece in pieces])
     length = np.linalg.norm(normals, axis=1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vig_world.assets.panoramas.parts import CEILING, FLOOR, Finish, Room
+from vig_world.assets.panoramas.parts import CEILING, FLOOR, Finish, PanoramaRoom
 
 Array = np.ndarray
 Cells = NDArray[np.int_]
@@ -44,7 +44,7 @@ def outdoors(seed: int, way: Array) -> Array:
     return np.where(way[:, 2] > skyline, sky, ground)
 
 
-def albedo_of(room: Room, points: Array, owner: Cells, side: Cells, size: Array) -> Array:
+def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size: Array) -> Array:
     """Albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3).
 
     Args:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vig_world.assets.panoramas.parts import FLOOR, Box, Finish, Pattern, Room
+from vig_world.assets.panoramas.parts import FLOOR, Box, Finish, PanoramaRoom, Pattern
 from vig_world.assets.textures import colour, near
 
 Array = np.ndarray
@@ -172,7 +172,7 @@ IN_KITCHENS: tuple[Maker, ...] = (_counter, _counter, _cupboard, _dining, _table
 AT_WORK: tuple[Maker, ...] = (_desk, _desk, _table, _cupboard, _bookshelf, _crate, _plant, _counter)
 
 
-def furnish(rng: Generator, room: Room, makers: tuple[Maker, ...], count: int) -> None:
+def furnish(rng: Generator, room: PanoramaRoom, makers: tuple[Maker, ...], count: int) -> None:
     """Place up to `count` pieces in a room, mostly along its walls, clear of each other and the viewpoint."""
     taken: list[tuple[Array, Array]] = []
     for _ in range(count):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vig_world.assets.panoramas.finishes import albedo_of, grain, outdoors
-from vig_world.assets.panoramas.parts import FLOOR, OUTWARD, Panel, Room
+from vig_world.assets.panoramas.parts import FLOOR, OUTWARD, Panel, PanoramaRoom
 from vig_world.assets.panoramas.rooms import draw
 from vig_world.assets.panoramas.tracing import directions, first_met, seen
 
@@ -51,7 +51,7 @@ def panorama(rng: np.random.Generator, height: int = 64) -> Array:
     return paint(draw(rng), height)
 
 
-def paint(room: Room, height: int) -> Array:
+def paint(room: PanoramaRoom, height: int) -> Array:
     """A room's panorama, (height, 2 height, 3) float32 linear radiance."""
     way = directions(height).reshape(-1, 3)
     solid_angle = np.hypot(way[:, 0], way[:, 1]) * (np.pi / height) ** 2
@@ -86,7 +86,7 @@ def paint(room: Room, height: int) -> Array:
     return np.maximum(image, 0).astype(np.float32).reshape(height, 2 * height, 3)
 
 
-def _places(room: Room) -> list[_Place]:
+def _places(room: PanoramaRoom) -> list[_Place]:
     """Windows and lamps as points: two for what is longer than a metre."""
     places = []
     for panel in room.panels:
@@ -118,7 +118,7 @@ def _flux(place: _Place) -> Array:
     return place.intensity.mean() * cosine / max(reach, 0.3) ** 3 * place.point
 
 
-def _sunlight(room: Room, points: Array, normals: Array, casting: list) -> Array:
+def _sunlight(room: PanoramaRoom, points: Array, normals: Array, casting: list) -> Array:
     """Irradiance / pi (N, 3) of the sun where it shines in through a window."""
     result = np.zeros_like(points)
     if room.sun is None:
@@ -131,7 +131,7 @@ def _sunlight(room: Room, points: Array, normals: Array, casting: list) -> Array
     return result
 
 
-def _through_glass(room: Room, points: Array, direction: Array) -> NDArray[np.bool_]:
+def _through_glass(room: PanoramaRoom, points: Array, direction: Array) -> NDArray[np.bool_]:
     """From which points (N, 3) a direction leads out through a pane without a veil."""
     through = np.zeros(len(points), bool)
     for panel in room.panels:
@@ -145,7 +145,7 @@ def _through_glass(room: Room, points: Array, direction: Array) -> NDArray[np.bo
 
 
 def _nooks(
-    room: Room, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_], casting: list
+    room: PanoramaRoom, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_], casting: list
 ) -> Array:
     """Share (N,) of the light from all the room that gets into its corners and round its furniture."""
     shade = np.ones(len(points), np.float32)
@@ -171,7 +171,7 @@ def _nooks(
 
 
 def _show_sources(
-    room: Room, image: Array, way: Array, distance: Array, solid_angle: Array, casting: list
+    room: PanoramaRoom, image: Array, way: Array, distance: Array, solid_angle: Array, casting: list
 ) -> None:
     """Paint what shines itself into the image (N, 3), each with the flux that it has, however small."""
     eye = np.zeros((1, 3), np.float32)
@@ -192,7 +192,7 @@ def _show_sources(
         _spot(image, way, solid_angle, room.sun[0], 0.03, 0.3 * np.pi * room.sun[1])
 
 
-def _panel(room: Room, panel: Panel, way: Array, distance: Array) -> tuple[NDArray[np.int_], Array]:
+def _panel(room: PanoramaRoom, panel: Panel, way: Array, distance: Array) -> tuple[NDArray[np.int_], Array]:
     """Which rays (M,) end on a panel, and the radiance (M, 3) they see there."""
     against = way @ panel.normal
     ahead = np.nonzero((against < -1e-4) if panel.centre @ panel.normal < 0 else against > 1e-4)[0]

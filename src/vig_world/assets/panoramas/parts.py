@@ -99,7 +99,7 @@ class Bulb:
 
 
 @dataclass
-class Room:
+class PanoramaRoom:
     """A furnished room as seen from the origin.
 
     Attributes:

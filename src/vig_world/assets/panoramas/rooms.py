@@ -14,9 +14,9 @@ from vig_world.assets.panoramas.parts import (
     Bulb,
     Finish,
     Panel,
+    PanoramaRoom,
     Patch,
     Pattern,
-    Room,
 )
 from vig_world.assets.textures import near
 
@@ -30,7 +30,7 @@ _KINDS = ("home", "kitchen", "work", "hall", "studio")
 _SHARES = (0.40, 0.12, 0.16, 0.17, 0.15)
 
 
-def draw(rng: Generator) -> Room:
+def draw(rng: Generator) -> PanoramaRoom:
     """One random room with its furniture and lights."""
     kind = str(rng.choice(_KINDS, p=_SHARES))
     make = {"home": _home, "kitchen": _kitchen, "work": _work, "hall": _hall, "studio": _studio}[kind]
@@ -45,7 +45,7 @@ def _log_uniform(rng: Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _shell(rng: Generator, widest: float, height: tuple[float, float]) -> Room:
+def _shell(rng: Generator, widest: float, height: tuple[float, float]) -> PanoramaRoom:
     """An empty room: its viewpoint at 0.7 to 1.3 m, at least 0.7 m from the walls."""
     eye = rng.uniform(0.7, 1.3)
     reach = np.append(rng.uniform(0.7, widest, 4), [max(rng.uniform(*height) - eye, 0.9), eye])
@@ -54,7 +54,7 @@ def _shell(rng: Generator, widest: float, height: tuple[float, float]) -> Room:
         paint = muted(rng)
     walls = [_wall(rng, near(paint, rng, 0.08) if rng.uniform() < 0.85 else muted(rng)) for _ in range(4)]
     ceiling = Finish(near(np.full(3, rng.uniform(0.6, 0.9), np.float32), rng, 0.08))
-    return Room(reach.astype(np.float32), [*walls, ceiling, _floor(rng)])
+    return PanoramaRoom(reach.astype(np.float32), [*walls, ceiling, _floor(rng)])
 
 
 def _wall(rng: Generator, albedo: Array) -> Finish:
@@ -93,7 +93,7 @@ def _rectangle(
     return centre.astype(np.float32), across, over, half
 
 
-def _windows(rng: Generator, room: Room, radiance: float, most: int = 4, tall: float = 2.2) -> None:
+def _windows(rng: Generator, room: PanoramaRoom, radiance: float, most: int = 4, tall: float = 2.2) -> None:
     """Windows, mostly in one wall, some from the floor up; with curtains, and perhaps the sun behind."""
     main = int(rng.integers(4))
     tint = near(_DAYLIGHT[rng.integers(len(_DAYLIGHT))], rng, 0.1)
@@ -121,7 +121,7 @@ def _windows(rng: Generator, room: Room, radiance: float, most: int = 4, tall: f
         room.sun = unit, (rng.uniform(1.0, 3.5) * radiance * _SUNLIGHT).astype(np.float32)
 
 
-def _curtains(rng: Generator, room: Room, window: Panel) -> None:
+def _curtains(rng: Generator, room: PanoramaRoom, window: Panel) -> None:
     """Curtains that hang to the floor on both sides of a window."""
     finish = Finish(muted(rng), "cushions", period=0.12)
     top = min(window.centre[2] + window.half[1] + 0.15, room.reach[CEILING])
@@ -134,7 +134,7 @@ def _curtains(rng: Generator, room: Room, window: Panel) -> None:
         room.boxes.append(Box(low.astype(np.float32), high.astype(np.float32), finish))
 
 
-def _decorate(rng: Generator, room: Room, most: int = 6) -> None:
+def _decorate(rng: Generator, room: PanoramaRoom, most: int = 6) -> None:
     """A door or two, pictures, and perhaps a rug."""
     reach = room.reach
     for _ in range(rng.integers(0, 3)):
@@ -151,7 +151,7 @@ def _decorate(rng: Generator, room: Room, most: int = 6) -> None:
 
 
 def _patch(
-    room: Room, place: tuple[Array, Array, Array, Array], albedo: Array, second: Array, border: float
+    room: PanoramaRoom, place: tuple[Array, Array, Array, Array], albedo: Array, second: Array, border: float
 ) -> None:
     centre, across, over, half = place
     span = np.abs(across) * half[0] + np.abs(over) * half[1]
@@ -160,7 +160,7 @@ def _patch(
     room.patches.append(Patch(side, centre - span, centre + span, albedo, second, border))
 
 
-def _bulbs(rng: Generator, room: Room, power: float, count: int) -> None:
+def _bulbs(rng: Generator, room: PanoramaRoom, power: float, count: int) -> None:
     """Lamps: under the ceiling, or standing about with a foot; at least 0.8 m away."""
     reach = room.reach
     tint = near(_LAMPLIGHT[rng.integers(len(_LAMPLIGHT))], rng, 0.1)
@@ -184,7 +184,9 @@ def _bulbs(rng: Generator, room: Room, power: float, count: int) -> None:
         room.boxes.append(Box(low.astype(np.float32), high.astype(np.float32), dark, casts=False))
 
 
-def _ceiling_panels(rng: Generator, room: Room, radiance: float, size: ArrayLike, spacing: float) -> None:
+def _ceiling_panels(
+    rng: Generator, room: PanoramaRoom, radiance: float, size: ArrayLike, spacing: float
+) -> None:
     """A grid of lamps in the ceiling, some of them off."""
     reach, half = room.reach, np.asarray(size, np.float32) / 2
     tint = near(_LAMPLIGHT[rng.integers(1, len(_LAMPLIGHT))], rng, 0.06)
@@ -200,12 +202,12 @@ def _ceiling_panels(rng: Generator, room: Room, radiance: float, size: ArrayLike
                 room.panels.append(Panel(centre, across, over, half, (radiance * tint).astype(np.float32)))
 
 
-def _downlights(rng: Generator, room: Room) -> None:
+def _downlights(rng: Generator, room: PanoramaRoom) -> None:
     """Small bright spots let into the ceiling."""
     _ceiling_panels(rng, room, _log_uniform(rng, 20.0, 200.0), [0.08, 0.08], rng.uniform(0.9, 1.6))
 
 
-def _home(rng: Generator) -> Room:
+def _home(rng: Generator) -> PanoramaRoom:
     room = _shell(rng, 3.4, (2.3, 3.2))
     day, evening = rng.uniform(size=2) < [0.75, 0.65]
     _windows(rng, room, 1.0 if day else 0.01)
@@ -218,7 +220,7 @@ def _home(rng: Generator) -> Room:
     return room
 
 
-def _kitchen(rng: Generator) -> Room:
+def _kitchen(rng: Generator) -> PanoramaRoom:
     room = _shell(rng, 3.0, (2.3, 2.8))
     if rng.uniform() < 0.75:
         _windows(rng, room, 1.0, 3, 1.4)
@@ -235,7 +237,7 @@ def _kitchen(rng: Generator) -> Room:
     return room
 
 
-def _work(rng: Generator) -> Room:
+def _work(rng: Generator) -> PanoramaRoom:
     room = _shell(rng, 4.8, (2.5, 3.4))
     if rng.uniform() < 0.6:
         _windows(rng, room, 1.0, 5)
@@ -246,7 +248,7 @@ def _work(rng: Generator) -> Room:
     return room
 
 
-def _hall(rng: Generator) -> Room:
+def _hall(rng: Generator) -> PanoramaRoom:
     """A large room: columns, beams, many lamps or high windows or a glass roof."""
     room = _shell(rng, 11.0, (3.6, 7.0))
     reach = room.reach
@@ -285,7 +287,7 @@ def _hall(rng: Generator) -> Room:
     return room
 
 
-def _studio(rng: Generator) -> Room:
+def _studio(rng: Generator) -> PanoramaRoom:
     """A photo studio: one to three large lamps close by, walls white, grey or black."""
     room = _shell(rng, 4.5, (2.6, 4.0))
     tone = float(rng.choice([0.02, 0.03, 0.05, 0.2, 0.8]))

@@ -12,7 +12,7 @@ Maker = TypeVar("Maker", bound=Callable[..., Array])
 
 
 @dataclass(frozen=True)
-class Kind:
+class TextureKind:
     """A kind of texture.
 
     Attributes:
@@ -28,17 +28,17 @@ class Kind:
     periodic: bool
 
 
-KINDS: dict[str, Kind] = {}
+KINDS: dict[str, TextureKind] = {}
 """Every kind of texture by name."""
 
 
 def kind(
     metres: tuple[float, float], needs_base: bool = False, periodic: bool = True
 ) -> Callable[[Maker], Maker]:
-    """Register the decorated function as the maker of a kind, named like the function; see `Kind`."""
+    """Register the decorated function as the maker of a kind, named like the function; see `TextureKind`."""
 
     def register(make: Maker) -> Maker:
-        KINDS[make.__name__.rstrip("_")] = Kind(make, metres, needs_base, periodic)
+        KINDS[make.__name__.rstrip("_")] = TextureKind(make, metres, needs_base, periodic)
         return make
 
     return register

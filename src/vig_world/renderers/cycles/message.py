@@ -46,7 +46,7 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
     finish_rng = stream(spec.seed, spec.index, spec.split, FINISH_STREAM)
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
-    scene = _Scene()
+    scene = _SceneMessage()
     for instance in instances:
         if instance.is_target:
             if spec.coat is None:
@@ -73,7 +73,7 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
     return header, scene.arrays
 
 
-class _Scene:
+class _SceneMessage:
     """The things and arrays of a message under construction."""
 
     def __init__(self) -> None:
@@ -109,7 +109,7 @@ class _Scene:
         return name
 
 
-def _material(scene: _Scene, instance: Instance, rng: np.random.Generator) -> dict[str, Any]:
+def _material(scene: _SceneMessage, instance: Instance, rng: np.random.Generator) -> dict[str, Any]:
     name = scene.texture(instance.texture) if instance.texture.shape[:2] != (1, 1) else None
     kind = instance.kind
     if instance.name in SHELL and kind == "paint":
@@ -119,7 +119,11 @@ def _material(scene: _Scene, instance: Instance, rng: np.random.Generator) -> di
 
 
 def _add_target(
-    scene: _Scene, target: Instance, object_class: ObjectClass, finish: Finish, rng: np.random.Generator
+    scene: _SceneMessage,
+    target: Instance,
+    object_class: ObjectClass,
+    finish: Finish,
+    rng: np.random.Generator,
 ) -> None:
     albedo = target.texture[0, 0]
     if finish == "diffuse":

@@ -26,7 +26,7 @@ class WorkerDiedError(Exception):
     """The worker ended without an answer; the message holds the last line of its log."""
 
 
-class Worker:
+class BlenderProcess:
     """One process that answers `wire` messages; it ends with this one, even if that is killed.
 
     Args:

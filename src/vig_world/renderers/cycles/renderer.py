@@ -23,7 +23,7 @@ from vig_world.library import Library
 from vig_world.raster.picture import Picture
 from vig_world.renderers.cycles.appearance import FINISHES, Finish
 from vig_world.renderers.cycles.message import compose
-from vig_world.renderers.cycles.process import Worker, WorkerDiedError
+from vig_world.renderers.cycles.process import BlenderProcess, WorkerDiedError
 from vig_world.renderers.rasterized import render
 
 WORKER = Path(__file__).parent / "blender" / "worker.py"
@@ -89,7 +89,7 @@ class CyclesRenderer:
         self._samples = samples
         self._recycle, self._finish = recycle, finish
         self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples
-        self._worker: Worker | None = None
+        self._worker: BlenderProcess | None = None
         self._served = 0
         self.timing: dict[str, float] = {}
         """Seconds of the last scene as the worker saw it: `build_s`, `image_s`, `probe_s`, `cpu_s`."""
@@ -157,9 +157,9 @@ class CyclesRenderer:
             return answer, traced
         raise SampleError(f"{name}: expected a picture from Blender; got none in two tries: it {why}")
 
-    def _start(self) -> Worker:
+    def _start(self) -> BlenderProcess:
         try:
-            return Worker(self._command)
+            return BlenderProcess(self._command)
         except WorkerDiedError as death:
             raise UserError(
                 f"expected {self._command[0]} to run Blender as a module; it {death}."

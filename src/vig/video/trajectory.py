@@ -94,7 +94,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Course:
+class Trajectory:
     """Smoothed numbers of T frames, radians and pixels.
 
     Attributes:
@@ -114,7 +114,7 @@ class Course:
     scale: np.ndarray
 
     @staticmethod
-    def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> Course:
+    def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> Trajectory:
         """Smooth sightings, whose azimuths count where they are near the chosen ones `path` (T,)."""
         lost = np.array([each.lost for each in sightings])
         hidden = np.array([1 - each.seen for each in sightings]) ** 2
@@ -136,7 +136,7 @@ class Course:
             smooth(values, side * noise, side * SHIFT)[0]
             for values in ([c.cx for c in cameras], [c.cy for c in cameras])
         ]
-        return Course(
+        return Trajectory(
             azimuth=smooth(path + off, spread, TURN),
             elevation=smooth([each.elevation for each in sightings], angle, TILT, TILT_SPEED),
             roll=smooth([c.roll for c in cameras], angle, TILT, TILT_SPEED)[0],
@@ -217,12 +217,14 @@ def track(
         raise UserError(f"expected a {name} in the frames; found none. Give its box in the first frame.")
     fold = max(explainer.object_class.symmetry.fold, 1)
     path = views_of(alone, fold)
-    course, again = Course.of(alone, path, fold), list(alone)
+    trajectory, again = Trajectory.of(alone, path, fold), list(alone)
     for number, sighting in enumerate(alone):
-        if course.contradicts(number, sighting, fold):
-            azimuth, elevation = np.degrees([course.azimuth[0, number], course.elevation[0, number]]).tolist()
+        if trajectory.contradicts(number, sighting, fold):
+            azimuth, elevation = np.degrees(
+                [trajectory.azimuth[0, number], trajectory.elevation[0, number]]
+            ).tolist()
             told = replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
-            window = window_at(course.place[number], float(course.roll[number]))
+            window = window_at(trajectory.place[number], float(trajectory.roll[number]))
             found = explainer.explain_followed(frames[number], window, focal, told)
             again[number] = Sighting.of(found)
             if seen is not None:
@@ -232,7 +234,7 @@ def track(
         np.average([getattr(each, name) for each in alone], axis=0, weights=np.array(weight) + 1e-9)
         for name in ("shape", "albedo")
     )
-    return Track(tuple(_frames(alone, again, Course.of(again, path, fold), fold)), shape, albedo)
+    return Track(tuple(_frames(alone, again, Trajectory.of(again, path, fold), fold)), shape, albedo)
 
 
 def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
@@ -254,10 +256,10 @@ def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
 
 
 def _frames(
-    alone: Sequence[Sighting], again: Sequence[Sighting], course: Course, fold: int
+    alone: Sequence[Sighting], again: Sequence[Sighting], trajectory: Trajectory, fold: int
 ) -> list[TrackedFrame]:
     focal = float(np.median([each.camera.focal for each in again if not each.lost]))
-    azimuth, elevation = np.degrees(course.azimuth), np.degrees(course.elevation)
+    azimuth, elevation = np.degrees(trajectory.azimuth), np.degrees(trajectory.elevation)
     return [
         TrackedFrame(
             number=number,
@@ -272,10 +274,10 @@ def _frames(
             camera=replace(
                 after.camera,
                 focal=focal,
-                cx=float(course.middle[number, 0]),
-                cy=float(course.middle[number, 1]),
-                distance=focal / math.exp(course.scale[number]),
-                roll=float(course.roll[number]),
+                cx=float(trajectory.middle[number, 0]),
+                cy=float(trajectory.middle[number, 1]),
+                distance=focal / math.exp(trajectory.scale[number]),
+                roll=float(trajectory.roll[number]),
             ),
             hidden_fraction=after.hidden,
             lost=before.lost,
