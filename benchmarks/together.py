@@ -117,7 +117,7 @@ def main() -> None:
         alone = tuple(one.explain(group.photo, box) for one, box in zip(chosen, boxes, strict=True))
         scene = on_one_core(partial(together, alone, chosen))
         for name, found, before in (
-            ("alone", alone, order_of_masks(alone)), ("together", scene.objects, scene.before)
+            ("alone", alone, order_of_masks(alone)), ("together", scene.objects, scene.occludes)
         ):  # fmt: skip
             judgement, bad, of = judged(group, found, before)
             rows[name].append(judgement)

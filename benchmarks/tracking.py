@@ -67,7 +67,7 @@ def measure(video: Turning, library: Library, explainer: Explainer, count: int, 
             iou["followed"][number] = iou["tracked"][number]
         first.add(number)
 
-    frames = track([picture.image for picture in pictures], explainer, seen=seen).frames
+    frames = track([picture.image for picture in pictures], explainer, on_frame=seen).frames
     azimuths = {
         "alone": [each.azimuth_deg for each in alone],
         "followed": [frame.alone_azimuth_deg for frame in frames],

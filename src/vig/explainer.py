@@ -151,18 +151,21 @@ class Explainer:
         if hints is not None and not isinstance(hints, Hints):
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
-        seen, (height, width) = ImagePyramid(coded), coded.shape[:2]
-        settings, found = resolve(self.settings, self.object_class, photo=window is None or not framed), 1.0
+        pyramid, (height, width) = ImagePyramid(coded), coded.shape[:2]
+        settings, presence_score = (
+            resolve(self.settings, self.object_class, photo=window is None or not framed),
+            1.0,
+        )
         hints = hints.checked(width, height, self.object_class) if hints else None
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))
-            window = upright(seen, window, self.recognizer) if roll is None else replace(window, roll=roll)
+            window = upright(pyramid, window, self.recognizer) if roll is None else replace(window, roll=roll)
         if window is None:
             clues = None if hints is None else hints.clues()
-            best = find(seen, self.recognizer, clues)
+            best = find(pyramid, self.recognizer, clues)
             # Where the user says where it is, it is there.
-            window, found = best.window, best.score if clues is None else 1.0
+            window, presence_score = best.window, best.score if clues is None else 1.0
             window = window if roll is None else replace(window, roll=roll)
         focal_from, too_wide = "assumed", False
         if self.settings.camera_distance_ratio is not None:
@@ -173,14 +176,14 @@ class Explainer:
             pixels = window.focal or intrinsics.fx
             settings = replace(settings, camera_distance_ratio=window.camera_distance_ratio(pixels))
             too_wide = window.ratio(pixels) < DISTANCE_RATIO_BOUNDS[0]
-        cut, known = window.crop(seen)
-        photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(known)[None]
-        told = None if hints is None else hints.in_window(window, self.object_class)
-        fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, told))
+        cut, inside = window.crop(pyramid)
+        photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(inside)[None]
+        window_hints = None if hints is None else hints.in_window(window, self.object_class)
+        fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, window_hints))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
-        if found < 1.0:
-            fit = _lowered_by_presence(fit, found, self.object_class.name)
+        if presence_score < 1.0:
+            fit = _lowered_by_presence(fit, presence_score, self.object_class.name)
         return Explanation(
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )
@@ -219,11 +222,11 @@ class Explainer:
         if cameras is not None and focal is not None:
             raise UserError("expected cameras or a focal length; got both. Cameras have their own.")
         items = (
-            (photo, box, lens_of(photo, focal, camera), told)
-            for photo, box, told, camera in _matched(photos, box=boxes, hint=hints, camera=cameras)
+            (photo, box, lens_of(photo, focal, camera), hint)
+            for photo, box, hint, camera in _matched(photos, box=boxes, hint=hints, camera=cameras)
         )
         if number == 1:
-            found: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
+            explanations: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
         else:
             if (folder := self.object_class.folder) is None:
                 raise UserError(
@@ -232,8 +235,8 @@ class Explainer:
             sent = ((_sendable(photo), *others) for photo, *others in items)
             shared = folder, self.settings, self.recognizer.device
             answers = map_in_processes(_prepare, shared, sent, int(number))
-            found = map(self._received, answers)
-        for place, result in enumerate(found):
+            explanations = map(self._received, answers)
+        for place, result in enumerate(explanations):
             if not isinstance(result, UserError):
                 yield result
             elif skip is None:
@@ -323,18 +326,18 @@ def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterato
 
     UserError where photos and others are not as many.
     """
-    given = {name: each for name, each in others.items() if each is not None}
+    by_name = {name: each for name, each in others.items() if each is not None}
     missing = object()
-    for number, row in enumerate(zip_longest(photos, *given.values(), fillvalue=missing)):
-        photo, found = row[0], dict(zip(given, row[1:], strict=True))
-        for name, each in found.items():
+    for number, row in enumerate(zip_longest(photos, *by_name.values(), fillvalue=missing)):
+        photo, of_photo = row[0], dict(zip(by_name, row[1:], strict=True))
+        for name, each in of_photo.items():
             if (photo is missing) != (each is missing):
                 few, many = (number, "more") if each is missing else ("more", number)
                 raise UserError(
                     f"expected a {name} (or None) for each photo; got {few} of them for {many} photos."
                     " Give as many."
                 )
-        yield photo, *(found.get(name) for name in others)
+        yield photo, *(of_photo.get(name) for name in others)
 
 
 def _sendable(photo: Photo) -> str | np.ndarray:
@@ -347,16 +350,16 @@ def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
     explainer = Explainer(*shared)
 
     def work(item: Item) -> Any:
-        found = explainer._tried(item)
-        if isinstance(found, UserError):
-            return found
+        explanation = explainer._tried(item)
+        if isinstance(explanation, UserError):
+            return explanation
         return (
-            found.picture,
-            found.window,
-            _packed(found.fit),
-            found.camera_distance_ratio,
-            found.focal_from,
-            found.hints,
+            explanation.picture,
+            explanation.window,
+            _packed(explanation.fit),
+            explanation.camera_distance_ratio,
+            explanation.focal_from,
+            explanation.hints,
         )
 
     return work
@@ -374,13 +377,13 @@ def _packed(fit: Fit) -> dict[str, Any]:
 
 def _unpacked(fields: dict[str, Any]) -> Fit:
     """The inverse of `_packed`."""
-    given: dict[str, Any] = dict(fields)
+    values: dict[str, Any] = dict(fields)
     for name, each in fields.items():
         if isinstance(each, np.ndarray):
             tensor = torch.from_numpy(each)
-            given[name] = Latents.from_vector(tensor) if name == "latents" else tensor
-    given["alternatives"] = tuple(
+            values[name] = Latents.from_vector(tensor) if name == "latents" else tensor
+    values["alternatives"] = tuple(
         OtherView(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), probability)
         for latents, framing, probability in fields["alternatives"]
     )
-    return Fit(**given)
+    return Fit(**values)

@@ -209,8 +209,8 @@ class Explanation:
         fitted = window.camera_from_world(*angles)
         model = self.object_class.shape_model
         vertices = model.vertices(latents.shape)[0].double().numpy()
-        seen = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
-        offsets = (seen[:, :2] / seen[:, 2:] - window.width / 2) * self.window.side / window.width
+        in_pixels = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
+        offsets = (in_pixels[:, :2] / in_pixels[:, 2:] - window.width / 2) * self.window.side / window.width
         pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
         eye = -fitted[:3, :3].T @ fitted[:3, 3]
         start = self._turned(matrix, latents, framing)
@@ -232,9 +232,9 @@ class Explanation:
             cy=(window.cy - middle) * scale,
         )
         straight = np.diag([self.window.focal, self.window.focal, 1.0])
-        back = np.eye(4)
-        back[:3, :3] = self.window.turn.T
-        pose: np.ndarray = back @ turned_pose(camera, camera.camera_from_world(*angles), straight)
+        undone = np.eye(4)
+        undone[:3, :3] = self.window.turn.T
+        pose: np.ndarray = undone @ turned_pose(camera, camera.camera_from_world(*angles), straight)
         return pose
 
     @cached_property
@@ -307,9 +307,9 @@ class Explanation:
         if camera is not None and not isinstance(camera, Camera):
             raise UserError(f"camera must be a vig.Camera; got a {type(camera).__name__}. Pass a Camera.")
         changed: dict[str, torch.Tensor] = {}
-        for name, size, given in (("light", 9, light), ("albedo", 3, albedo)):
-            if given is not None:
-                changed[name] = _numbers(name, size, given, 1.0 if name == "albedo" else math.inf)
+        for name, size, numbers in (("light", 9, light), ("albedo", 3, albedo)):
+            if numbers is not None:
+                changed[name] = _numbers(name, size, numbers, 1.0 if name == "albedo" else math.inf)
         for name, angle in (("azimuth", azimuth_deg), ("elevation", elevation_deg)):
             if angle is not None:
                 changed[name] = torch.deg2rad(_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
@@ -348,7 +348,7 @@ class Explanation:
             coverage=drawn.coverage[0].numpy(),
             normals=drawn.normals[0].numpy() @ pose[:3, :3].T,
             part=part,
-            seen=upright.paste(self._outlines[1], *everything) < 0,
+            visible=upright.paste(self._outlines[1], *everything) < 0,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -492,18 +492,20 @@ class Explanation:
         return data.getvalue()
 
 
-def _numbers(name: str, size: int, given: Any, most: float) -> torch.Tensor:
+def _numbers(name: str, size: int, value: Any, most: float) -> torch.Tensor:
     """(1, size) float32 from an argument of `Explanation.render`."""
     try:
-        array: np.ndarray = np.asarray(given, np.float32)
-        came = f"shape {array.shape}, {str(given)[:60]}"
+        array: np.ndarray = np.asarray(value, np.float32)
+        received = f"shape {array.shape}, {str(value)[:60]}"
     except (TypeError, ValueError):
-        array, came = np.empty(0), str(given)[:60]
+        array, received = np.empty(0), str(value)[:60]
     if array.shape != (size,) or not np.isfinite(array).all():
         numbers = f"{size} finite number{'s' * (size > 1)}"
-        raise UserError(f"{name} must be {numbers}; got {came}. Pass {'an array' if size > 1 else 'one'}.")
+        raise UserError(
+            f"{name} must be {numbers}; got {received}. Pass {'an array' if size > 1 else 'one'}."
+        )
     if most < math.inf and not ((array >= 0) & (array <= most)).all():
         remedy = "Are these 8-bit values? Divide by 255." if array.max() > most else "Clip it."
-        came = f"{array.min():g} to {array.max():g}"
-        raise UserError(f"{name} must be linear RGB in [0, 1]; got {came}. {remedy}")
+        received = f"{array.min():g} to {array.max():g}"
+        raise UserError(f"{name} must be linear RGB in [0, 1]; got {received}. {remedy}")
     return torch.from_numpy(array)[None]

@@ -59,8 +59,8 @@ class Hints:
         """The same with arrays of their types; UserError where something does not suit the photo or class."""
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
-            if (given := getattr(self, name)) is not None:
-                array = np.asarray(given.cpu() if isinstance(given, torch.Tensor) else given)
+            if (value := getattr(self, name)) is not None:
+                array = np.asarray(value.cpu() if isinstance(value, torch.Tensor) else value)
                 if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
                     array = array[..., 0] if array.shape[2] == 1 else array[0]
                 if name == "mask" and array.dtype.kind in "iuf" and array.size:
@@ -84,9 +84,9 @@ class Hints:
         points: dict[str, tuple[float, float]] = {}
         for name, place in self.points.items():
             if name not in object_class.points:
-                known = ", ".join(object_class.points) or "none"
+                named = ", ".join(object_class.points) or "none"
                 raise UserError(
-                    f"expected points that the class '{object_class.name}' names ({known}); got '{name}'."
+                    f"expected points that the class '{object_class.name}' names ({named}); got '{name}'."
                     " Use these."
                 )
             x, y = points[name] = _finite(f"the point '{name}'", place, 2)
@@ -97,8 +97,8 @@ class Hints:
                 )
         changed["points"] = points
         for name, most in (("azimuth_deg", 1e6), ("elevation_deg", 90.0), ("roll_deg", 180.0)):
-            if (given := getattr(self, name)) is not None:
-                (number,) = _finite(name, (given,), 1)
+            if (value := getattr(self, name)) is not None:
+                (number,) = _finite(name, (value,), 1)
                 if abs(number) > most:
                     raise UserError(f"expected {name} within {most:g} degrees; got {number:g}. Give degrees.")
                 changed[name] = number
@@ -117,34 +117,36 @@ class Hints:
 
     def described(self) -> dict[str, Any]:
         """What was said, in plain values: for masks and marks the number of pixels."""
-        told: dict[str, Any] = {}
+        description: dict[str, Any] = {}
         for one in fields(self):
-            given = getattr(self, one.name)
-            if isinstance(given, np.ndarray):
-                told[one.name] = given.tolist() if one.name == "pose" else int(np.count_nonzero(given))
-            elif given not in (None, False) and given != {}:
-                told[one.name] = {n: list(p) for n, p in given.items()} if one.name == "points" else given
-        return told
+            value = getattr(self, one.name)
+            if isinstance(value, np.ndarray):
+                description[one.name] = value.tolist() if one.name == "pose" else int(np.count_nonzero(value))
+            elif value not in (None, False) and value != {}:
+                description[one.name] = (
+                    {n: list(p) for n, p in value.items()} if one.name == "points" else value
+                )
+        return description
 
     def views(self) -> tuple[float | None, float | None, float | None]:
         """Azimuth, elevation and roll in radians as they are given, those of the pose where they are not."""
-        given = [self.azimuth_deg, self.elevation_deg, self.roll_deg]
+        angles = [self.azimuth_deg, self.elevation_deg, self.roll_deg]
         from_pose: tuple[float | None, ...] = (None, None, None) if self.pose is None else view_of(self.pose)
         azimuth, elevation, roll = (
-            other if one is None else math.radians(one) for one, other in zip(given, from_pose, strict=True)
+            other if one is None else math.radians(one) for one, other in zip(angles, from_pose, strict=True)
         )
         return azimuth, elevation, roll
 
     def in_window(self, window: Window, object_class: ObjectClass) -> WindowHints:
         """The hints as the window shows them."""
-        said = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
+        labels = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
         if self.mask is not None:
-            seen = _share(self.mask, window)
-            said[seen > 0.9] = PixelLabel.SEEN
-            said[seen < 0.1] = PixelLabel.NOTHING if self.visible else PixelLabel.IN_FRONT
+            visible_share = _share(self.mask, window)
+            labels[visible_share > 0.9] = PixelLabel.SEEN
+            labels[visible_share < 0.1] = PixelLabel.NOTHING if self.visible else PixelLabel.IN_FRONT
         if self.marks is not None:
             for kind in (PixelLabel.NOTHING, PixelLabel.IN_FRONT, PixelLabel.SEEN):
-                said[_share(self.marks == kind, window) > 0.2] = kind
+                labels[_share(self.marks == kind, window) > 0.2] = kind
         places = []
         for place in self.points.values():
             x, y = window.to_window(*place)
@@ -154,7 +156,7 @@ class Hints:
         if self.roll_deg is not None:
             held["roll"] = 0.0  # the window is turned by it
         return WindowHints(
-            said,
+            labels,
             self.visible,
             torch.tensor([object_class.points[name] for name in self.points], dtype=torch.long),
             torch.tensor(places, dtype=torch.float32).view(-1, 2),
@@ -164,42 +166,44 @@ class Hints:
         )
 
 
-def checked_pose(given: Any, usual_distance: float) -> np.ndarray:
+def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
     """A pose (4, 4) camera_from_object of an object in front of the camera; UserError names what it may be.
 
     usual_distance: Metres at which a photo is taken of such an object.
     """
     try:
-        pose = np.asarray(given, float)
+        pose = np.asarray(value, float)
     except (TypeError, ValueError):
         pose = np.empty(0)
     if pose.shape == (3, 4):
         pose = np.concatenate([pose, [[0.0, 0.0, 0.0, 1.0]]])
-    came = None
+    received = None
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        came = f"an array of shape {pose.shape}" if np.isfinite(pose).all() else "numbers that are not finite"
+        received = (
+            f"an array of shape {pose.shape}" if np.isfinite(pose).all() else "numbers that are not finite"
+        )
     elif not np.allclose(pose[3], [0, 0, 0, 1], atol=1e-6):
-        came = f"a last row of {pose[3].round(4).tolist()}; is it transposed (column by column)?"
+        received = f"a last row of {pose[3].round(4).tolist()}; is it transposed (column by column)?"
     else:
         turn = pose[:3, :3]
         square = turn @ turn.T
         scale = math.sqrt(max(np.trace(square) / 3, 0.0))
         if not np.allclose(square, scale**2 * np.eye(3), atol=1e-3 * max(scale**2, 1e-9)):
-            came = "a matrix whose upper left (3, 3) is no rotation"
+            received = "a matrix whose upper left (3, 3) is no rotation"
         elif abs(scale - 1) > 1e-3:
-            came = f"a rotation scaled by {scale:.4g}; divide its (3, 3) by that"
+            received = f"a rotation scaled by {scale:.4g}; divide its (3, 3) by that"
         elif np.linalg.det(turn) < 0:
-            came = "a mirrored, left-handed frame; turn one axis over"
+            received = "a mirrored, left-handed frame; turn one axis over"
         elif np.linalg.norm(pose[:3, 3]) > FARTHEST * usual_distance:
-            came = f"an object {np.linalg.norm(pose[:3, 3]):.4g} metres away; is that in millimetres?"
+            received = f"an object {np.linalg.norm(pose[:3, 3]):.4g} metres away; is that in millimetres?"
         elif pose[2, 3] <= 0:
-            came = f"an object behind the camera, z = {pose[2, 3]:.4g}"
-            came += "; of OpenGL or Blender? Multiply by diag(1, -1, -1, 1) from the left"
+            received = f"an object behind the camera, z = {pose[2, 3]:.4g}"
+            received += "; of OpenGL or Blender? Multiply by diag(1, -1, -1, 1) from the left"
         elif np.hypot(*pose[:2, 3]) > 3 * pose[2, 3]:
-            came = "an object far beside what the camera sees; is it object_from_camera? Take the inverse"
-    if came is not None:
+            received = "an object far beside what the camera sees; is it object_from_camera? Take the inverse"
+    if received is not None:
         raise UserError(
-            f"expected a pose as a rigid (4, 4) camera_from_object in metres, OpenCV axes; got {came}."
+            f"expected a pose as a rigid (4, 4) camera_from_object in metres, OpenCV axes; got {received}."
         )
     return pose
 
@@ -220,13 +224,13 @@ def _share(mask: np.ndarray, window: Window) -> torch.Tensor:
     return torch.from_numpy(cut[..., 0] * inside)
 
 
-def _finite(what: str, given: Any, count: int) -> tuple[Any, ...]:
+def _finite(what: str, value: Any, count: int) -> tuple[Any, ...]:
     try:
-        numbers = tuple(map(number_of, given))
+        numbers = tuple(map(number_of, value))
     except TypeError:
         numbers = ()
     if len(numbers) != count or not all(number is not None and math.isfinite(number) for number in numbers):
         raise UserError(
-            f"expected {what} as {count} finite number(s); got {str(given)[:60]}. Give pixels or degrees."
+            f"expected {what} as {count} finite number(s); got {str(value)[:60]}. Give pixels or degrees."
         )
     return numbers

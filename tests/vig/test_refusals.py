@@ -224,7 +224,10 @@ def spoil_faces(pack: Path) -> None:
             spoil_json(format=99),
             r"expected the description of a class at '.*'; got .*format 99.* Build or copy",
         ),
-        (spoil_json(name=7), "expected the description of a class at '.*'; got .*name must be str.* Build"),
+        (
+            spoil_json(name=7),
+            "expected the description of a class at '.*'; got .*Expected `str`.*name.* Build",
+        ),
         (spoil_faces, "expected a class's shapes at '.*'; got .*faces must be from 0.* Build or copy"),
         (
             lambda pack: (pack / "shape.safetensors").unlink(),

@@ -97,11 +97,11 @@ def _views(
     """
     if not len(selection.others):
         return ()
-    found = objective.object_class.symmetry.canonical(objective.latents(selection.others))
+    canonical = objective.object_class.symmetry.canonical(objective.latents(selection.others))
     framings = objective.framing(selection.others)
-    mass = prediction.log_mass(torch.cat([latents.azimuth, found.azimuth])).exp()
+    mass = prediction.log_mass(torch.cat([latents.azimuth, canonical.azimuth])).exp()
     rest = mass[1:] / (1 - mass[0]).clamp_min(mass[1:].sum())
-    vectors = found.to_vector()
+    vectors = canonical.to_vector()
     return tuple(
         OtherView(Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]))
         for i in range(len(vectors))
@@ -129,14 +129,18 @@ class _Shown:
 
 def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: PixelModel) -> _Shown:
     """Evaluate one point (1, P') under the masks' noise."""
-    found = objective.of_one(point, MASK_SIGMA, derivatives=False).evaluation
-    assert found.coverage is not None and found.irradiance is not None and found.posterior is not None
-    coverage, posterior = found.coverage.cpu(), found.posterior.cpu()
+    evaluation = objective.of_one(point, MASK_SIGMA, derivatives=False).evaluation
+    assert (
+        evaluation.coverage is not None
+        and evaluation.irradiance is not None
+        and evaluation.posterior is not None
+    )
+    coverage, posterior = evaluation.coverage.cpu(), evaluation.posterior.cpu()
     likelihood = objective.likelihood
     observed, log_prior = (
         image.cpu().view(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
     )
-    rendered = found.irradiance.cpu()[..., None] * latents.albedo[:, None, None]
+    rendered = evaluation.irradiance.cpu()[..., None] * latents.albedo[:, None, None]
     amodal = coverage >= 0.5
     decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
     posterior = posterior + (1 - posterior) * decorated.to(posterior)

@@ -46,7 +46,7 @@ class WindowHints:
     """Hints in a window of S x S pixels, for its fit.
 
     Attributes:
-        said: (S, S) uint8, `PixelLabel`.
+        labels: (S, S) uint8, `PixelLabel`.
         visible: Nothing hides any of the object.
         vertices: (J,) of the class's named points.
         places: (J, 2) of these points, in sides of the window.
@@ -55,7 +55,7 @@ class WindowHints:
         held: Single latents of a fit that are held, radians: "elevation", "roll".
     """
 
-    said: torch.Tensor
+    labels: torch.Tensor
     visible: bool
     vertices: torch.Tensor
     places: torch.Tensor
@@ -71,15 +71,15 @@ class WindowHints:
         """
         numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
         azimuth = prediction.azimuth
-        seen, hidden, beside = prediction.mask[0].unbind(-1)
+        visible, hidden, beside = prediction.mask[0].unbind(-1)
         if self.visible:
-            seen, hidden = seen + hidden, torch.zeros_like(hidden)
+            visible, hidden = visible + hidden, torch.zeros_like(hidden)
         behind = hidden / (hidden + beside).clamp_min(1e-6)
-        away = torch.stack([torch.zeros_like(seen), behind, 1 - behind], dim=-1)
-        classes = torch.stack([seen, hidden, beside], dim=-1)
+        away = torch.stack([torch.zeros_like(visible), behind, 1 - behind], dim=-1)
+        classes = torch.stack([visible, hidden, beside], dim=-1)
         for kind, share in ((PixelLabel.SEEN, torch.Tensor([1, 0, 0])), (PixelLabel.IN_FRONT, away),
                             (PixelLabel.NOTHING, torch.Tensor([0, 0, 1]))):  # fmt: skip
-            classes = torch.where((self.said == kind)[..., None], share, classes)
+            classes = torch.where((self.labels == kind)[..., None], share, classes)
         if self.elevation is not None:
             place = prediction.layout["elevation"]
             numbers[:, place], deviation[:, place] = self.elevation, ELEVATION_SPREAD
@@ -98,9 +98,9 @@ class WindowHints:
 
     def exclude(self, log_prior: torch.Tensor) -> None:
         """Take `SURE` nats from what is excluded: log prior (S, S, 3) of visible, hidden, background."""
-        log_prior[self.said == PixelLabel.SEEN, 1:] -= SURE
-        log_prior[self.said == PixelLabel.IN_FRONT, 0] -= SURE
-        log_prior[self.said == PixelLabel.NOTHING, :2] -= SURE
+        log_prior[self.labels == PixelLabel.SEEN, 1:] -= SURE
+        log_prior[self.labels == PixelLabel.IN_FRONT, 0] -= SURE
+        log_prior[self.labels == PixelLabel.NOTHING, :2] -= SURE
         if self.visible:
             log_prior[..., 1] -= SURE
 
@@ -113,12 +113,12 @@ class WindowHints:
         vertices = object_class.shape_model.vertices(best.shape)
         rotation, translation = camera.pose(azimuths.float(), best.elevation.expand(count).float())
         x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
-        seen = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
-        least, most = seen.amin(1), seen.amax(1)
+        places_in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
+        least, most = places_in_window.amin(1), places_in_window.amax(1)
         box = box_in_window(prediction)
-        shown = seen[:, self.vertices]
+        shown = places_in_window[:, self.vertices]
         if box is None:
-            scale, shift = seen.new_ones(count, 1), seen.new_full((count, 2), 0.5)
+            scale, shift = places_in_window.new_ones(count, 1), places_in_window.new_full((count, 2), 0.5)
         else:
             there = torch.tensor(box)
             scale = (0.5 * (there[2:].log() - (most - least).log()).sum(1, keepdim=True)).exp()
@@ -152,13 +152,13 @@ class PointTerm:
         shift_x, shift_y, log_scale, roll = framing.unbind(0)
         cos, sin, scale = torch.cos(roll), torch.sin(roll), camera.focal / camera.width * torch.exp(log_scale)
         across, down = scale * (cos * x - sin * y) / z, scale * (sin * x + cos * y) / z
-        seen = torch.stack([across + 0.5 + shift_x, down + 0.5 + shift_y], 1)
-        return ((seen - self.given) / POINT_NOISE).flatten() * math.sqrt(POINT_WEIGHT)
+        predicted = torch.stack([across + 0.5 + shift_x, down + 0.5 + shift_y], 1)
+        return ((predicted - self.given) / POINT_NOISE).flatten() * math.sqrt(POINT_WEIGHT)
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
         """log p of points (B, P') up to a constant: (B,) float64."""
-        found = torch.func.vmap(self.residuals)(points.double().cpu())
-        return -0.5 * found.square().sum(1)
+        residuals_of_points = torch.func.vmap(self.residuals)(points.double().cpu())
+        return -0.5 * residuals_of_points.square().sum(1)
 
     def add_to(
         self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor

@@ -92,9 +92,16 @@ class Prior:
         self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor
     ) -> None:
         """Add log p(z) to values (B,) float64, its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        given = points, self.mean, self.precision, self.heading_mean, self.heading_precision, self.azimuths
+        gaussians = (
+            points,
+            self.mean,
+            self.precision,
+            self.heading_mean,
+            self.heading_precision,
+            self.azimuths,
+        )
         places = self.azimuth_precision, float(self.symmetry.fold), self.azimuth, self.light.start
-        launch(prior_kernel(points.dtype), len(points), *given, *places, value, gradient, normal)
+        launch(prior_kernel(points.dtype), len(points), *gaussians, *places, value, gradient, normal)
 
 
 @dataclass(frozen=True)

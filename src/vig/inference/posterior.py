@@ -142,8 +142,8 @@ def pixel_prior(
     if settings.likelihood.alpha == 1:
         return base, decorated
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
-    known = torch.ones_like(decorated) if valid is None else valid.double()
-    outside, inside = log_colour_density(photo, torch.stack([1 - mask[..., 0], mask[..., 0]]) * known)
+    inside_photo = torch.ones_like(decorated) if valid is None else valid.double()
+    outside, inside = log_colour_density(photo, torch.stack([1 - mask[..., 0], mask[..., 0]]) * inside_photo)
     prior[..., 1:] += settings.surroundings * outside[..., None]
     if hints is not None:
         hints.exclude(prior)

@@ -73,15 +73,15 @@ def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: flo
         if close
         else [start, nearest, ends.points, ends.given_up]
     )
-    azimuths, seen = objective.latents(candidates).azimuth, [objective.latents(point).azimuth]
-    turned = abs(float(symmetry.difference(azimuths[:1], seen[0])))
+    azimuths, chosen_azimuths = objective.latents(candidates).azimuth, [objective.latents(point).azimuth]
+    turned = abs(float(symmetry.difference(azimuths[:1], chosen_azimuths[0])))
     others: list[int] = []
     for index, angle in enumerate(azimuths):
         if len(others) < OTHER_VIEWS and all(
-            abs(float(symmetry.difference(angle, each))) > DISTINCT_AZIMUTH for each in seen
+            abs(float(symmetry.difference(angle, each))) > DISTINCT_AZIMUTH for each in chosen_azimuths
         ):
             others.append(index)
-            seen.append(angle)
+            chosen_azimuths.append(angle)
     return Selection(
         point,
         point if reverted else ends.paths[:, best],
@@ -228,8 +228,8 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
         vertices = objective.object_class.shape_model.vertices(starts.shape)
         rotation, translation = camera.pose(starts.azimuth, starts.elevation)
         x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
-        seen = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
-        least, most = seen.amin(1), seen.amax(1)
+        in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
+        least, most = in_window.amin(1), in_window.amax(1)
         there = torch.tensor(box)
         framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
         framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:3].exp() * (least + most) / 2
@@ -246,10 +246,10 @@ def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
         likely = np.array([int(probability.argmax())])
     likely = likely[np.argsort(-probability[likely], kind="stable")][:count]
     share = probability[likely] / probability[likely].sum()
-    given = list(range(len(share)))
+    remaining = list(range(len(share)))
     numbers = np.ones(len(share))
-    while len(given) < count:
+    while len(remaining) < count:
         most = int(np.argmax(share * (count + 1) - numbers))
-        given.append(most)
+        remaining.append(most)
         numbers[most] += 1
-    return [int(likely[place]) for place in given[:count]]
+    return [int(likely[place]) for place in remaining[:count]]

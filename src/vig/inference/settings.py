@@ -201,9 +201,9 @@ class _Settings:
         weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
         for name in (*shares, *weights):
             most = shares.get(name, math.inf)
-            given = getattr(self, name, None)
-            if given is not None and (not 0 <= given <= most or given == math.inf):
-                raise ValueError(f"{name} must be from 0 to {most:g}; got {given}. Choose another.")
+            value = getattr(self, name, None)
+            if value is not None and (not 0 <= value <= most or value == math.inf):
+                raise ValueError(f"{name} must be from 0 to {most:g}; got {value}. Choose another.")
         distance = getattr(self, "camera_distance_ratio", None)
         if distance is not None and not 0 < distance < math.inf:
             raise ValueError(

@@ -200,8 +200,8 @@ class Likelihood:
                         gradient[part] = run.gradient
                     if normal is not None:
                         normal[part] = run.normal
-                    for kept, image in zip(shown, run.images, strict=False):
-                        kept[part] = image
+                    for images_of_kind, image in zip(shown, run.images, strict=False):
+                        images_of_kind[part] = image
 
         on_one_core(lambda: run_on_threads(every, threads))
         shape = count, self.camera.height, self.camera.width

@@ -187,8 +187,8 @@ class Pass:
             elif derivatives > 1:
                 filled = self.row_counts[:, 0].tolist()
                 for rows, count, product in zip(self.rows, filled, self.products, strict=True):
-                    kept = rows[: min(count, len(rows))]
-                    torch.mm(kept.T, kept, out=product)
+                    rows_used = rows[: min(count, len(rows))]
+                    torch.mm(rows_used.T, rows_used, out=product)
             self._assemble()
 
     def _recorded(self, derivatives: int, images: bool) -> list[Callable[[], object]]:
@@ -226,14 +226,16 @@ class Pass:
         shared_out: of what each thread takes a `chunk`. values: further arguments. renamed: which buffer
         stands for an argument of another name.
         """
-        k, known = self._kernels, dict(self._arguments)
+        k, arguments = self._kernels, dict(self._arguments)
         kernel = getattr(k, name)
-        known |= {argument: self._arguments[buffer] for argument, buffer in (renamed or {}).items()}
-        known |= values or {}
+        arguments |= {argument: self._arguments[buffer] for argument, buffer in (renamed or {}).items()}
+        arguments |= values or {}
         if shared_out is not None:
-            known["chunk"] = -(-self._shared[shared_out] // self._parts)
+            arguments["chunk"] = -(-self._shared[shared_out] // self._parts)
         names = list(inspect.signature(kernel.func).parameters)
-        arguments = {name: self._group(name, known) if name in k.structs else known[name] for name in names}
+        arguments = {
+            name: self._group(name, arguments) if name in k.structs else arguments[name] for name in names
+        }
         inputs = list(arguments.values())
         launch = Prepared(wp.launch(kernel, dim, inputs, device=self.geometry.device, record_cmd=True))
         self._launches.append((launch, arguments))
@@ -242,12 +244,12 @@ class Pass:
         self._exchange(launch, arguments, looked_at)
         return launch
 
-    def _group(self, name: str, known: dict[str, Any]) -> Any:
+    def _group(self, name: str, arguments: dict[str, Any]) -> Any:
         """A struct of arguments, whose fields are found by their names."""
         group = self._kernels.structs[name]
         made = group()
         for field in group_fields(group):
-            setattr(made, field, known[field])
+            setattr(made, field, arguments[field])
         return made
 
     def _buffer(self, name: str, kind: Any, *shape: int) -> torch.Tensor:

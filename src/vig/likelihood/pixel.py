@@ -38,14 +38,14 @@ def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tens
     halves = torch.stack([1 - part, part], 2)  # of each pixel and channel, to the node below and above
     factors = torch.einsum("na,nb,nc->nabc", *halves.unbind(1)).reshape(-1, 8)
     corners = (low.long() @ strides)[:, None] + torch.cartesian_prod(*[torch.arange(2)] * 3) @ strides
-    found = []
+    densities = []
     for weight in weights.reshape(-1, len(colours)).double():
         shares = weight / weight.sum().clamp_min(1e-9)
         density = torch.zeros(CELLS**3, dtype=torch.float64)
         density.index_add_(0, corners.reshape(-1), (shares[:, None] * factors).reshape(-1))
         density = _smooth(density.view(CELLS, CELLS, CELLS) / _volume()).reshape(-1)
-        found.append((density[corners] * factors).sum(1))
-    return torch.log(FLOOR + (1 - FLOOR) * torch.stack(found)).view(weights.shape)
+        densities.append((density[corners] * factors).sum(1))
+    return torch.log(FLOOR + (1 - FLOOR) * torch.stack(densities)).view(weights.shape)
 
 
 def _volume() -> torch.Tensor:

@@ -87,13 +87,13 @@ def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: 
 
 
 def links(
-    photo: torch.Tensor, covered: torch.Tensor, known: torch.Tensor, model: SpatialMask
+    photo: torch.Tensor, covered: torch.Tensor, photographed: torch.Tensor, model: SpatialMask
 ) -> torch.Tensor:
     """Weights w_ij (N, 4, H, W) between each pixel and its neighbour a step of `NEIGHBOURS` away.
 
-    photo (N, H, W, 3) linear RGB; covered (N, H, W) bool; known (N, H, W) bool, pixels that were photographed
-    at all. Zero where the neighbour is outside the image, where either is not known, and between pixels that
-    are both beyond the silhouette.
+    photo (N, H, W, 3) linear RGB; covered (N, H, W) bool; photographed (N, H, W) bool, pixels that are
+    of the photo at all. Zero where the neighbour is outside the image, where either was not photographed,
+    and between pixels that are both beyond the silhouette.
     """
     colours = srgb_from_linear(photo)
     weights = colours.new_zeros(len(photo), len(NEIGHBOURS), *photo.shape[1:3])
@@ -102,7 +102,7 @@ def links(
         square = ((colours[:, *here] - colours[:, *there]) ** 2).sum(-1)
         inside, beside = covered[:, *here], covered[:, *there]
         strength = model.coupling * (inside & beside) + model.rim * (inside ^ beside)
-        strength = strength * (known[:, *here] & known[:, *there])
+        strength = strength * (photographed[:, *here] & photographed[:, *there])
         fading = torch.exp(-square / (2 * model.contrast**2)) / math.hypot(*step)
         weights[:, index][:, *here] = strength * fading
     return weights

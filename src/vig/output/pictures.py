@@ -26,7 +26,7 @@ MOST_RESIDUAL = 0.5
 """Difference of sRGB brightness, of 1, that is drawn in full colour."""
 
 
-def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """The photo with the object's whole outline in yellow and its hidden pixels tinted pink.
 
     The outline is smooth, between two dark lines, and lies beside what the object covers; its width grows
@@ -36,7 +36,7 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, seen: np.nda
         photo: (H, W, 3) uint8 sRGB.
         window: What was fitted.
         covered: Distance to the outline of what the object covers, see `vig.photo.outline_distance`.
-        seen: The same of what of it is seen.
+        visible: The same of what of it is seen.
 
     Returns:
         (H, W, 3) uint8.
@@ -47,7 +47,7 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, seen: np.nda
     border, scale = max(1.0, line / 2), window.side * FINER / len(covered)
     for tile in window.tiles(width, height):
         outer = scale * window.paste(covered, *tile, outside=REACH)
-        inner = scale * window.paste(seen, *tile, outside=REACH)
+        inner = scale * window.paste(visible, *tile, outside=REACH)
         hidden = HIDDEN_SHARE * _share(-outer) * _share(inner)
         middle = np.abs(outer - border - line / 2)
         dark, bright = _share(line / 2 + border - middle), _share(line / 2 - middle)
@@ -69,7 +69,7 @@ class CloseUp:
         coverage: (S, S) share of each pixel that it covers.
         normals: (S, S, 3) unit, in camera axes (x right, y down, z forward); 0 where nothing is.
         part: (S, S) int, the object's part, -1 where nothing is.
-        seen: (S, S) bool, where nothing hides it.
+        visible: (S, S) bool, where nothing hides it.
     """
 
     photo: np.ndarray
@@ -77,7 +77,7 @@ class CloseUp:
     coverage: np.ndarray
     normals: np.ndarray
     part: np.ndarray
-    seen: np.ndarray
+    visible: np.ndarray
 
 
 def panels(shown: CloseUp) -> np.ndarray:
@@ -100,9 +100,9 @@ def panels(shown: CloseUp) -> np.ndarray:
     pictures = {
         "photo": photo,
         "re-rendering": photo + share * (drawn - photo),
-        "residual": np.where(shown.seen[..., None], residual, 0.85),
+        "residual": np.where(shown.visible[..., None], residual, 0.85),
         "normals": 0.85 + share * (normals - 0.85),
-        "mask": np.where(shown.seen[..., None], empty, 0.15 + share * (hidden - 0.15)),
+        "mask": np.where(shown.visible[..., None], empty, 0.15 + share * (hidden - 0.15)),
     }
     sheet = np.full((size + LABEL, len(pictures) * size, 3), 255, np.uint8)
     for number, picture in enumerate(pictures.values()):
@@ -123,7 +123,7 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, parts: int) -> np.ndarray:
     colours = np.tile(albedo.astype(np.float32), (parts, 1))
     light = (shown.rendering / np.maximum(albedo, 1e-3)).mean(-1)
     for part in range(parts):
-        here = shown.seen & (shown.part == part) & (shown.coverage > 0.99) & (light > 0.02)
+        here = shown.visible & (shown.part == part) & (shown.coverage > 0.99) & (light > 0.02)
         if here.sum() >= LEAST_PIXELS:
             colours[part] = np.median(shown.photo[here] / light[here][:, None], axis=0).clip(0, 1)
     return colours

@@ -309,23 +309,23 @@ def _follow(parent: Any) -> None:
 @contextmanager
 def without_interrupts() -> Iterator[None]:
     """Processes started inside ignore SIGINT, even while they start; here it is handled afterwards."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    blocked_before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked_before)
 
 
 @contextmanager
 def one_thread_in_children() -> Iterator[None]:
     """Processes started inside get one thread for linear algebra: the workers fill the CPUs already."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
+    values_before = {name: os.environ.get(name) for name in names}
     os.environ.update(dict.fromkeys(names, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in values_before.items():
             if value is None:
                 del os.environ[name]
             else:

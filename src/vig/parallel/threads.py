@@ -28,8 +28,8 @@ _starting = threading.Lock()
 
 def thread_count() -> int:
     """How many threads work may use here: torch's number, and one within such work."""
-    kept: int | None = getattr(_here, "count", None)
-    return torch.get_num_threads() if kept is None else kept
+    own_count: int | None = getattr(_here, "count", None)
+    return torch.get_num_threads() if own_count is None else own_count
 
 
 def on_one_core(work: Callable[[], Result]) -> Result:
@@ -67,9 +67,9 @@ def _on_stream(work: Callable[..., Result]) -> Callable[..., Result]:
         return work
     stream = torch.cuda.current_stream()
 
-    def on_stream(*given: Any) -> Result:
+    def on_stream(*arguments: Any) -> Result:
         with torch.cuda.stream(stream):
-            return work(*given)
+            return work(*arguments)
 
     return on_stream
 
@@ -87,9 +87,9 @@ def _callers() -> ThreadPoolExecutor:
 def _become_worker() -> None:
     """Keep torch to one core on this thread; the process's setting, which new threads take over, stays."""
     with _starting:
-        before = torch.get_num_threads()
+        threads_before = torch.get_num_threads()
         torch.set_num_threads(1)
-        restoring = threading.Thread(target=torch.set_num_threads, args=(before,))
+        restoring = threading.Thread(target=torch.set_num_threads, args=(threads_before,))
         restoring.start()
         restoring.join()
     _here.count = 1

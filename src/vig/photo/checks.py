@@ -35,15 +35,15 @@ def head_of(path: Path) -> bytes:
 
 def check_size(path: Path, width: int, height: int) -> None:
     if min(width, height) < MIN_SIDE:
-        came = f"{width} x {height}"
-        refuse(path, f"at least {MIN_SIDE} pixels a side", came, "Give a larger picture.")
+        received = f"{width} x {height}"
+        refuse(path, f"at least {MIN_SIDE} pixels a side", received, "Give a larger picture.")
     if width * height > MAX_PIXELS:
         refuse_huge(path, f"{width} x {height} = {width * height / 1e6:.0f}")
 
 
-def refuse_huge(path: Path, came: str) -> NoReturn:
-    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", came, "Make it smaller.")
+def refuse_huge(path: Path, received: str) -> NoReturn:
+    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", received, "Make it smaller.")
 
 
-def refuse(path: Path, expected: str, came: str, remedy: str) -> NoReturn:
-    raise UserError(f"{path}: expected {expected}; got {came}. {remedy}")
+def refuse(path: Path, expected: str, received: str, remedy: str) -> NoReturn:
+    raise UserError(f"{path}: expected {expected}; got {received}. {remedy}")

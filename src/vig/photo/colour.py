@@ -98,8 +98,8 @@ def rec709_from(chromaticities: Sequence[float]) -> np.ndarray:
     Raises:
         ValueError: They span no colour space.
     """
-    to, back = _adapted_xyz(chromaticities), _adapted_xyz(REC709)
-    return np.linalg.solve(back, to)
+    to_white, from_white = _adapted_xyz(chromaticities), _adapted_xyz(REC709)
+    return np.linalg.solve(from_white, to_white)
 
 
 def _adapted_xyz(chromaticities: Sequence[float]) -> np.ndarray:

@@ -215,9 +215,12 @@ def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
 
 def _check_scale(path: Path, brightest: int, white: int) -> None:
     if white == 65535 and (0 < brightest < UNSCALED or brightest in (8191, 16383, 32767)):
-        came = f"none above {brightest}"
+        received = f"none above {brightest}"
         refuse(
-            path, "16-bit samples", came, "Are these fewer bits? Scale them to 16, or save it as 8-bit sRGB."
+            path,
+            "16-bit samples",
+            received,
+            "Are these fewer bits? Scale them to 16, or save it as 8-bit sRGB.",
         )
 
 

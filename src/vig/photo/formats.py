@@ -138,12 +138,12 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
             head = file.read(8)
             head += file.read(8) if head[2] == 43 else b""
             offsets = [(TiffImagePlugin.ImageFileDirectory_v2(head).next, True)]
-            seen, number = {0}, 0
+            visited, number = {0}, 0
             while offsets:
                 offset, in_chain = offsets.pop(0)
-                if offset in seen:
+                if offset in visited:
                     continue
-                seen.add(offset)
+                visited.add(offset)
                 tags = TiffImagePlugin.ImageFileDirectory_v2(head)
                 file.seek(offset)
                 tags.load(file)

@@ -71,8 +71,8 @@ class Intrinsics:
         if isinstance(camera, Mapping):
             size = [camera.get(long, camera.get(short)) for long, short in (("width", "w"), ("height", "h"))]
             if None not in size and size != [width, height]:
-                came = f"one of {size[0]} x {size[1]}. Scale it"
-                _refuse(f"a camera of a photo of {width} x {height}", came)
+                received = f"one of {size[0]} x {size[1]}. Scale it"
+                _refuse(f"a camera of a photo of {width} x {height}", received)
         longer, numbers = max(width, height), (lens.fx, lens.fy, lens.cx, lens.cy)
         words = "fx {:g}, fy {:g}, cx {:g}, cy {:g}".format(*numbers)
         if not all(map(math.isfinite, numbers)) or min(lens.fx, lens.fy) <= 0:
@@ -148,8 +148,8 @@ def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
     return fx, fy, cx, cy
 
 
-def _refuse(expected: str, came: str) -> NoReturn:
-    raise UserError(f"expected {expected}; got {came}. {REMEDY}")
+def _refuse(expected: str, received: str) -> NoReturn:
+    raise UserError(f"expected {expected}; got {received}. {REMEDY}")
 
 
 def focal_of(photo: object) -> float | None:

@@ -70,10 +70,10 @@ def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
     by_alpha: np.ndarray = alpha > 127
     shades = np.unique(values)
     if len(shades) == 2 and shades[0] == 0:  # a mask by its colours, too
-        told = values > 0
-        if by_alpha.any() and (told & by_alpha).sum() not in (told.sum(), by_alpha.sum()):
+        is_object = values > 0
+        if by_alpha.any() and (is_object & by_alpha).sum() not in (is_object.sum(), by_alpha.sum()):
             refuse(path, "a mask", "one whose colours and transparency say different things", REMEDY)
-        both: np.ndarray = told & by_alpha
+        both: np.ndarray = is_object & by_alpha
         return both
     return by_alpha
 
@@ -85,11 +85,13 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
     if len(shades) == 1:
         return np.full(values.shape, bool(shades[0]))
     if shades[0] == 0 and len(shades) == 2:
-        found: np.ndarray = values > 0
-        return found
+        is_object: np.ndarray = values > 0
+        return is_object
     if not np.issubdtype(values.dtype, np.floating) and shades[-1] <= MOST_LABELS:
-        came = f"the numbers {', '.join(map(str, shades[:6].tolist()))}{' ...' if len(shades) > 6 else ''}"
-        refuse(path, "a mask of one object", came, REMEDY)
+        received = (
+            f"the numbers {', '.join(map(str, shades[:6].tolist()))}{' ...' if len(shades) > 6 else ''}"
+        )
+        refuse(path, "a mask of one object", received, REMEDY)
     most = 1.0 if shades[-1] <= 1 else 255 if shades[-1] <= 255 else 65535
     above: np.ndarray = values > most / 2
     return above
@@ -129,8 +131,8 @@ def mask_file(folder: Path, photo: Path) -> Path:
     if len(of_objects) == 1:
         return of_objects[0]
     if of_objects:
-        came = f"{len(of_objects)}, {of_objects[0].name} ... {of_objects[-1].name}"
-        refuse(folder, f"one mask of {photo.name}", came, "Name that of the object with --mask.")
+        received = f"{len(of_objects)}, {of_objects[0].name} ... {of_objects[-1].name}"
+        refuse(folder, f"one mask of {photo.name}", received, "Name that of the object with --mask.")
     return folder / f"{photo.stem}.png"
 
 

@@ -34,13 +34,13 @@ def outline_distance(share: np.ndarray) -> np.ndarray:
     shape = part.shape[1] * FINER, part.shape[0] * FINER
     fine = np.asarray(Image.fromarray(soft).resize(shape, Image.Resampling.BICUBIC)) > 0.5
     if fine.all() or not fine.any():
-        found = np.full(fine.shape, -REACH if fine.all() else REACH, np.float32)
+        near = np.full(fine.shape, -REACH if fine.all() else REACH, np.float32)
     else:
         # From the outline, which runs half a point beside the points next to it.
-        found = np.where(
+        near = np.where(
             fine, 0.5 - ndimage.distance_transform_edt(fine), ndimage.distance_transform_edt(~fine) - 0.5
         ).astype(np.float32)
-        found = ndimage.gaussian_filter(found, 1.0, mode="nearest") / FINER
+        near = ndimage.gaussian_filter(near, 1.0, mode="nearest") / FINER
     high, wide = shape[::-1]
-    distance[FINER * top : FINER * top + high, FINER * left : FINER * left + wide] = found
+    distance[FINER * top : FINER * top + high, FINER * left : FINER * left + wide] = near
     return distance.clip(-REACH, REACH)

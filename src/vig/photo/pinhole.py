@@ -62,10 +62,10 @@ def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) ->
     """(V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
     a, b, c = (vertices[corner] for corner in faces.T)
     towards = (np.cross(b - a, c - a) * (eye - a)).sum(1) > 0
-    seen, unseen = np.zeros(len(vertices), bool), np.zeros(len(vertices), bool)
-    seen[faces[towards]] = True
-    unseen[faces[~towards]] = True
-    return np.where(seen & unseen, 1.0, INNER_WEIGHT)
+    faces_eye, faces_away = np.zeros(len(vertices), bool), np.zeros(len(vertices), bool)
+    faces_eye[faces[towards]] = True
+    faces_away[faces[~towards]] = True
+    return np.where(faces_eye & faces_away, 1.0, INNER_WEIGHT)
 
 
 def reprojected(
@@ -91,8 +91,8 @@ def reprojected(
 
     def residual(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         points = vertices @ pose[:3, :3].T + pose[:3, 3]
-        seen = points @ matrix.T
-        return points, root * (seen[:, :2] / seen[:, 2:] - pixels)
+        projected = points @ matrix.T
+        return points, root * (projected[:, :2] / projected[:, 2:] - pixels)
 
     pose, (points, off) = start, residual(start)
     for _ in range(STEPS):

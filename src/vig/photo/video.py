@@ -46,9 +46,9 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     source = {"video": str(video.resolve()), "bytes": stat.st_size, "modified": stat.st_mtime_ns}
     source["format"] = FORMAT
     try:
-        told = json.loads((folder / WHOLE).read_text())
-        paths = [folder / _name(folder, number) for number in range(told["frames"])]
-        if told["source"] == source and all(path.exists() for path in paths):
+        record = json.loads((folder / WHOLE).read_text())
+        paths = [folder / _name(folder, number) for number in range(record["frames"])]
+        if record["source"] == source and all(path.exists() for path in paths):
             return paths
     except (OSError, ValueError, KeyError, TypeError):
         pass

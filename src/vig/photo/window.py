@@ -49,7 +49,7 @@ class ImagePyramid:
         self._levels, self.shape = [photo], photo.shape
 
     def level(self, reduction: float) -> tuple[np.ndarray, int]:
-        """The photo at 1 / scale of its size, and the scale: the least powers of 2 that suffice."""
+        """The photo at 1 / scale of its size, and the scale, a power of 2 that `PREFILTER_PIXELS` bounds."""
         number = max(0, math.floor(math.log2(reduction / PREFILTER_PIXELS)))
         while len(self._levels) <= number:
             fine = self._levels[-1]
@@ -93,8 +93,8 @@ class Window:
         x, y, w, h = box
         shown_w, shown_h = min(x + w, width) - max(x, 0.0), min(y + h, height) - max(y, 0.0)
         sized = all(map(math.isfinite, box)) and min(w, h) >= SMALLEST_BOX
-        seen = min(shown_w, shown_h) >= SMALLEST_BOX and shown_w * shown_h >= LEAST_IN_PHOTO * w * h
-        if not sized or not seen:
+        large_enough = min(shown_w, shown_h) >= SMALLEST_BOX and shown_w * shown_h >= LEAST_IN_PHOTO * w * h
+        if not sized or not large_enough:
             numbers = ",".join(f"{number:.12g}" for number in box)
             raise UserError(
                 f"expected a box x,y,w,h of at least {SMALLEST_BOX} pixels a side, most of it in the photo of"
@@ -154,7 +154,7 @@ class Window:
         wide = math.ceil(size * (abs(math.cos(self.roll)) + abs(math.sin(self.roll))))
         side = self.side * wide / size
         grown = (side - self.side) / 2
-        image, known = Window(self.left - grown, self.top - grown, side).crop(photo, wide)
+        image, inside = Window(self.left - grown, self.top - grown, side).crop(photo, wide)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         middle = wide / 2 - (cos - sin) * size / 2, wide / 2 - (sin + cos) * size / 2
         transform = (cos, -sin, middle[0], sin, cos, middle[1])
@@ -164,7 +164,7 @@ class Window:
                     (size, size), Image.Transform.AFFINE, transform, Image.Resampling.BICUBIC
                 )
             )
-            for channel in (*np.moveaxis(image, 2, 0), known)
+            for channel in (*np.moveaxis(image, 2, 0), inside)
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
 
@@ -174,13 +174,13 @@ class Window:
         side = max(right - left, bottom - top)
         level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
         wide = math.ceil(size * side / self.side)
-        image, known = level.crop(photo, wide)
+        image, inside = level.crop(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
         from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
         transform = to_level @ self._photo_from_window @ from_pixel
         cut = [
             np.asarray(_warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC))
-            for channel in (*np.moveaxis(image, 2, 0), known)
+            for channel in (*np.moveaxis(image, 2, 0), inside)
         ]
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
 
@@ -286,11 +286,12 @@ class Window:
             return np.asarray(_warped(image, transform, (size, size), outside, Image.Resampling.BILINEAR))
         corners = [self.to_window(*there.to_photo(x, y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
         (x0, y0), (x1, y1), (x2, y2) = corners
-        back, here = size / self.side, there.side / size
-        a, b, d, e = (back * here * each for each in (x1 - x0, x2 - x0, y1 - y0, y2 - y0))
+        cells_per_unit, here = size / self.side, there.side / size
+        a, b, d, e = (cells_per_unit * here * each for each in (x1 - x0, x2 - x0, y1 - y0, y2 - y0))
         middle = size / 2
         transform = (
-            a, b, back * x0 + middle - (a + b) * middle, d, e, back * y0 + middle - (d + e) * middle
+            a, b, cells_per_unit * x0 + middle - (a + b) * middle,
+            d, e, cells_per_unit * y0 + middle - (d + e) * middle,
         )  # fmt: skip
         source = Image.fromarray(np.ascontiguousarray(image, np.float32))
         method = Image.Resampling.BILINEAR

@@ -55,7 +55,7 @@ def find(
     A low score means that the photo may not show the object. With clues only places that agree count.
     """
     tried: list[tuple[float, Window]] = []
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     near = [] if clues is None else clues.windows()
     for sizes in (range(LARGE), range(LARGE, SIZES)):
         windows = near + _grid(photo.shape[1], photo.shape[0], sizes)
@@ -74,9 +74,9 @@ def find(
             if clues is not None:
                 scores = [score * clues.agreement(window, prediction[i : i + 1])
                           for i, (score, window) in enumerate(zip(scores, moved, strict=True))]  # fmt: skip
-            found += map(Candidate, moved, scores)
+            candidates += map(Candidate, moved, scores)
             moved = _all_moved(moved, prediction)
-        best = max(found, key=lambda each: each.score)
+        best = max(candidates, key=lambda each: each.score)
         if best.score >= SURE:
             break
     if clues is not None and clues.mask is not None:
@@ -141,16 +141,16 @@ class LocationHints:
         return upright(photo, Window.round_box((x, y, w, h)), recognizer)
 
     def agreement(self, window: Window, prediction: Prediction) -> float:
-        """From 0 to 1: how well what the network sees in a window is what is known."""
+        """From 0 to 1: how well what the network sees in a window is what is marked."""
         if not self.within(window):
             return 0.0
         if self.mask is None:
             return 1.0
         grey = np.repeat(self.mask[:, :, None].astype(np.float32), 3, axis=2)
-        known = window.crop(grey)[0][..., 0] > 0.5
-        seen = prediction.mask[0, :, :, 0].numpy() > SHOWN
-        union = int((known | seen).sum())
-        return int((known & seen).sum()) / union if union else 0.0
+        marked = window.crop(grey)[0][..., 0] > 0.5
+        predicted_visible = prediction.mask[0, :, :, 0].numpy() > SHOWN
+        union = int((marked | predicted_visible).sum())
+        return int((marked & predicted_visible).sum()) / union if union else 0.0
 
 
 def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most: int) -> list[Candidate]:
@@ -169,11 +169,13 @@ def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most:
 
 def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
     """The best candidates, `most` of them, no two of the same place."""
-    kept: list[Candidate] = []
+    separate: list[Candidate] = []
     for each in sorted(candidates, key=lambda each: -each.score):
-        if len(kept) < most and all(overlap(each.window, other.window) < SAME_PLACE for other in kept):
-            kept.append(each)
-    return kept
+        if len(separate) < most and all(
+            overlap(each.window, other.window) < SAME_PLACE for other in separate
+        ):
+            separate.append(each)
+    return separate
 
 
 def overlap(one: Window, other: Window) -> float:
@@ -252,9 +254,9 @@ def _scores(prediction: Prediction) -> list[float]:
             continue
         object_share = 1 - one.mask[0, :, :, 2]
         inside = object_share[object_share > SHOWN].mean()
-        seen = float(one.mask[0, :, :, 0].sum() / object_share.sum().clamp_min(1.0))
+        visible_share = float(one.mask[0, :, :, 0].sum() / object_share.sum().clamp_min(1.0))
         size = math.exp(-0.5 * (math.log(max(box[2:]) * WINDOW_OVER_BOX) / 0.35) ** 2)
         off = math.hypot(box[0] + box[2] / 2 - 0.5, box[1] + box[3] / 2 - 0.5 - BOX_BELOW_CENTRE)
         place = math.exp(-0.5 * (off / 0.2) ** 2)
-        scores.append(float(one.presence[0]) * float(inside) * size * place * (0.3 + 0.7 * seen))
+        scores.append(float(one.presence[0]) * float(inside) * size * place * (0.3 + 0.7 * visible_share))
     return scores

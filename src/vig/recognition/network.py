@@ -181,16 +181,16 @@ class NetworkCalibration:
         Raises:
             ValueError: They do not fit a network of `numbers` regressed numbers.
         """
-        found = {k.removeprefix(cls.PREFIX): v for k, v in tensors.items() if k.startswith(cls.PREFIX)}
-        if not found:
+        own = {k.removeprefix(cls.PREFIX): v for k, v in tensors.items() if k.startswith(cls.PREFIX)}
+        if not own:
             return cls(torch.ones(()), torch.ones(()), torch.ones(numbers))
         shapes = {"azimuth_temperature": (), "mask_temperature": (), "deviation": (numbers,)}
-        if {name: tuple(value.shape) for name, value in found.items()} != shapes:
+        if {name: tuple(value.shape) for name, value in own.items()} != shapes:
             raise ValueError("the calibration does not fit the network")
-        for value in found.values():
+        for value in own.values():
             if not value.is_floating_point() or not ((value > 1e-3) & (value < 1e3)).all():
                 raise ValueError("the calibration's factors must be from 0.001 to 1000")
-        return cls(**found)
+        return cls(**own)
 
     def tensors(self) -> dict[str, torch.Tensor]:
         """As they go into a weights file."""
@@ -324,8 +324,8 @@ class _InvertedResidual(nn.Module):
         self.residual = stride == 1 and inputs == outputs
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        found: torch.Tensor = self.project(self.filter(self.expand(x)))
-        return x + found if self.residual else found
+        projected: torch.Tensor = self.project(self.filter(self.expand(x)))
+        return x + projected if self.residual else projected
 
 
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:

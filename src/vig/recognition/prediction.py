@@ -176,11 +176,11 @@ class Recognizer:
         """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
         path = weights or (object_class.folder or Path()) / "recognition.safetensors"
         recognizer = cls(path)
-        found, modes = recognizer.network.settings.modes, object_class.shape_model.modes
-        if found != modes:
+        network_modes, modes = recognizer.network.settings.modes, object_class.shape_model.modes
+        if network_modes != modes:
             raise UserError(
                 f"expected weights for the {modes} shape components of class '{object_class.name}';"
-                f" '{path}' has {found}. "
+                f" '{path}' has {network_modes}. "
                 + (
                     "Train them on a dataset of that class."
                     if weights

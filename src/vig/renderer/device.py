@@ -60,14 +60,14 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
         count: Threads along each axis.
         arguments: In the kernel's order; a contiguous tensor becomes an array of the annotated type, no copy.
     """
-    device = next(given.device for given in arguments if isinstance(given, torch.Tensor))
+    device = next(argument.device for argument in arguments if isinstance(argument, torch.Tensor))
     kinds = kernel.func.__annotations__.values()
     inputs = [
         # A bare descriptor, faster made than an array; the tensor lives until the kernel has been launched.
-        wp.from_torch(given, dtype=kind.dtype, requires_grad=False, return_ctype=True)
-        if isinstance(given, torch.Tensor)
-        else given
-        for given, kind in zip(arguments, kinds, strict=True)
+        wp.from_torch(argument, dtype=kind.dtype, requires_grad=False, return_ctype=True)
+        if isinstance(argument, torch.Tensor)
+        else argument
+        for argument, kind in zip(arguments, kinds, strict=True)
     ]
     wp.launch(kernel, dim=count, inputs=inputs, device=str(device), stream=current_stream(device))
 
@@ -78,13 +78,13 @@ def compute_device(name: str) -> str:
     Raises:
         UserError: There is none of this name here.
     """
-    found = ["cpu"]
+    available = ["cpu"]
     if name != "cpu":
         initialise()
-        found += [f"cuda:{n}" for n in range(min(torch.cuda.device_count(), wp.get_cuda_device_count()))]
+        available += [f"cuda:{n}" for n in range(min(torch.cuda.device_count(), wp.get_cuda_device_count()))]
     full = "cuda:0" if name == "cuda" else name
-    if full not in found:
-        listed = " or ".join(f"'{each}'" for each in found)
+    if full not in available:
+        listed = " or ".join(f"'{each}'" for each in available)
         raise UserError(f"expected device {listed}; got '{name}'. Leave it out for the CPU.")
     return full
 
@@ -168,13 +168,13 @@ def initialise() -> None:
 def _without_native_messages() -> Iterator[None]:
     """Keep Warp's library from writing to the terminal of a missing CUDA driver, whatever the log level."""
     sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    terminal, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(terminal, 2)
+        os.close(terminal)
         os.close(nowhere)
 
 

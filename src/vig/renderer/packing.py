@@ -63,8 +63,8 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
     )
     if odd or not scenes:
         among = " among them" * isinstance(scenes, Sequence)
-        came = f"a {type(odd[0]).__name__}{among}" if odd else "none"
-        raise ValueError(f"expected a scene or several; got {came}. Pass vig.renderer.Scene.")
+        received = f"a {type(odd[0]).__name__}{among}" if odd else "none"
+        raise ValueError(f"expected a scene or several; got {received}. Pass vig.renderer.Scene.")
     camera = scenes[0].camera
     height, width = camera.height, camera.width
     like = camera.translation
@@ -166,9 +166,9 @@ def _placed(item: MeshObject) -> tuple[torch.Tensor, torch.Tensor]:
 
 def _screen_points(scene: Scene, world: torch.Tensor) -> torch.Tensor:
     camera = scene.camera
-    seen = world @ camera.rotation.mT + camera.translation
-    depth = seen[:, 2:]
-    return torch.cat([seen[:, :2] * camera.focal + camera.centre * depth, depth], dim=1)
+    in_camera = world @ camera.rotation.mT + camera.translation
+    depth = in_camera[:, 2:]
+    return torch.cat([in_camera[:, :2] * camera.focal + camera.centre * depth, depth], dim=1)
 
 
 def _lights(
@@ -237,9 +237,9 @@ def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
         )
 
 
-def _check(of: str, given: _Tensors, like: torch.Tensor) -> None:
+def _check(of: str, tensors: _Tensors, like: torch.Tensor) -> None:
     """ValueError unless each of the tensors has one of its shapes, the camera's type, and is finite."""
-    for what, (tensor, shapes) in given.items():
+    for what, (tensor, shapes) in tensors.items():
         if tensor is None:
             continue
         name = f"{what} {of}"

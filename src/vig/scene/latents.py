@@ -117,8 +117,8 @@ class LatentLayout:
     def with_blocks(self, *blocks: Block) -> LatentLayout:
         """Return this layout with blocks appended; one whose name exists replaces that block."""
         new = {block.name: block for block in blocks}
-        kept = tuple(new.pop(block.name, block) for block in self.blocks)
-        return LatentLayout((*kept, *new.values()))
+        own = tuple(new.pop(block.name, block) for block in self.blocks)
+        return LatentLayout((*own, *new.values()))
 
     def without(self, *names: str) -> LatentLayout:
         """Return this layout without some of its blocks."""
@@ -135,18 +135,18 @@ class LatentLayout:
         """The blocks of vectors (..., P) by name, each (..., size). ValueError on another width."""
         if vector.ndim < 1 or vector.shape[-1] != self.size:
             blocks = " + ".join(f"{block.size} {block.name}" for block in self.blocks)
-            came = tuple(vector.shape)
+            received = tuple(vector.shape)
             raise ValueError(
-                f"latents must be (..., {self.size}) for {blocks}; got {came}. Take their layout."
+                f"latents must be (..., {self.size}) for {blocks}; got {received}. Take their layout."
             )
         return {name: vector[..., place] for name, place in self._slices.items()}
 
     def join(self, parts: Mapping[str, torch.Tensor]) -> torch.Tensor:
         """The inverse of `split`: vectors (..., P) of all blocks, each (..., size)."""
-        found = {name: part.shape[-1] for name, part in parts.items()}
+        sizes = {name: part.shape[-1] for name, part in parts.items()}
         wanted = {block.name: block.size for block in self.blocks}
-        if found != wanted:
-            raise ValueError(f"expected blocks of sizes {wanted}; got {found}. Name each block once.")
+        if sizes != wanted:
+            raise ValueError(f"expected blocks of sizes {wanted}; got {sizes}. Name each block once.")
         return torch.cat([parts[block.name] for block in self.blocks], dim=-1)
 
     def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:
@@ -243,17 +243,17 @@ class Latents:
     light: torch.Tensor
 
     def __post_init__(self) -> None:
-        found = {
+        shapes = {
             name: tuple(value.shape) if isinstance(value, torch.Tensor) else f"a {type(value).__name__}"
             for name, value in vars(self).items()
         }
-        first = found["shape"]
+        first = shapes["shape"]
         count, modes = first if isinstance(first, tuple) and len(first) == 2 else (None, None)
         wanted = ((count, modes), (count,), (count,), (count, 3), (count, L_COUNT))
-        if tuple(found.values()) != wanted:
+        if tuple(shapes.values()) != wanted:
             raise ValueError(
                 "latents must be tensors shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
-                f" light (B, {L_COUNT}); got {', '.join(f'{name} {came}' for name, came in found.items())}."
+                f" light (B, {L_COUNT}); got {', '.join(f'{name} {shape}' for name, shape in shapes.items())}."
                 " Give each one row an image."
             )
 
@@ -273,8 +273,8 @@ class Latents:
     def from_vector(vector: torch.Tensor) -> Latents:
         """The inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
         if vector.ndim != 2 or vector.shape[1] < latent_layout(0).size:
-            wanted, came = f"(B, K + {latent_layout(0).size})", tuple(vector.shape)
-            raise ValueError(f"latents must be {wanted}; got {came}. Give a row an image.")
+            wanted, received = f"(B, K + {latent_layout(0).size})", tuple(vector.shape)
+            raise ValueError(f"latents must be {wanted}; got {received}. Give a row an image.")
         parts = layout_of_width(vector.shape[1]).split(vector)
         parts |= {name: parts[name][:, 0] for name in ("azimuth", "elevation")}
         return Latents(**parts)

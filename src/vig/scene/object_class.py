@@ -206,17 +206,17 @@ class ObjectClass:
     def load(name_or_folder: str | Path) -> ObjectClass:
         """Read a packaged class by name, or a class pack from a folder. UserError when it is not one."""
         if not isinstance(name_or_folder, str | Path):
-            came = type(name_or_folder).__name__
+            kind = type(name_or_folder).__name__
             raise UserError(
-                f"expected a class's name or folder; got a {came}. Pass its name, such as 'teapot'."
+                f"expected a class's name or folder; got a {kind}. Pass its name, such as 'teapot'."
             )
         folder = Path(name_or_folder)
         if not (folder / "class.json").is_file() and folder.name == str(name_or_folder):
             folder = PACKAGED / folder
         if not (folder / "class.json").is_file():
-            known = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))
+            packaged = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))
             raise UserError(
-                f"expected a class, one of {', '.join(known) or 'none packaged'},"
+                f"expected a class, one of {', '.join(packaged) or 'none packaged'},"
                 f" or a folder with class.json; got '{name_or_folder}'. Check the name."
             )
         with reading(folder / "class.json", "the description of a class", _DAMAGED):

@@ -38,7 +38,7 @@ class Annealed:
             end = self.optimizer(problem, points, photo, sigma * multiple, Budget(share, budget.tolerance))
             evaluations += end.evaluations
             points = end.points
-        back = ~(end.value >= first)
-        points = torch.where(back[:, None], starts, points)
-        value = torch.where(back, first, end.value)
-        return Descent(points, value, evaluations, end.converged & ~back)
+        worse = ~(end.value >= first)
+        points = torch.where(worse[:, None], starts, points)
+        value = torch.where(worse, first, end.value)
+        return Descent(points, value, evaluations, end.converged & ~worse)

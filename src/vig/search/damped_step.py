@@ -69,7 +69,7 @@ def damped_step(
     step, promised = points.new_empty(count, size), points.new_empty(count, dtype=torch.float64)
     scratch = points.new_empty(count, size + 2, size)
     held = points.new_empty(count, size, dtype=torch.uint8)
-    given = points, gradient, normal, damping, problem.lower, problem.upper
-    inputs = [tensor.to(points.dtype).contiguous() for tensor in given]
+    inputs_of_type = points, gradient, normal, damping, problem.lower, problem.upper
+    inputs = [tensor.to(points.dtype).contiguous() for tensor in inputs_of_type]
     launch(step_kernel(points.dtype), count, *inputs, scratch, held, step, promised)
     return step, promised

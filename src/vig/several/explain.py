@@ -95,30 +95,32 @@ def explain_found(
     return on_one_core(partial(together, alone, chosen))
 
 
-def _explainers(given: Any) -> list[Explainer]:
-    found = list(given) if isinstance(given, Iterable) else [given]
-    for each in found:
+def _explainers(value: Any) -> list[Explainer]:
+    explainers = list(value) if isinstance(value, Iterable) else [value]
+    for each in explainers:
         if not isinstance(each, Explainer):
             raise UserError(
                 f"expected a list of vig.Explainer; got a {type(each).__name__} in it. Make each as"
                 ' vig.Explainer("teapot").'
             )
-    return found
+    return explainers
 
 
 def find_together(
     picture: np.ndarray, explainers: Sequence[Explainer], most: int
 ) -> list[tuple[Explainer, Window]]:
     """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
-    seen = ImagePyramid(picture)
-    found = [
+    pyramid = ImagePyramid(picture)
+    candidates = [
         (candidate, explainer)
         for explainer in explainers
-        for candidate in find_several(seen, explainer.recognizer, most)
+        for candidate in find_several(pyramid, explainer.recognizer, most)
         if candidate.score >= SURELY_FOUND
     ]
-    kept = apart([candidate for candidate, _ in found], most)
-    return [(explainer, one.window) for one in kept for candidate, explainer in found if candidate is one]
+    separate = apart([candidate for candidate, _ in candidates], most)
+    return [
+        (explainer, one.window) for one in separate for candidate, explainer in candidates if candidate is one
+    ]
 
 
 @dataclass(frozen=True)

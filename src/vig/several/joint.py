@@ -56,20 +56,20 @@ def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> S
     """The same from explanations of each object alone, of one photo."""
     if len(alone) < 2:
         return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))
-    seen = ImagePyramid(alone[0].picture)
-    cuts = [each.window.crop(seen) for each in alone]
+    pyramid = ImagePyramid(alone[0].picture)
+    cuts = [each.window.crop(pyramid) for each in alone]
     predictions = [
         explainer.recognizer(torch.from_numpy(cut)[None])
         for explainer, (cut, _) in zip(explainers, cuts, strict=True)
     ]
-    before = order(alone, predictions)
-    found = [
-        _Refit(alone, before, index).fitted(explainer, cut, valid, prediction)
+    occludes = order(alone, predictions)
+    refitted = [
+        _Refit(alone, occludes, index).fitted(explainer, cut, valid, prediction)
         for index, (explainer, (cut, valid), prediction) in enumerate(
             zip(explainers, cuts, predictions, strict=True)
         )
     ]
-    return SceneExplanation(tuple(_exclusive(found, before)), before)
+    return SceneExplanation(tuple(_exclusive(refitted, occludes)), occludes)
 
 
 def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
@@ -105,18 +105,18 @@ def _lower(one: Explanation, other: Explanation) -> float:
 
 def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.ndarray:
     """Whether i is before j (N, N) bool, from gains above 0 where i is; the surest pairs decide first."""
-    before, behind = np.zeros((2, count, count), bool)  # directly, and by way of others
+    direct, behind = np.zeros((2, count, count), bool)  # directly, and by way of others
     for (i, j), gain in sorted(gains.items(), key=lambda item: -abs(item[1])):
         first, second = (i, j) if gain > 0 else (j, i)
         if behind[second, first]:
             first, second = second, first
-        before[first, second] = True
+        direct[first, second] = True
         front, rear = (
             behind[:, first] | (np.arange(count) == first),
             behind[second] | (np.arange(count) == second),
         )
         behind |= front[:, None] & rear
-    return before
+    return direct
 
 
 def _focal_of(alone: Sequence[Explanation]) -> float:
@@ -136,35 +136,38 @@ class _Refit:
     """One object's fit that knows of the others."""
 
     alone: Sequence[Explanation]
-    before: np.ndarray
+    occludes: np.ndarray
     index: int
 
     def fitted(
         self, explainer: Explainer, cut: np.ndarray, valid: np.ndarray, prediction: Prediction
     ) -> Explanation:
-        found = self.alone[self.index]
+        alone = self.alone[self.index]
         infront, elsewhere = self._others()
-        view = found.latents.azimuth[0]
+        view = alone.latents.azimuth[0]
         if infront.any():
             rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
             prediction = _agreed(prediction, rival)
             asked = torch.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
             view = asked[0] if likeliest - own > VIEW_SWITCH_NATS else view
-        distance_ratio = found.window.camera_distance_ratio(found.window.focal or _focal_of(self.alone))
+        window = alone.window
+        distance_ratio = window.camera_distance_ratio(window.focal or _focal_of(self.alone))
         settings = replace(
             resolve(explainer.settings, explainer.object_class, photo=True),
             camera_distance_ratio=distance_ratio,
         )
         prediction = self._level(self._lit(prediction, settings.appearance_weight))
-        said = torch.zeros(cut.shape[:2], dtype=torch.uint8)
-        said[torch.from_numpy(elsewhere)] = PixelLabel.NOTHING
-        said[torch.from_numpy(infront)] = PixelLabel.IN_FRONT
-        hints = WindowHints(said, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {})
-        photo, known, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
-        seen = _of_view(prediction, view)
-        fit = explain_one(photo, seen, found.object_class, settings, known, device, hints, prediction)
-        return replace(found, fit=fit, camera_distance_ratio=distance_ratio)
+        labels = torch.zeros(cut.shape[:2], dtype=torch.uint8)
+        labels[torch.from_numpy(elsewhere)] = PixelLabel.NOTHING
+        labels[torch.from_numpy(infront)] = PixelLabel.IN_FRONT
+        hints = WindowHints(
+            labels, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {}
+        )
+        photo, inside, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
+        turned = _of_view(prediction, view)
+        fit = explain_one(photo, turned, alone.object_class, settings, inside, device, hints, prediction)
+        return replace(alone, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
@@ -175,7 +178,7 @@ class _Refit:
         for index, other in enumerate(self.alone):
             if index == self.index:
                 continue
-            if self.before[index, self.index]:
+            if self.occludes[index, self.index]:
                 infront |= other.window.warp_to(other.fit.coverage.numpy(), here) > 0.5
             else:
                 elsewhere |= other.window.warp_to(other.fit.visible.numpy(), here) > 0.5
@@ -187,15 +190,17 @@ class _Refit:
         lens = self.alone[0].window.lens
         middle = self.alone[0].picture.shape[0] / 2 if lens is None else lens.cy
         below = [math.atan((each.window.centre[1] - middle) / focal) for each in self.alone]
-        told = [
+        elevations = [
             float(each.latents.elevation) + below[self.index] - below[index]
             for index, each in enumerate(self.alone)
             if index != self.index
         ]
-        place, precision = prediction.layout["elevation"], len(told) / LEVEL_SPREAD**2
+        place, precision = prediction.layout["elevation"], len(elevations) / LEVEL_SPREAD**2
         numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
         own = deviation[:, place] ** -2
-        numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(told))) / (own + precision)
+        numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(elevations))) / (
+            own + precision
+        )
         deviation[:, place] = (own + precision).rsqrt()
         return replace(prediction, numbers=numbers, deviation=deviation)
 
@@ -243,21 +248,21 @@ def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.
             break
         weight = scipy.ndimage.gaussian_filter((~holes).astype(np.float32), width)
         colours = scipy.ndimage.gaussian_filter(np.where(holes[..., None], 0, cut), (width, width, 0))
-        known = ~filled & (weight > 0.05)
-        painted[known] = colours[known] / weight[known, None]
-        filled |= known
+        colour_known = ~filled & (weight > 0.05)
+        painted[colour_known] = colours[colour_known] / weight[colour_known, None]
+        filled |= colour_known
     painted[infront] = PAINTED_OUT
     return painted
 
 
-def _exclusive(found: Sequence[Explanation], before: np.ndarray) -> list[Explanation]:
+def _exclusive(explanations: Sequence[Explanation], occludes: np.ndarray) -> list[Explanation]:
     """The same with masks that exclude each other: a pixel that two show is that of the one before."""
-    masks = [each.mask for each in found]
+    masks = [each.mask for each in explanations]
     result = []
-    for index, each in enumerate(found):
+    for index, each in enumerate(explanations):
         others = np.zeros(masks[0].shape, bool)
         for other, mask in enumerate(masks):
-            if other != index and (before[other, index] or (other < index and not before[index, other])):
+            if other != index and (occludes[other, index] or (other < index and not occludes[index, other])):
                 others |= mask
         result.append(replace(each, others=others))
     return result

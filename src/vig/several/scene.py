@@ -29,11 +29,11 @@ class SceneExplanation:
 
     Attributes:
         objects: N of them, in the order in which they were given; their masks exclude each other.
-        before: (N, N) bool, whether object i hides, or may hide, some of object j.
+        occludes: (N, N) bool, whether object i hides, or may hide, some of object j.
     """
 
     objects: tuple[Explanation, ...]
-    before: np.ndarray
+    occludes: np.ndarray
 
     @cached_property
     def masks(self) -> np.ndarray:
@@ -77,7 +77,7 @@ class SceneExplanation:
         return {
             "format": 1,
             "objects": list(self.names),
-            "before": [[self.names[i], self.names[j]] for i, j in np.argwhere(self.before)],
+            "before": [[self.names[i], self.names[j]] for i, j in np.argwhere(self.occludes)],
             "light": self.light.tolist(),
             "camera": {"K": self.poses[0][0].tolist(), "width": width, "height": height,
                        "focal_from": self.objects[0].focal_from},
@@ -108,7 +108,7 @@ class SceneExplanation:
     @property
     def order_note(self) -> str:
         """Which object is before which, in words."""
-        pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.before)]
+        pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.occludes)]
         return ", ".join(pairs) or "none hides another"
 
 

@@ -68,31 +68,33 @@ class Sighting:
     lost: bool
 
     @staticmethod
-    def of(found: Explanation) -> Sighting:
+    def of(explanation: Explanation) -> Sighting:
         """What an explanation says."""
-        layout = latent_layout(found.object_class.shape_model.modes).split(found.fit.deviation)
-        views, hidden = found.alternatives, found.hidden_fraction
-        calibrated = not math.isnan(found.confidence)
-        shares = [found.confidence, *(view.probability for view in views)]
+        layout = latent_layout(explanation.object_class.shape_model.modes).split(explanation.fit.deviation)
+        views, hidden = explanation.alternatives, explanation.hidden_fraction
+        calibrated = not math.isnan(explanation.confidence)
+        shares = [explanation.confidence, *(view.probability for view in views)]
         return Sighting(
-            window=found.window,
-            camera=found.camera,
-            azimuths=np.radians([found.azimuth_deg, *(view.azimuth_deg for view in views)]),
+            window=explanation.window,
+            camera=explanation.camera,
+            azimuths=np.radians([explanation.azimuth_deg, *(view.azimuth_deg for view in views)]),
             probabilities=np.array(
                 shares if calibrated else [NO_CONFIDENCE[bool(n)] for n in range(len(shares))]
             ),
             azimuth_deviation=float(layout["azimuth"][0]),
-            elevation=math.radians(found.elevation_deg),
+            elevation=math.radians(explanation.elevation_deg),
             elevation_deviation=float(layout["elevation"][0]),
-            place=_place_of(found),
+            place=_place_of(explanation),
             hidden=hidden,
-            albedo=found.latents.albedo[0].numpy(),
-            shape=found.latents.shape[0].numpy(),
-            lost=found.verdict in (Verdict.FAILED, Verdict.ABSENT) or hidden is None or hidden > MOST_HIDDEN,
+            albedo=explanation.latents.albedo[0].numpy(),
+            shape=explanation.latents.shape[0].numpy(),
+            lost=explanation.verdict in (Verdict.FAILED, Verdict.ABSENT)
+            or hidden is None
+            or hidden > MOST_HIDDEN,
         )
 
     @property
-    def seen(self) -> float:
+    def visible_share(self) -> float:
         """Share of the object that is seen."""
         return 0.0 if self.hidden is None else 1 - self.hidden
 
@@ -127,31 +129,31 @@ class Follower:
     def explain(self, frame: Photo, box: Box | None = None) -> tuple[Explanation, Sighting]:
         """Explain the next frame; box: round the object in it, where it was not seen before."""
         if self.place is None:
-            found = self.explainer.explain_followed(frame, None, self.focal, self.hints, box=box)
-            seen = Sighting.of(found)
-            if not seen.lost:
-                self.place, self.roll, self.albedo = seen.place, seen.camera.roll, seen.albedo
-            if box is not None:  # whatever is seen there: the object may be hidden from the start
+            explanation = self.explainer.explain_followed(frame, None, self.focal, self.hints, box=box)
+            sighting = Sighting.of(explanation)
+            if not sighting.lost:
+                self.place, self.roll, self.albedo = sighting.place, sighting.camera.roll, sighting.albedo
+            if box is not None:  # whatever is sighting there: the object may be hidden from the start
                 x, y, w, h = box
                 self.place = np.array([x + w / 2, y + h / 2, math.log(max(w, h))])
-                self.albedo = self.albedo if seen.probabilities[0] > LEAST_SURE else None
-            return found, seen
+                self.albedo = self.albedo if sighting.probabilities[0] > LEAST_SURE else None
+            return explanation, sighting
         self.place = self.place + [*self.speed, 0.0]
-        found, seen = self._at(frame, window_at(self.place, self.roll))
-        if not self._is_object(seen) and (window := self._found_again(frame, self.place)) is not None:
+        explanation, sighting = self._at(frame, window_at(self.place, self.roll))
+        if not self._is_object(sighting) and (window := self._found_again(frame, self.place)) is not None:
             again = self._at(frame, window)
             if self._is_object(again[1]):
-                found, seen = again
-        if self._is_object(seen):
-            self._update(seen)
-            return found, seen
+                explanation, sighting = again
+        if self._is_object(sighting):
+            self._update(sighting)
+            return explanation, sighting
         self.missed += 1
         self.speed = SLOWING * self.speed
-        return found, replace(seen, lost=True)
+        return explanation, replace(sighting, lost=True)
 
     def _at(self, frame: Photo, window: Window) -> tuple[Explanation, Sighting]:
-        found = self.explainer.explain_followed(frame, window, self.focal, self.hints)
-        return found, Sighting.of(found)
+        explanation = self.explainer.explain_followed(frame, window, self.focal, self.hints)
+        return explanation, Sighting.of(explanation)
 
     def _found_again(self, frame: Photo, place: np.ndarray) -> Window | None:
         """The window of what is found near the predicted place, if surely."""
@@ -166,13 +168,13 @@ class Follower:
         window = replace(best.window, left=best.window.left + left, top=best.window.top + top)
         return window if best.score >= SURELY_FOUND else None
 
-    def _is_object(self, seen: Sighting) -> bool:
+    def _is_object(self, sighting: Sighting) -> bool:
         """Whether what is seen may be the object: near the predicted place, as large, of its colour."""
-        off, wider = seen.place - self.place, min(1 + WIDENED * self.missed, WIDEST)
-        known = seen.albedo if self.albedo is None else self.albedo
-        apart = np.log(seen.albedo + 0.05) - np.log(known + 0.05)  # dark ones are alike
+        off, wider = sighting.place - self.place, min(1 + WIDENED * self.missed, WIDEST)
+        albedo_so_far = sighting.albedo if self.albedo is None else self.albedo
+        apart = np.log(sighting.albedo + 0.05) - np.log(albedo_so_far + 0.05)  # dark ones are alike
         return (
-            not seen.lost
+            not sighting.lost
             and math.hypot(*off[:2]) < wider * AWAY * math.exp(self._side)
             and abs(off[2]) < wider * OTHER_SIZE
             and float(np.sqrt(np.square(apart).mean())) < OTHER_COLOUR
@@ -183,22 +185,22 @@ class Follower:
         assert self.place is not None
         return float(self.place[2])
 
-    def _update(self, seen: Sighting) -> None:
+    def _update(self, sighting: Sighting) -> None:
         """Go on from a frame, the more the more of the object it shows."""
         assert self.place is not None
-        sure, off = seen.seen**2, seen.place - self.place
+        sure, off = sighting.visible_share**2, sighting.place - self.place
         self.place = self.place + sure * np.array([GAIN, GAIN, SIZE_GAIN]) * off
         self.speed = self.speed + sure * SPEED_GAIN * off[:2]
-        self.roll += sure * ROLL_GAIN * (seen.camera.roll - self.roll)
-        known = seen.albedo if self.albedo is None else self.albedo
-        self.albedo = known + sure * COLOUR_GAIN * (seen.albedo - known)
+        self.roll += sure * ROLL_GAIN * (sighting.camera.roll - self.roll)
+        albedo_so_far = sighting.albedo if self.albedo is None else self.albedo
+        self.albedo = albedo_so_far + sure * COLOUR_GAIN * (sighting.albedo - albedo_so_far)
         self.missed = 0
 
 
-def _place_of(found: Explanation) -> np.ndarray:
+def _place_of(explanation: Explanation) -> np.ndarray:
     """`Sighting.place` of an explanation, by its vertices: beyond the frame, too."""
-    pose = found.camera_from_object
-    points = (found.vertices @ pose[:3, :3].T + pose[:3, 3]) @ found.camera.K.T
+    pose = explanation.camera_from_object
+    points = (explanation.vertices @ pose[:3, :3].T + pose[:3, 3]) @ explanation.camera.K.T
     pixels = points[:, :2] / points[:, 2:]
     least, most = pixels.min(0), pixels.max(0)
     return np.array([*(least + most) / 2, math.log((most - least).max())])

@@ -35,13 +35,13 @@ def likeliest_path(log_evidence: np.ndarray) -> np.ndarray:
     usual = np.exp(-0.5 * (change / SPEED_SPREAD) ** 2)
     usual /= usual.sum(1, keepdims=True)
     log_change = np.log((1 - SPEED_OTHER) * usual + SPEED_OTHER / len(speeds))  # (from, to)
-    before = (np.arange(bins)[:, None] - speeds) % bins  # the angle that a speed leads here from
+    previous_bin = (np.arange(bins)[:, None] - speeds) % bins  # the angle that a speed leads here from
     score = np.repeat(log_evidence[0][:, None], len(speeds), axis=1)
     steps = np.empty((count, bins, len(speeds)), np.int8)
     for frame in range(1, count):
         options = score[:, :, None] + log_change
-        steps[frame] = options.argmax(1)  # by angle before, and speed now
-        score = options.max(1)[before, np.arange(len(speeds))] + log_evidence[frame][:, None]
+        steps[frame] = options.argmax(1)  # by angle previous_bin, and speed now
+        score = options.max(1)[previous_bin, np.arange(len(speeds))] + log_evidence[frame][:, None]
     angle, speed = np.unravel_index(score.argmax(), score.shape)
     path = np.empty(count)
     place = int(angle)
@@ -70,15 +70,17 @@ def smoothed(
     Returns:
         (2, T) means and standard deviations; without any measurement 0 and inf.
     """
-    known = np.isfinite(deviation)
-    if not known.any():
+    has_deviation = np.isfinite(deviation)
+    if not has_deviation.any():
         return np.stack([np.zeros(len(values)), np.full(len(values), math.inf)])
-    variance = np.where(known, deviation, 1.0) ** 2
+    variance = np.where(has_deviation, deviation, 1.0) ** 2
     weight = np.ones(len(values))
     for _ in range(ROUNDS):
-        found = _smoothed(values, np.where(known, variance / weight, math.inf), acceleration, speed)
-        weight = (TAILS + 1) / (TAILS + (values - found[0]) ** 2 / variance)
-    return found
+        estimate = _smoothed(
+            values, np.where(has_deviation, variance / weight, math.inf), acceleration, speed
+        )
+        weight = (TAILS + 1) / (TAILS + (values - estimate[0]) ** 2 / variance)
+    return estimate
 
 
 def _smoothed(
@@ -107,7 +109,7 @@ def _smoothed(
         spreads.append(spread)
     for frame in range(len(values) - 2, -1, -1):
         ahead, uncertain = predicted[frame + 1]
-        back = spreads[frame] @ step.T @ np.linalg.inv(uncertain)
-        means[frame] = means[frame] + back @ (means[frame + 1] - ahead)
-        spreads[frame] = spreads[frame] + back @ (spreads[frame + 1] - uncertain) @ back.T
+        gain = spreads[frame] @ step.T @ np.linalg.inv(uncertain)
+        means[frame] = means[frame] + gain @ (means[frame + 1] - ahead)
+        spreads[frame] = spreads[frame] + gain @ (spreads[frame + 1] - uncertain) @ gain.T
     return np.array([[each[0] for each in means], [math.sqrt(max(each[0, 0], 0.0)) for each in spreads]])

@@ -117,7 +117,7 @@ class Trajectory:
     def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> Trajectory:
         """Smooth sightings, whose azimuths count where they are near the chosen ones `path` (T,)."""
         lost = np.array([each.lost for each in sightings])
-        hidden = np.array([1 - each.seen for each in sightings]) ** 2
+        hidden = np.array([1 - each.visible_share for each in sightings]) ** 2
         cameras = [each.camera for each in sightings]
         places = np.stack([each.place for each in sightings])
         side = math.exp(float(np.median(places[~lost, 2])))
@@ -175,7 +175,7 @@ def track(
     box: Box | None = None,
     focal: float | None = None,
     hints: Hints | None = None,
-    seen: Callable[[int, Explanation], None] | None = None,
+    on_frame: Callable[[int, Explanation], None] | None = None,
 ) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
@@ -190,7 +190,7 @@ def track(
         box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
         hints: What is known in all frames.
-        seen: Is called with the number and the explanation of each frame, and of those fitted again.
+        on_frame: Is called with the number and the explanation of each frame, and of those fitted again.
 
     Raises:
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
@@ -200,7 +200,7 @@ def track(
     follower = Follower(explainer, focal, hints)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):
-        found, sighting = follower.explain(frame, box if number == 0 else None)
+        explanation, sighting = follower.explain(frame, box if number == 0 else None)
         size, first = (
             (each.camera.width, each.camera.height) for each in (sighting, alone[0] if alone else sighting)
         )
@@ -210,8 +210,8 @@ def track(
                 f" {number}. Track one video at a time."
             )
         alone.append(sighting)
-        if seen is not None:
-            seen(number, found)
+        if on_frame is not None:
+            on_frame(number, explanation)
     if all(sighting.lost for sighting in alone):
         name = explainer.object_class.name
         raise UserError(f"expected a {name} in the frames; found none. Give its box in the first frame.")
@@ -223,13 +223,13 @@ def track(
             azimuth, elevation = np.degrees(
                 [trajectory.azimuth[0, number], trajectory.elevation[0, number]]
             ).tolist()
-            told = replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
+            frame_hints = replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
             window = window_at(trajectory.place[number], float(trajectory.roll[number]))
-            found = explainer.explain_followed(frames[number], window, focal, told)
-            again[number] = Sighting.of(found)
-            if seen is not None:
-                seen(number, found)
-    weight = [0.0 if each.lost else each.seen**2 * each.probabilities[0] for each in alone]
+            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints)
+            again[number] = Sighting.of(explanation)
+            if on_frame is not None:
+                on_frame(number, explanation)
+    weight = [0.0 if each.lost else each.visible_share**2 * each.probabilities[0] for each in alone]
     shape, albedo = (
         np.average([getattr(each, name) for each in alone], axis=0, weights=np.array(weight) + 1e-9)
         for name in ("shape", "albedo")
@@ -269,21 +269,21 @@ def _frames(
             ),
             elevation_deg=float(elevation[0, number]),
             elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
-            alone_azimuth_deg=math.degrees(before.azimuths[0]),
-            alone_elevation_deg=math.degrees(before.elevation),
+            alone_azimuth_deg=math.degrees(first.azimuths[0]),
+            alone_elevation_deg=math.degrees(first.elevation),
             camera=replace(
-                after.camera,
+                second.camera,
                 focal=focal,
                 cx=float(trajectory.middle[number, 0]),
                 cy=float(trajectory.middle[number, 1]),
                 distance=focal / math.exp(trajectory.scale[number]),
                 roll=float(trajectory.roll[number]),
             ),
-            hidden_fraction=after.hidden,
-            lost=before.lost,
-            refitted=after is not before,
+            hidden_fraction=second.hidden,
+            lost=first.lost,
+            refitted=second is not first,
         )
-        for number, (before, after) in enumerate(zip(alone, again, strict=True))
+        for number, (first, second) in enumerate(zip(alone, again, strict=True))
     ]
 
 

@@ -72,9 +72,9 @@ def test_masks_exclude_each_other_and_are_where_each_object_is_seen(group: Group
 
 
 def test_what_hides_what_is_told(group: Group, scene: SceneExplanation):
-    one_way = group.before & ~group.before.T
+    one_way = group.occludes & ~group.occludes.T
     assert one_way.any()
-    assert (scene.before & ~scene.before.T)[one_way].all()
+    assert (scene.occludes & ~scene.occludes.T)[one_way].all()
 
 
 def test_order_follows_who_is_seen_where_both_are(
@@ -99,7 +99,7 @@ def test_one_object_is_explained_as_alone(group: Group, explainers: dict[str, vi
     found = explain_together(group.photo, [explainer], [box])
     alone = explainer.explain(group.photo, box)
     assert found.objects[0].azimuth_deg == alone.azimuth_deg
-    assert not found.before.any()
+    assert not found.occludes.any()
 
 
 def test_as_many_boxes_as_explainers_are_wanted(group: Group, explainers: dict[str, vig.Explainer]):
@@ -154,7 +154,7 @@ def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
     group: Group, scene: SceneExplanation, alone: list[Explanation]
 ):
     behind = 2
-    infront, _ = _Refit(alone, scene.before, behind)._others()
+    infront, _ = _Refit(alone, scene.occludes, behind)._others()
     taken, left = ((each[behind].fit.mask.numpy() & infront).sum() for each in (alone, scene.objects))
     assert taken > 300
     assert left < 0.25 * taken

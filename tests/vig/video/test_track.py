@@ -85,7 +85,7 @@ def test_the_window_of_a_place_is_that_of_its_box() -> None:
 
 def test_a_pot_that_turns_behind_a_jug(video: Video, explainer: vig.Explainer) -> None:
     calls: list[int] = []
-    found = vig.track(video.frames, explainer, video.box, seen=lambda number, _: calls.append(number))
+    found = vig.track(video.frames, explainer, video.box, on_frame=lambda number, _: calls.append(number))
     frames = found.frames
     assert found.shape.shape == (explainer.object_class.shape_model.modes,)
     assert found.albedo.shape == (3,) and (found.albedo > 0).all()

@@ -84,8 +84,8 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     a, b, opposite = (np.roll(faces, -i, axis=1).reshape(-1).astype(np.int64) for i in range(3))
     size = int(faces.max(initial=0)) + 1
     here, there = _Grouped(a * size + b), _Grouped(b * size + a)
-    found, count = here.find(there.keys)
-    beyond = here.order[(found + np.minimum(here.rank, count - 1)).clip(0)]
+    reverse, count = here.find(there.keys)
+    beyond = here.order[(reverse + np.minimum(here.rank, count - 1)).clip(0)]
     face, across = beyond // 3, opposite[beyond]
     face[count == 0] = across[count == 0] = -1
     rows = np.stack([a, b, np.arange(len(a)) // 3, face, across], axis=1)
@@ -106,9 +106,9 @@ def rings_of(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     at, neighbour, following = (np.roll(faces, -i, axis=1).reshape(-1).astype(np.int64) for i in range(3))
     leaving, arriving = _Grouped(at * count + neighbour), _Grouped(at * count + following)
     # The last of the faces that arrive at a neighbour goes with the first that leaves from it, and so on.
-    found, arrivals = arriving.find(leaving.keys)
+    arrival, arrivals = arriving.find(leaving.keys)
     matched = leaving.rank < arrivals
-    last = arriving.order[np.where(matched, found + arrivals - 1 - leaving.rank, 0)]
+    last = arriving.order[np.where(matched, arrival + arrivals - 1 - leaving.rank, 0)]
     previous = np.where(matched, neighbour[last], at) if len(at) else at
     _, departures = leaving.find(arriving.keys)
     _, arrived = arriving.find(arriving.keys)

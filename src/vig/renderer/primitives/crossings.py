@@ -121,8 +121,8 @@ def _search(
     def cross(fill: int, ends: torch.Tensor, total: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         cells = torch.empty((total, 5), dtype=torch.int32, device=points.device)
         links, spots = cells.new_empty(total), points.new_empty(total, 3)
-        given = points, edges, layer, chosen, fill, counts, ends, heads, links, cells, spots
-        launch(kernels.cross_lines, len(chosen), *given)
+        arguments = points, edges, layer, chosen, fill, counts, ends, heads, links, cells, spots
+        launch(kernels.cross_lines, len(chosen), *arguments)
         return cells, links, spots
 
     cross(0, counts, 0)
@@ -131,6 +131,19 @@ def _search(
     hidden = torch.zeros(len(cells), dtype=torch.uint8, device=points.device)
     if len(cells):
         points, parts, origin = beyond_near(points, faces.long())
-        given = points, parts.int(), origin, faces, layer, edges, chosen, heads, links, cells, spots, hidden
-        launch(kernels.hide, len(parts), *given)
+        arguments = (
+            points,
+            parts.int(),
+            origin,
+            faces,
+            layer,
+            edges,
+            chosen,
+            heads,
+            links,
+            cells,
+            spots,
+            hidden,
+        )
+        launch(kernels.hide, len(parts), *arguments)
     return chosen, cells, hidden

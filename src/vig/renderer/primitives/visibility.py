@@ -119,8 +119,8 @@ def _draw(
     screen = torch.cat([points[:, :2] * q, q], dim=1)[None]
     facing, used = (keys.new_empty((1, len(of)), dtype=torch.uint8) for of in (corners, points))
     parts = images, -(-most // chunk)
-    given = screen, corners, starts, chunk, width, height, keys, facing, used
-    launch(_draw_layers(points.dtype), parts, *given)
+    arguments = screen, corners, starts, chunk, width, height, keys, facing, used
+    launch(_draw_layers(points.dtype), parts, *arguments)
     return keys, origin
 
 

@@ -115,7 +115,7 @@ def cross_lines(
     image = layer[edges[edge, 4]]
     pa = vec2(a[0], a[1]) / a[2]
     pb = vec2(b[0], b[1]) / b[2]
-    found = wp.int32(0)
+    crossing_count = wp.int32(0)
     for axis in range(2):
         # u runs along the pair of pixels, v across: (x, y) for pairs in a row, (y, x) in a column.
         across = 1 - axis
@@ -136,7 +136,7 @@ def cross_lines(
                 continue
             low = wp.min(int(wp.floor(u - half)), steps - 2)
             if fill == 1:
-                at = ends[index] - counts[index] + found
+                at = ends[index] - counts[index] + crossing_count
                 x = low
                 y = line
                 spot = vec2(u, v)
@@ -152,9 +152,9 @@ def cross_lines(
                 depth = real(1.0) / ((real(1.0) - share) / a[2] + share / b[2])
                 spots[at] = vec3(spot[0], spot[1], depth)
                 links[at] = wp.atomic_exch(heads, image, axis, y, x, at)
-            found = found + 1
+            crossing_count = crossing_count + 1
     if fill == 0:
-        counts[index] = found
+        counts[index] = crossing_count
 
 
 @wp.kernel(module=module)
@@ -186,10 +186,10 @@ def hide(
     if not (low[0] <= high[0] and low[1] <= high[1]):
         return
     for axis in range(2):
-        before = vec2(half, half)
-        before[axis] = half + real(1.0)
-        x0 = first_line(low[0] - before[0])
-        y0 = first_line(low[1] - before[1])
+        entry = vec2(half, half)
+        entry[axis] = half + real(1.0)
+        x0 = first_line(low[0] - entry[0])
+        y0 = first_line(low[1] - entry[1])
         x1 = last_line(high[0] - half, heads.shape[3])
         y1 = last_line(high[1] - half, heads.shape[2])
         for y in range(y0, y1 + 1):

@@ -192,10 +192,10 @@ def add_row(
         brightness = wp.max(wp.dot(colour, colour), least_brightness)
         steepness = wp.abs(blend.weight * blend.gain) + least_gain
         root = wp.sqrt(curvature / (steepness * brightness))
-        back = wp.transpose(eye.rotation)
+        world_from_camera = wp.transpose(eye.rotation)
         on_a = motion_a * root
         on_b = motion_b * root
-        row = add_basis(shape_row(), mesh, edge.i, back * camera_cotangent(eye, edge.a, on_a))
-        row = add_basis(row, mesh, edge.j, back * camera_cotangent(eye, edge.b, on_b))
+        row = add_basis(shape_row(), mesh, edge.i, world_from_camera * camera_cotangent(eye, edge.a, on_a))
+        row = add_basis(row, mesh, edge.j, world_from_camera * camera_cotangent(eye, edge.b, on_b))
         rows.normal_shape[image, slot] = row
         rows.normal_rest[image, slot] = moved(moved(rest_row(), eye, on_a, edge.a), eye, on_b, edge.b)

@@ -12,16 +12,16 @@ def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):
     """List the edges between a face turned to the eye and one turned away, or none."""
     image, part = wp.tid()
     first = part * chunk
-    found = wp.int32(0)
+    edge_count = wp.int32(0)
     for edge in range(first, wp.min(first + chunk, mesh.edges.shape[0])):
         beyond = mesh.edges[edge, 3]
         front_beyond = wp.uint8(0)
         if beyond >= 0:
             front_beyond = occluding.facing[image, beyond]
         if occluding.facing[image, mesh.edges[edge, 2]] != front_beyond:
-            occluding.occluding_edges[image, first + found] = edge
-            found += 1
-    occluding.counts[image, part] = found
+            occluding.occluding_edges[image, first + edge_count] = edge
+            edge_count += 1
+    occluding.counts[image, part] = edge_count
 
 
 @wp.struct

@@ -75,29 +75,29 @@ def edge_of(image: int, edge: int, mesh: Mesh, vertices: Vertices, facing: Occlu
     silhouette a fold lies between two edges that are both crossed: counted against them one crossing is
     left, and nothing jumps where a pair appears.
     """
-    found = Edge()
-    found.fold = one
-    found.i = mesh.edges[edge, 0]
-    found.j = mesh.edges[edge, 1]
+    ends = Edge()
+    ends.fold = one
+    ends.i = mesh.edges[edge, 0]
+    ends.j = mesh.edges[edge, 1]
     face = mesh.edges[edge, 2]
-    apex = mesh.faces[face, 0] + mesh.faces[face, 1] + mesh.faces[face, 2] - found.i - found.j
+    apex = mesh.faces[face, 0] + mesh.faces[face, 1] + mesh.faces[face, 2] - ends.i - ends.j
     other = mesh.edges[edge, 4]
     if facing.facing[image, face] == wp.uint8(0):
-        found.i = mesh.edges[edge, 1]
-        found.j = mesh.edges[edge, 0]
+        ends.i = mesh.edges[edge, 1]
+        ends.j = mesh.edges[edge, 0]
         swap = apex
         apex = other
         other = swap
-    found.a = vertices.screen[image, found.i]
-    found.b = vertices.screen[image, found.j]
-    found.normal_a = eye.rotation * vertices.normals[image, found.i]
-    found.normal_b = eye.rotation * vertices.normals[image, found.j]
+    ends.a = vertices.screen[image, ends.i]
+    ends.b = vertices.screen[image, ends.j]
+    ends.normal_a = eye.rotation * vertices.normals[image, ends.i]
+    ends.normal_b = eye.rotation * vertices.normals[image, ends.j]
     if mesh.edges[edge, 3] >= 0:
-        to_apex = vertices.screen[image, apex] - found.a
-        to_other = vertices.screen[image, other] - found.a
-        if wp.dot(wp.cross(found.b - found.a, to_apex), to_other) < real(0.0):
-            found.fold = real(-1.0)
-    return found
+        to_apex = vertices.screen[image, apex] - ends.a
+        to_other = vertices.screen[image, other] - ends.a
+        if wp.dot(wp.cross(ends.b - ends.a, to_apex), to_other) < real(0.0):
+            ends.fold = real(-1.0)
+    return ends
 
 
 @wp.func

@@ -95,7 +95,7 @@ def interior_rows(
     image, line = wp.tid()
     y = line * stride
     eye = eye_of(image, view)
-    back = wp.transpose(eye.rotation)
+    world_from_camera = wp.transpose(eye.rotation)
     per_row = real(stride) / photos.sigma[image]
     half_precision = noise_of(photos.sigma[image]).half_precision
     for column in range((view.width + stride - 1) / stride):
@@ -109,19 +109,19 @@ def interior_rows(
             slot = claim_row(image, line, normal_rows)
             surface = surface_of(image, int(key & face_mask), mesh, vertices)
             pixel = vec2(real(x) + real(0.5), real(y) + real(0.5))
-            seen = seen_at(surface, pixel)
+            sample = seen_at(surface, pixel)
             off = pixel - surface.origin
-            error = photos.observed[photos.photo[image], at] - photos.albedo[image] * seen[0]
+            error = photos.observed[photos.photo[image], at] - photos.albedo[image] * sample[0]
             weight = visible * pull(wp.dot(error, error) * half_precision)
             size = per_row * wp.sqrt(weight)
-            inverse = size / seen[1]
+            inverse = size / sample[1]
             v = wp.dot(surface.by_second, off) * vertices.screen[image, surface.j][2] * inverse
             w = wp.dot(surface.by_third, off) * vertices.screen[image, surface.k][2] * inverse
             u = size - v - w
-            slide = (surface.slope * seen[0] - surface.lit_slope) * inverse
-            spot = vec3(pixel[0], pixel[1], seen[1])
+            slide = (surface.slope * sample[0] - surface.lit_slope) * inverse
+            spot = vec3(pixel[0], pixel[1], sample[1])
             on_spot = vec3(slide[0], slide[1], real(0.0))
-            cotangent = (back * camera_cotangent(eye, spot, on_spot)) / size
+            cotangent = (world_from_camera * camera_cotangent(eye, spot, on_spot)) / size
             normal_rows.normal_rest[image, slot] = moved(
                 vertex_rows.rest_rows[image, surface.i] * u
                 + vertex_rows.rest_rows[image, surface.j] * v

@@ -183,7 +183,7 @@ def unshade(
     image, part = wp.tid()
     shining = lighting.light[image]
     eye = eye_of(image, view)
-    back = wp.transpose(eye.rotation)
+    world_from_camera = wp.transpose(eye.rotation)
     total = rest_row()
     by_shape = shape_row()
     first = part * chunk
@@ -193,7 +193,7 @@ def unshade(
             pulled = cotangents.on_corner[image, vertex]
             pull = vec3(pulled[0], pulled[1], pulled[2])
             total = moved(total, eye, pull, spot)
-            in_world = back * camera_cotangent(eye, spot, pull)
+            in_world = world_from_camera * camera_cotangent(eye, spot, pull)
             normal = vertices.normals[image, vertex]
             by_normal = vec3()
             if vertices.irradiances[image, vertex] > real(0.0):
@@ -210,7 +210,7 @@ def unshade(
                 total[azimuth] = total[azimuth] + pose[0]
                 total[elevation] = total[elevation] + pose[1]
                 total[framing + 3] = total[framing + 3] + pose[2]
-                by_normal = by_normal + back * turning
+                by_normal = by_normal + world_from_camera * turning
             tangent = by_normal - normal * wp.dot(by_normal, normal)
             tangent = tangent * vertices.inverse_lengths[image, vertex]
             ring_pull(image, vertex, tangent, in_world, mesh, vertices, cotangents)
