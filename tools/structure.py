@@ -1,34 +1,59 @@
-"""Prints how a source tree is built: lines and files of each package, the longest, the median, circles.
+"""Prints how a source tree is built: sizes, constants and comments of each package, circles of imports.
 
     python tools/structure.py [SRC] [--photo PHOTO]
 
-SRC is the folder that holds the packages, `src` by default. With --photo, one photo is explained and every
-file of vig that it passes through is listed in the order in which it is first entered.
+SRC is the folder that holds the packages, `src` by default. With --photo, one photo is explained, by the
+library and then by `vig fit`, and the files of SRC are counted of which a function's code runs, in whatever
+thread; those of the library are listed in the order in which they are first entered.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
+import io
 import statistics
 import sys
+import tempfile
+import threading
+import tokenize
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from types import FrameType
+
+COLUMNS = (
+    "package", "files", "lines", "native lines", "median file", "longest file", "most arguments",
+    "longest function", "constants", "comments per 1000",
+)  # fmt: skip
 
 
-def lines(path: Path) -> int:
-    return len(path.read_text().splitlines())
+@dataclass(frozen=True)
+class SourceFile:
+    """One Python file: its lines, lines with a comment, module constants, and its functions."""
 
+    path: Path
+    lines: int
+    comments: int
+    constants: int
+    functions: list[tuple[int, int, str]]
+    """Arguments, lines and name of each."""
 
-def functions(tree: ast.AST) -> list[tuple[int, int, str]]:
-    """Arguments, lines and name of every function."""
-    found = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            given = node.args
-            count = len(given.posonlyargs) + len(given.args) + len(given.kwonlyargs)
-            found.append((count, (node.end_lineno or 0) - node.lineno + 1, node.name))
-    return found
+    @staticmethod
+    def of(path: Path) -> SourceFile:
+        text = path.read_text()
+        tree = ast.parse(text)
+        tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+        comments = sum(token.type == tokenize.COMMENT for token in tokens)
+        constants = sum(isinstance(node, ast.Assign | ast.AnnAssign) for node in tree.body)
+        functions = []
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
+                functions.append((count, (node.end_lineno or 0) - node.lineno + 1, node.name))
+        return SourceFile(path, len(text.splitlines()), comments, constants, functions)
 
 
 def circle(root: Path) -> str:
@@ -51,52 +76,91 @@ def circle(root: Path) -> str:
     return "none"
 
 
+def row(package: Path) -> list[str]:
+    """The numbers of a package, in the order of `COLUMNS`."""
+    files = [SourceFile.of(path) for path in sorted(package.rglob("*.py"))]
+    native = [path.read_text().splitlines() for path in package.rglob("*.cc")]
+    lines, native_lines = sum(file.lines for file in files), sum(map(len, native))
+    comments = sum(file.comments for file in files)
+    comments += sum("//" in line for text in native for line in text)
+    longest = max(files, key=lambda file: file.lines)
+    functions = [(*each, file.path.relative_to(package)) for file in files for each in file.functions]
+    most, long = max(functions), max(functions, key=lambda each: each[1])
+    median = statistics.median(file.lines for file in files if file.path.name != "__init__.py")
+    return [
+        package.name,
+        f"{len(files)}",
+        f"{lines}",
+        f"{native_lines}",
+        f"{median:.0f}",
+        f"{longest.path.relative_to(package)} ({longest.lines})",
+        f"{most[2]} in {most[3]} ({most[0]})",
+        f"{long[2]} in {long[3]} ({long[1]})",
+        f"{sum(file.constants for file in files)}",
+        f"{1000 * comments / (lines + native_lines):.0f}",
+    ]
+
+
 def report(root: Path) -> None:
-    head = "package files lines native_lines median_file longest_file most_arguments longest_function"
-    print(f"| {head.replace(' ', ' | ').replace('_', ' ')} |")
-    print("| --- | ---: | ---: | ---: | ---: | --- | --- | --- |")
+    print(f"| {' | '.join(COLUMNS)} |")
+    print("| --- | ---: | ---: | ---: | ---: | --- | --- | --- | ---: | ---: |")
     for package in sorted(path for path in root.iterdir() if (path / "__init__.py").is_file()):
-        files = sorted(package.rglob("*.py"))
-        sizes = {path: lines(path) for path in files}
-        native = sum(lines(path) for path in package.rglob("*.cc"))
-        long = max(files, key=lambda path: sizes[path])
-        all_functions = [
-            (*each, path.relative_to(package))
-            for path in files
-            for each in functions(ast.parse(path.read_text()))
-        ]
-        most, longest = max(all_functions), max(all_functions, key=lambda each: each[1])
-        median = statistics.median(size for path, size in sizes.items() if path.name != "__init__.py")
-        print(
-            f"| {package.name} | {len(files)} | {sum(sizes.values())} | {native} | {median:.0f}"
-            f" | {long.relative_to(package)} ({sizes[long]}) | {most[2]} in {most[3]} ({most[0]})"
-            f" | {longest[2]} in {longest[3]} ({longest[1]}) |"
-        )
+        print(f"| {' | '.join(row(package))} |")
     print(f"\nimports in a circle: {circle(root)}")
 
 
+def importing(frame: FrameType | None) -> bool:
+    """Whether the code runs as part of a module's import, which no photo passes."""
+    while frame is not None and "importlib" not in frame.f_code.co_filename:
+        if frame.f_code.co_name == "<module>" and frame.f_globals.get("__name__") != "__main__":
+            return True
+        frame = frame.f_back
+    return frame is not None
+
+
+@contextlib.contextmanager
+def entered_files(root: Path) -> Iterator[list[Path]]:
+    """The files under a folder of which a function runs within the block, in all threads, in their order."""
+    prefix, names, entered = f"{root.resolve()}/", set[str](), list[Path]()
+
+    def watch(frame: FrameType, event: str, argument: object) -> None:
+        name = frame.f_code.co_filename
+        if event == "call" and name not in names and name.startswith(prefix) and not importing(frame):
+            names.add(name)
+            entered.append(Path(name).relative_to(root.resolve()))
+
+    threading.setprofile(watch)  # of threads that start from now on
+    sys.setprofile(watch)
+    try:
+        yield entered
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)  # type: ignore[arg-type]
+
+
+def command_line() -> Callable[[list[str]], None]:
+    """`main` of the command line, of this version or of one before the application had its own package."""
+    try:
+        from vig_app.cli.main import main
+    except ImportError:
+        from vig.cli.main import main
+    return main
+
+
 def follow(photo: Path) -> None:
-    """Explain a photo and list the files of vig whose code runs, in their order."""
+    """Explain a photo by the library and by `vig fit`, and count the files that it passes."""
     import vig
 
-    explainer = vig.Explainer()
-    home, seen = Path(vig.__file__).parent, []
-
-    def watch(frame: object, event: str, argument: object) -> None:
-        name = frame.f_code.co_filename  # type: ignore[attr-defined]
-        if event == "call" and name.startswith(str(home)) and name not in seen:
-            seen.append(name)
-
-    import threading
-
-    threading.setprofile_all_threads(watch) if hasattr(threading, "setprofile_all_threads") else None
-    threading.setprofile(watch)
-    sys.setprofile(watch)
-    explanation = explainer.explain(photo)
-    explanation.to_dict()
-    sys.setprofile(None)
-    print(f"\n{photo.name} passes through {len(seen)} files:")
-    print("\n".join(str(Path(name).relative_to(home)) for name in seen))
+    root = Path(vig.__file__).parents[1]
+    with entered_files(root) as files:
+        vig.Explainer().explain(photo).to_dict()
+    print(f"\n{photo.name} passes {len(files)} files in the library:")
+    print("\n".join(map(str, files)))
+    with tempfile.TemporaryDirectory() as folder, entered_files(root) as files:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+            command_line()(["fit", str(photo), "--out", f"{folder}/out"])
+    print(f"\nand {len(files)} files in `vig fit`:")
+    print("\n".join(map(str, files)))
 
 
 def main() -> None:
@@ -105,10 +169,10 @@ def main() -> None:
     )
     parser.add_argument("source", nargs="?", type=Path, default=Path("src"))
     parser.add_argument("--photo", type=Path)
-    given = parser.parse_args()
-    report(given.source)
-    if given.photo:
-        follow(given.photo)
+    settings = parser.parse_args()
+    report(settings.source)
+    if settings.photo:
+        follow(settings.photo)
 
 
 if __name__ == "__main__":

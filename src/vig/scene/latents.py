@@ -253,7 +253,7 @@ class Latents:
         if tuple(shapes.values()) != wanted:
             raise ValueError(
                 "latents must be tensors shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
-                f" light (B, {L_COUNT}); got {', '.join(f'{name} {shape}' for name, shape in shapes.items())}."
+                f" light (B, {L_COUNT}); got {', '.join(f'{name} {size}' for name, size in shapes.items())}."
                 " Give each one row an image."
             )
 
