@@ -100,6 +100,7 @@ def _views(
     canonical = objective.object_class.symmetry.canonical(objective.latents(selection.others))
     framings = objective.framing(selection.others)
     mass = prediction.log_mass(torch.cat([latents.azimuth, canonical.azimuth])).exp()
+    # Where views overlap their masses may add up to more than what the fit's leaves.
     rest = mass[1:] / (1 - mass[0]).clamp_min(mass[1:].sum())
     vectors = canonical.to_vector()
     return tuple(
@@ -140,9 +141,11 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
     observed, log_prior = (
         image.cpu().view(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
     )
+    # A Lambertian surface of one albedo: colour = albedo x irradiance.
     rendered = evaluation.irradiance.cpu()[..., None] * latents.albedo[:, None, None]
     amodal = coverage >= 0.5
     decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
+    # What shows another of the object's own colours is visible, too.
     posterior = posterior + (1 - posterior) * decorated.to(posterior)
     by_pixel = visible = torch.where(amodal, posterior, 0.0)
     if model.mask is not None:
@@ -227,6 +230,7 @@ def _verdict(
 
 def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:
     """Standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that are free."""
+    # Held numbers have no deviation, and would make the matrix singular.
     free = (objective.lower < objective.upper).cpu()
     matrix = normal[free][:, free].double()
     matrix = matrix + 1e-9 * matrix.diagonal().max() * torch.eye(len(matrix), dtype=torch.float64)

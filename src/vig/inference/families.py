@@ -22,9 +22,11 @@ def family_shapes(prediction: Prediction, object_class: ObjectClass) -> tuple[to
     if not object_class.families:
         return torch.ones(1), shape[None]
     mean, spread, share = _tables(object_class.families, shape)
+    # Evidence of a family: the predicted Gaussian and the family's, multiplied and integrated over the shape.
     both = spread**2 + deviation**2
     evidence = share.log() - 0.5 * ((shape - mean) ** 2 / both + both.log()).sum(1)
     probability = evidence.softmax(0)
+    # The mean of their product: between the two, nearer to the narrower one.
     weight = spread**2 / both
     return probability, mean + weight * (shape - mean)
 
@@ -33,6 +35,7 @@ def shape_deviation(prediction: Prediction, object_class: ObjectClass) -> torch.
     """Standard deviations (K,) of one photo's shape, that between its likely families included."""
     place = prediction.layout["shape"]
     probability, shapes = family_shapes(prediction, object_class)
+    # Law of total variance: within the families, and between their means.
     between = (probability[:, None] * (shapes - prediction.numbers[0, place]) ** 2).sum(0)
     return torch.sqrt(prediction.deviation[0, place] ** 2 + between * float(len(probability) > 1))
 

@@ -74,6 +74,7 @@ class WindowHints:
         visible, hidden, beside = prediction.mask[0].unbind(-1)
         if self.visible:
             visible, hidden = visible + hidden, torch.zeros_like(hidden)
+        # A pixel that does not show the object is hidden or beside it, in the ratio that was predicted.
         behind = hidden / (hidden + beside).clamp_min(1e-6)
         away = torch.stack([torch.zeros_like(visible), behind, 1 - behind], dim=-1)
         classes = torch.stack([visible, hidden, beside], dim=-1)
@@ -86,6 +87,7 @@ class WindowHints:
         changed = replace(prediction, mask=classes[None], numbers=numbers, deviation=deviation)
         if prediction.symmetry.fold and (self.azimuth is not None or len(self.vertices)):
             bins = azimuth.shape[1]
+            # Bins of a symmetric class share the circle's 1 / fold part.
             centres = (torch.arange(bins) + 0.5) * (2 * math.pi / (bins * prediction.symmetry.fold))
             weight = azimuth[0].double() + LEAST_VIEW
             if self.azimuth is not None:
@@ -121,9 +123,11 @@ class WindowHints:
             scale, shift = places_in_window.new_ones(count, 1), places_in_window.new_full((count, 2), 0.5)
         else:
             there = torch.tensor(box)
+            # A guess of the framing: the projected box has the size and place of the predicted one.
             scale = (0.5 * (there[2:].log() - (most - least).log()).sum(1, keepdim=True)).exp()
             shift = there[:2] + there[2:] / 2 - scale * (least + most) / 2
         off = (scale[:, None] * shown + shift[:, None] - self.places).square().sum((1, 2)).double()
+        # Relative to the best azimuth: only differences weigh the bins.
         off = off / COARSE_NOISE**2
         return torch.exp(-0.5 * (off - off.min()))
 
@@ -146,6 +150,7 @@ class PointTerm:
         """(2 J,) in deviations, of one point (P') of the objective, float64."""
         at, camera = self.layout, self.camera
         vertices = self.mean + torch.einsum("k,kjc->jc", point[at["shape"]], self.basis)
+        # As `look` and `place` in likelihood/kernels/templates/vertices.py.
         rotation, translation = camera.pose(point[at["azimuth"]], point[at["elevation"]])
         x, y, z = (vertices @ rotation[0].T + translation[0]).unbind(1)
         framing = point[at["framing"]] if "framing" in at else point.new_zeros(4)

@@ -58,6 +58,7 @@ class Prior:
         self.azimuth, self.light, self.symmetry = layout.at("azimuth"), layout["light"], object_class.symmetry
         mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
         covariance = torch.from_numpy(object_class.light_prior_covariance)
+        # In the world; the network's Gaussian of the light is in the frame of the heading.
         precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
         self.azimuth_precision = 0.0 if recognition is None else recognition.azimuth_precision
         heading_mean = heading_precision = azimuths = mean[:0]
@@ -65,6 +66,7 @@ class Prior:
             whole = latent_layout(layout.count("shape"))
             names = [block.name for block in whole.blocks if block.name != "light" and block.name in layout]
             here, there = layout.indices(*names), whole.indices(*names)
+            # A product of Gaussians: precisions add up, means are weighted by them.
             added = weight * recognition.precision[there].double()
             total = precision.diagonal()[here] + added
             mean[here] = added * recognition.mean[there].double() / total.clamp_min(1e-12)

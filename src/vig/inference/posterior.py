@@ -60,6 +60,7 @@ def objectives_of(
     camera = object_class.camera(photo.shape[1], settings.camera_distance_ratio)
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid, hints)
     if valid is not None:
+        # Padding is hidden or background, never the object, and neither is likelier.
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(valid[:, :, None], log_prior, unknown)
         decorated = decorated * valid
@@ -103,6 +104,7 @@ def prior_of(
     mean[places] = regressed
     deviation = prediction.deviation[0].clone()
     deviation[prediction.layout["shape"]] = shape_deviation(prediction, object_class)
+    # A Gaussian to the power w has w times the precision.
     precision[places] = settings.recognition_weight / deviation**2
     precision[layout.indices("albedo", "light")] *= settings.appearance_weight
     _, azimuths = prediction.modes(PEAKS)
@@ -141,6 +143,7 @@ def pixel_prior(
     decorated = torch.zeros(mask.shape[:2], dtype=base.dtype)
     if settings.likelihood.alpha == 1:
         return base, decorated
+    # Product of experts: alpha's prior times the predicted probabilities to the power `mask_weight`.
     prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
     inside_photo = torch.ones_like(decorated) if valid is None else valid.double()
     outside, inside = log_colour_density(photo, torch.stack([1 - mask[..., 0], mask[..., 0]]) * inside_photo)
@@ -148,6 +151,7 @@ def pixel_prior(
     if hints is not None:
         hints.exclude(prior)
     if share := settings.decoration:
+        # p(visible) d x density of the object's own colours.
         own = prior[..., 0] + math.log(share) + inside
         both = torch.logaddexp(prior[..., 1], own)
         decorated = (own - both).exp()

@@ -59,10 +59,12 @@ def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: flo
     best = int(ends.scores.argmax())
     start = objective.point(guess)
     start_evidence = float(objective.of_one(start, sigma, derivatives=False).value)
+    # By evidence alone: the view probability of the guess is the highest by its nature.
     reverted = float(ends.evidence[best]) <= start_evidence
     point = start if reverted else ends.points[best : best + 1]
     azimuth, symmetry = objective.latents(ends.points).azimuth, objective.object_class.symmetry
     other_view = symmetry.difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
+    # Ends of the chosen view are no rivals, however good.
     gaps = torch.where(other_view, ends.scores[best] - ends.scores, math.inf)
     gap, rival = float(gaps.min()), int(gaps.argmin())
     close = gap < AMBIGUOUS_NATS
@@ -141,6 +143,7 @@ def refine(
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations, given_up, paths = 0, points[:0], points[None]
     for stage in settings.stages:
+        # The first stage takes all starts, as their scores are 0 alike.
         entering = survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)
         order = scores.argsort(descending=True, stable=True)
         left = order[~torch.isin(order, entering)].to(objective.device)
@@ -157,6 +160,7 @@ def refine(
         points, evidence = descent.points, descent.value.cpu()
         paths = torch.cat([paths, points[None] if descent.path is None else descent.path[1:]])
         view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
+        # A photo pooled to scale s has s^2 of the pixels, hence of the evidence's nats.
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
     return RefinedStarts(points, evidence, scores, evaluations, given_up, paths)
@@ -202,6 +206,7 @@ def starts(
     peaks = _allot(weights[0].exp().numpy(), LEAST_PEAK, count)
     numbers, layout = prediction.numbers.expand(count, -1).clone(), prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
+    # A peak's first start is the peak itself, those after it are perturbed.
     repeated = np.array([peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
     normal = rng.standard_normal((count, 2 + layout.count("shape"))).astype(np.float32)
     noise = torch.from_numpy(normal * repeated)
@@ -231,6 +236,7 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
         in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
         least, most = in_window.amin(1), in_window.amax(1)
         there = torch.tensor(box)
+        # Magnification by the geometric mean of the boxes' widths and heights, then shift of their centres.
         framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
         framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:3].exp() * (least + most) / 2
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
@@ -242,6 +248,7 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
     """Hypotheses of `count` starts: each that is likely once, then whichever has most too few."""
     likely = np.flatnonzero(probability / probability.sum() > least)
+    # A network that knows nothing spreads its probability over more hypotheses than pass the bound.
     if not len(likely):
         likely = np.array([int(probability.argmax())])
     likely = likely[np.argsort(-probability[likely], kind="stable")][:count]
@@ -249,6 +256,7 @@ def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
     remaining = list(range(len(share)))
     numbers = np.ones(len(share))
     while len(remaining) < count:
+        # Largest deficit against its share: the Sainte-Lague order.
         most = int(np.argmax(share * (count + 1) - numbers))
         remaining.append(most)
         numbers[most] += 1

@@ -179,6 +179,7 @@ class Likelihood:
         points = points.to(self.geometry.dtype)
         self._check(points, photo, sigma)
         count = len(points)
+        # On a processor each thread takes one point at a time, whose data stay in its cache.
         group = 1 if self.geometry.device == "cpu" else max(count, 1)
         threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
         size = self.layout.size

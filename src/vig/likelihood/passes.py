@@ -58,6 +58,7 @@ class Pass:
         # One thread after the other fills a single segment without gaps. Threads side by side have one each,
         # where their rows are in order; what they leave is zero and adds nothing to the product.
         self._alone = geometry.device == "cpu"
+        # On a processor one thread takes an image, whose work is cut into parts that fit its cache.
         self._parts = PARTS if self._alone else CUDA_PARTS
         segments, length = 1, across * self._down + edge_rows
         if not self._alone:
@@ -176,15 +177,18 @@ class Pass:
         for cleared in self._cleared:
             cleared.zero_()
         self._look()
+        # World places of all vertices: (1, coefficients) times (mean, components), Eq. 1.
         torch.mm(self._with_one, self.geometry.positions, out=self.world.view(self.count, -1))
         for launch in self._program(derivatives, images):
             launch()
         if derivatives:
             on_world = self.on_world.view(self.count, -1)
+            # And back: a cotangent on a place is one on each coefficient by its component.
             torch.mm(on_world, self.geometry.positions[1:].T, out=self.shape_gradient)
             if derivatives > 1 and not self._alone:
                 torch.bmm(self.rows.mT, self.rows, out=self.products)
             elif derivatives > 1:
+                # Rows are not padded on a processor: the product is of those that were written.
                 filled = self.row_counts[:, 0].tolist()
                 for rows, count, product in zip(self.rows, filled, self.products, strict=True):
                     rows_used = rows[: min(count, len(rows))]

@@ -121,6 +121,7 @@ def mixture(
     """
     visible = density_of(density)
     s = ((observed - rendered) ** 2).sum(-1) / (2 * sigma**2)
+    # Three channels: the normaliser of the Gaussian is -3 log(sigma).
     inlier = log_prior[..., 0] + visible.log_density(s) - 3 * math.log(sigma) - visible.LOG_UNIT
     both = torch.stack([inlier, log_prior[..., 1]], dim=-1)
     return both.logsumexp(-1), both.softmax(-1)[..., 0]

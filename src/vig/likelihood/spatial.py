@@ -101,6 +101,7 @@ def links(
         here, there = _ends(step, *photo.shape[1:3])
         square = ((colours[:, *here] - colours[:, *there]) ** 2).sum(-1)
         inside, beside = covered[:, *here], covered[:, *there]
+        # Both covered: an edge of the mask; one covered: the silhouette, beyond which h = 0.
         strength = model.coupling * (inside & beside) + model.rim * (inside ^ beside)
         strength = strength * (photographed[:, *here] & photographed[:, *there])
         fading = torch.exp(-square / (2 * model.contrast**2)) / math.hypot(*step)
@@ -126,6 +127,7 @@ def mean_field(
     """
     visible = torch.where(covered, start, 0.0)
     for _ in range(sweeps):
+        # Parallel updates of a mean field may oscillate: they are damped.
         update = (log_odds + messages(visible, covered, weights)).sigmoid()
         visible = torch.where(covered, visible.lerp(update, 1 - DAMPING), 0.0)
     return visible
@@ -141,6 +143,7 @@ def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tens
     spin = torch.where(covered, 0.0, -1.0).to(log_odds)
     for _ in range(SETTLING):
         free = spin == 0
+        # A free pixel whose field exceeds all that free neighbours could add keeps its sign in every optimum.
         field, slack = log_odds + _gather(spin, weights), _gather(free.to(spin), weights)
         spin = torch.where(free & (field.abs() > slack), field.sign(), spin)
     free = spin == 0
@@ -174,6 +177,7 @@ def spatial_posterior(
         photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
         log_odds = visible_log_odds(photo, fit, prior)
         if decorated is not None:
+            # Of the prior's second component the share d is visible: odds (p + d q) / ((1 - d) q).
             share = decorated[window].to(log_odds)
             log_odds = torch.logaddexp(log_odds, share.clamp_min(1e-12).log()) - torch.log1p(-share)
         log_odds = log_odds.to(result)
@@ -202,6 +206,7 @@ def _cut(log_odds: np.ndarray, weights: np.ndarray, free: np.ndarray) -> np.ndar
     source, sink = count, count + 1
     alone = log_odds[free]
     everyone = number[free]
+    # Unary nats are edges to the source (visible) and the sink (hidden), pair weights edges both ways.
     heads, tails = [np.full(count, source), everyone], [everyone, np.full(count, sink)]
     capacities = [alone.clip(0), (-alone).clip(0)]
     for step, weight in zip(NEIGHBOURS, weights, strict=True):
@@ -215,6 +220,7 @@ def _cut(log_odds: np.ndarray, weights: np.ndarray, free: np.ndarray) -> np.ndar
     used = capacity > 0
     ends = np.concatenate(heads)[used], np.concatenate(tails)[used]
     graph = scipy.sparse.csr_array((capacity[used], ends), shape=(count + 2, count + 2))
+    # Max flow is min cut (Ford and Fulkerson 1956): what the source still reaches is visible.
     residual = graph - scipy.sparse.csgraph.maximum_flow(graph, source, sink).flow
     residual.eliminate_zeros()
     visible = np.zeros(count + 2, bool)

@@ -30,6 +30,7 @@ for (int base = first; base < end; base += LANES) {
         cq[lane] = points[3 * k[lane] + 2];
     }
     for (int lane = 0; lane < LANES; ++lane) {
+        // Twice the signed area; its sign is the facing.
         area[lane] = bx[lane] * cy[lane] - by[lane] * cx[lane];
         const bool ahead = (aq[lane] > 0) & (bq[lane] > 0) & (cq[lane] > 0);
         // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
@@ -46,6 +47,7 @@ for (int base = first; base < end; base += LANES) {
         if (drawn[lane] < 2)
             continue;
         const real inverse = 1 / area[lane];
+        // The two weights and q are linear: their slopes, once for each face.
         const real bdx = cy[lane] * inverse, bdy = -cx[lane] * inverse;
         const real cdx = -by[lane] * inverse, cdy = bx[lane] * inverse;
         const real qdx = bdx * (bq[lane] - aq[lane]) + cdx * (cq[lane] - aq[lane]);
@@ -58,6 +60,7 @@ for (int base = first; base < end; base += LANES) {
                 const real off_x = x + real(0.5) - ax[lane];
                 const real b = b_row + bdx * off_x, c = c_row + cdx * off_x;
                 if (b >= SLACK && c >= SLACK && 1 - b - c >= SLACK) {
+                    // Depth in the high bits and the face in the low ones: the least key is the nearest face.
                     const wp::int64 far = FARTHEST - (wp::int64)((q_row + qdx * off_x) * DEPTH_STEPS);
                     wp::atomic_min(key + y * width + x, far << FACE_BITS | (base + lane));
                 }

@@ -166,6 +166,7 @@ def _placed(item: MeshObject) -> tuple[torch.Tensor, torch.Tensor]:
 
 def _screen_points(scene: Scene, world: torch.Tensor) -> torch.Tensor:
     camera = scene.camera
+    # Homogeneous: x and y times depth, divided only where a pixel is known to be beyond the near plane.
     in_camera = world @ camera.rotation.mT + camera.translation
     depth = in_camera[:, 2:]
     return torch.cat([in_camera[:, :2] * camera.focal + camera.centre * depth, depth], dim=1)

@@ -63,6 +63,7 @@ def render(
     colours, masks = picture[..., :3], picture[..., 3:]
     visible_masks = masks.permute(0, 3, 1, 2)
 
+    # Depth, normals and numbers are of pixel centres: averages of them would belong to no surface.
     if samples > 1:
         points, size = _gridded(packed, 1)
         visible = visible_faces(points, packed.faces, layer, size)
@@ -94,6 +95,7 @@ def jacobian(
     if latents.ndim != 1:
         raise ValueError(f"latents must be one vector (P,); got {tuple(latents.shape)}")
     value, columns = function(latents), []
+    # Forward mode: one pass gives all pixels' derivative by one number.
     for direction in torch.eye(len(latents), dtype=latents.dtype, device=latents.device):
         columns.append(torch.func.jvp(function, (latents,), (direction,))[1])
     return value, torch.stack(columns, dim=-1) if columns else value.new_zeros(*value.shape, 0)
@@ -102,6 +104,7 @@ def jacobian(
 def _gridded(packed: PackedScenes, samples: int) -> tuple[torch.Tensor, tuple[int, int, int]]:
     """Homogeneous points on the grid of samples, with its margin, and the size of that grid."""
     images, height, width = packed.size
+    # Points are homogeneous, (x z, y z, z): a shift of the image is a shift by z.
     place, depth = packed.points[:, :2], packed.points[:, 2:]
     points = torch.cat([place * samples + MARGIN * depth, depth], dim=1)
     return points, (images, height * samples + 2 * MARGIN, width * samples + 2 * MARGIN)
@@ -167,6 +170,7 @@ def _full_masks(packed: PackedScenes, visible_masks: torch.Tensor, samples: int)
     if most <= 1:
         return visible_masks
     points, grid = _gridded(packed, samples)
+    # Each object gets an image layer of its own.
     size = (len(packed.image), *grid[1:])
     layer = packed.face_object.int()
     visible = visible_faces(points, packed.faces, layer, size)

@@ -22,6 +22,7 @@ def shade(
     """
     lobe = torch.tensor(COSINE_LOBE, dtype=normals.dtype, device=normals.device)
     basis = sh_basis(normals) * lobe
+    # One object, the usual case: no gathering of its light for each normal.
     if len(light) == 1:
         diffuse = basis @ light[0]
         cosine = normals @ direction[0]

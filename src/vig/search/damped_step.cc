@@ -13,6 +13,7 @@ const real damp = ((const real*)damping.data)[search];
 real most = 0;
 for (int i = 0; i < n; ++i) {
     most = curved[i * n + i] > most ? curved[i * n + i] : most;
+    // A number at a bound whose gradient points outwards is held (active set).
     still[i] = ((x[i] <= low[i]) & (slope[i] <= 0)) | ((x[i] >= high[i]) & (slope[i] >= 0)) | (low[i] == high[i]);
     moved[i] = 0;
 }
@@ -21,16 +22,19 @@ for (int round = 0; round < ROUNDS; ++round) {
     for (int i = 0; i < n; ++i) {
         right[i] = still[i] ? 0 : slope[i];
         for (int j = 0; j < n; ++j) {
+            // What the held numbers moved is known: it goes to the right side.
             if (still[j] & !still[i])
                 right[i] -= curved[i * n + j] * moved[j];
             factor[i * n + j] = still[i] | still[j] ? 0 : curved[i * n + j];
         }
         const real own = curved[i * n + i];
+        // Marquardt 1963: damping in proportion to the diagonal, so that units do not matter; a floor for flat ones.
         factor[i * n + i] = still[i] ? 1 : own + damp * (own + floor) + real(1e-9) * floor;
     }
     bool positive = true;
     for (int k = 0; k < n; ++k) {
         real* const line = factor + k * n;
+        // Cholesky factorisation, with forward substitution in the same pass.
         positive &= line[k] > 0;
         const real root = wp::sqrt(positive ? line[k] : real(1)), inverse = 1 / root;
         line[k] = root;
@@ -66,6 +70,7 @@ for (int round = 0; round < ROUNDS; ++round) {
     if (!over)
         break;
 }
+// The quadratic model's gain: g . s - s . N s / 2.
 double gain = 0;
 for (int i = 0; i < n; ++i) {
     real bent = slope[i];

@@ -60,10 +60,12 @@ class LevenbergMarquardt:
             evaluations[going] += 1
             gain = tried.value - best
             better = (gain > 0) & torch.isfinite(tried.gradient).all(1)
+            # How far the quadratic model held: 1 where the objective is quadratic.
             ratio = (gain / predicted.clamp_min(1e-9)).to(damping.dtype)
             # Nielsen: shrink smoothly with the gain ratio, grow ever faster while steps fail.
             shrink = (1 - (2 * ratio - 1) ** 3).clamp(1 / 3, 2.0)
             damping = (damping * torch.where(better, shrink, growth)).clamp_min(1e-7)
+            # Each failure in a row doubles the factor by which damping grows.
             growth = torch.where(better, 3.0, growth * 2)
             here = torch.where(better[:, None], trial, here)
             best = torch.where(better, tried.value, best)
@@ -72,6 +74,7 @@ class LevenbergMarquardt:
             gradient = torch.where(better[:, None], tried.gradient, gradient)
             normal = torch.where(better[:, None, None], tried.normal, normal)
             done = (better & (gain < budget.tolerance)) | (damping > self.give_up)
+            # A step that promises almost nothing need not be tried.
             done |= predicted < 0.1 * budget.tolerance
             if done.any():
                 on = ~done

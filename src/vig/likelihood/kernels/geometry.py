@@ -83,12 +83,14 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     """
     a, b, opposite = (np.roll(faces, -i, axis=1).reshape(-1).astype(np.int64) for i in range(3))
     size = int(faces.max(initial=0)) + 1
+    # A directed edge as one number; its twin has the corners exchanged.
     here, there = _Grouped(a * size + b), _Grouped(b * size + a)
     reverse, count = here.find(there.keys)
     beyond = here.order[(reverse + np.minimum(here.rank, count - 1)).clip(0)]
     face, across = beyond // 3, opposite[beyond]
     face[count == 0] = across[count == 0] = -1
     rows = np.stack([a, b, np.arange(len(a)) // 3, face, across], axis=1)
+    # Of twins the one with a < b is listed; an edge at a border has no twin.
     listed = np.lexsort((here.rank, here.first))
     listed = listed[((count == 0) | (a < b))[listed]]
     edges: np.ndarray = rows[listed].astype(np.int32)

@@ -108,4 +108,5 @@ def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.
     check_table("corners", corners, (None, 3), len(attributes))
     check_floats(attributes=(attributes, (None, None)), weights=(weights, (len(corners), 3)))
     rows = attributes.index_select(0, corners.reshape(-1).long()).view(len(corners), 3, attributes.shape[1])
+    # A batched product: one kernel for forward and backward where a sum over corners takes three.
     return (weights[:, None] @ rows)[:, 0]

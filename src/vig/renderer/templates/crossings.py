@@ -25,6 +25,7 @@ def cross(a: vec2, b: vec2):
 @wp.func
 def weights_at(a: vec3, b: vec3, c: vec3, x: real, y: real):
     """Barycentric weights, up to one common factor, of the ray through (x, y)."""
+    # Homogeneous 2-D rasterisation (Olano and Greer 1997): no division, so corners behind the eye do no harm.
     oa = from_pixel(a, x, y)
     ob = from_pixel(b, x, y)
     oc = from_pixel(c, x, y)
@@ -87,6 +88,7 @@ def find_silhouette(
     if edges[edge, 3] < 0:
         chosen[edge] = wp.uint8(1)
         return
+    # Both faces on one side of the edge on the screen: it bounds them, whether silhouette or fold.
     here = side(a, b, points[edges[edge, 2]])
     there = side(a, b, points[edges[edge, 3]])
     if (here > real(0.0) and there > real(0.0)) or (here < real(0.0) and there < real(0.0)):
@@ -149,8 +151,10 @@ def cross_lines(
                 cells[at, 2] = image
                 cells[at, 3] = y
                 cells[at, 4] = x
+                # One over depth is linear on the screen.
                 depth = real(1.0) / ((real(1.0) - share) / a[2] + share / b[2])
                 spots[at] = vec3(spot[0], spot[1], depth)
+                # A list for each cell, its newest crossing first.
                 links[at] = wp.atomic_exch(heads, image, axis, y, x, at)
             crossing_count = crossing_count + 1
     if fill == 0:
@@ -186,6 +190,7 @@ def hide(
     if not (low[0] <= high[0] and low[1] <= high[1]):
         return
     for axis in range(2):
+        # A crossing of a cell lies up to a pixel after its centre along the axis.
         entry = vec2(half, half)
         entry[axis] = half + real(1.0)
         x0 = first_line(low[0] - entry[0])

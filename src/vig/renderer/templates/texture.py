@@ -103,6 +103,7 @@ def detail_of(levels: wp.array2d(dtype=wp.int32), begin: int, end: int, footprin
     width = real(levels[begin, 2])
     height = real(levels[begin, 1])
     scale = vec4(width * width, height * height, width * width, height * height)
+    # footprint: how (u, v) change to the next pixel in x and in y.
     weighted = wp.cw_mul(scale, footprint)
     # Mean square size of the pixel in texels; half its logarithm is the level.
     square = half * wp.dot(weighted, footprint)
@@ -115,6 +116,7 @@ def detail_of(levels: wp.array2d(dtype=wp.int32), begin: int, end: int, footprin
         return d
     d.fine = begin + int(wp.floor(level))
     d.coarse = d.fine + 1
+    # Trilinear: the two nearest levels, blended (Williams 1983).
     d.share = level - wp.floor(level)
     d.rate = weighted * (per_octave / square)
     return d
@@ -201,6 +203,7 @@ def tangent(
     d = detail_of(levels, first[which], first[which + 1], footprint[row])
     fine = quad_at(levels, d.fine, uv[row])
     coarse = quad_at(levels, d.coarse, uv[row])
+    # The level of detail depends on the footprint, hence on the pose: its derivative counts.
     share_moved = wp.dot(d.rate, footprint_moved[row])
     for c in range(texels.shape[1]):
         value = wp.dot(slope(texels, fine, c), uv_moved[row]) * (one - d.share)

@@ -19,6 +19,7 @@ def add_values(
     value: wp.array(dtype=wp.float64),
 ):
     image = wp.tid()
+    # Sums of many pixels are kept in double precision: nats of a whole image reach 1e5.
     total = background[photo[image]]
     for i in range(line_values.shape[1]):
         total = total + wp.float64(line_values[image, i])
@@ -67,6 +68,7 @@ def assemble(
     gradient[image, i] = slope
     for j in range(columns.shape[0]):
         other = j - albedo_from
+        # Sum over the channels of d colour / d one times d colour / d other, irradiance taken out.
         factor = wp.dot(colour, colour)
         if painted:
             factor = colour[channel]

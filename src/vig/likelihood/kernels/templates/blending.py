@@ -55,9 +55,12 @@ def blend_of(
     blend = Blend()
     blend.normal = normal
     square = normal[0] * normal[0] + normal[1] * normal[1]
+    # cos^2 of the angle between the edge's normal and this axis: the two axes' weights add up to 1.
     blend.weight = edge.fold * normal[c.axis] * normal[c.axis] / square
+    # The nearer pixel is the target: beyond the half-way point that is the other one.
     blend.gives = (c.t < half) == (c.inside < real(0.0))
     edge_q = (one - c.share) * edge.a[2] + c.share * edge.b[2]
+    # Share of the way in space from i to j, of a share of the way on the screen.
     blend.perspective = c.share * edge.b[2] / edge_q
     lit_a = vertices.irradiances[image, edge.i]
     lit_b = vertices.irradiances[image, edge.j]
@@ -73,6 +76,7 @@ def blend_of(
     prior = photos.log_prior[which, blend.at]
     blend.observed = photos.observed[which, blend.at]
     blend.front_fit = explained(blend.observed, colour * blend.front_irradiance, prior, noise)
+    # Behind the silhouette stands the background, whose likelihood is in the prior.
     blend.back_fit = vec2(prior[2], real(0.0))
     if sides.has_behind:
         blend.back_fit = explained(blend.observed, colour * sides.behind_seen[0], prior, noise)
@@ -135,9 +139,11 @@ def pull_colours(
 @wp.func
 def motion_of(edge: Edge, c: Crossing, blend: Blend):
     """Cotangents on the screen points of the edge's ends, through u, where it crosses the line."""
+    # taken grows by weight for each pixel that the edge moves outwards, whichever pixel is the target.
     on_u = -c.inside * blend.weight * blend.gain
     on_a = (one - c.share) * on_u
     on_b = c.share * on_u
+    # Where the ends move across the line, the crossing slides along the edge.
     slope = (edge.b[c.axis] - edge.a[c.axis]) / c.length
     return along(c.axis, on_a, -on_a * slope), along(c.axis, on_b, -on_b * slope)
 
@@ -159,6 +165,7 @@ def pull_edge(
     edge_q = (one - c.share) * edge.a[2] + c.share * edge.b[2]
     step = vertices.irradiances[image, edge.j] - vertices.irradiances[image, edge.i]
     on_perspective = on_edge * step
+    # d perspective / d (q of i, q of j), by the quotient rule.
     by_q = on_perspective * c.share * (one - c.share) / (edge_q * edge_q)
     by_share = (on_share + on_perspective * edge.a[2] * edge.b[2] / (edge_q * edge_q)) / c.length
     on_a = motion_a + along(c.axis, real(0.0), -(one - c.share) * by_share)
@@ -191,6 +198,7 @@ def add_row(
     if slot >= 0:
         brightness = wp.max(wp.dot(colour, colour), least_brightness)
         steepness = wp.abs(blend.weight * blend.gain) + least_gain
+        # (root x motion)^2 = curvature x steepness: a second derivative of the gain's size in a pixel.
         root = wp.sqrt(curvature / (steepness * brightness))
         world_from_camera = wp.transpose(eye.rotation)
         on_a = motion_a * root

@@ -18,6 +18,7 @@ def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):
         front_beyond = wp.uint8(0)
         if beyond >= 0:
             front_beyond = occluding.facing[image, beyond]
+        # A border edge, which has no face beyond, occludes wherever its one face is turned to the eye.
         if occluding.facing[image, mesh.edges[edge, 2]] != front_beyond:
             occluding.occluding_edges[image, first + edge_count] = edge
             edge_count += 1
@@ -60,6 +61,7 @@ def cross_line(
     if not sides.crossed or normal[0] * normal[0] + normal[1] * normal[1] < least_square:
         return total
     blend = blend_of(image, normal, edge, c, sides, vertices, photos, task.noise)
+    # Coverage changes at the silhouette alone, not where the object hides parts of itself.
     if task.images != 0 and not sides.has_behind:
         wp.atomic_add(pictures.coverage, image, blend.at, blend.taken)
     painted = vec3(total[1], total[2], total[3])
@@ -117,6 +119,7 @@ def boundary(
     task.source = lines + part
     total = vec4()
     threads = occluding.counts.shape[1]
+    # Edges are dealt out in turn, as their lengths on the screen differ much from part to part of the mesh.
     index = part
     for source in range(threads):
         count = occluding.counts[image, source]

@@ -46,6 +46,7 @@ def camera_point(eye: Eye, screen: vec3):
 def camera_cotangent(eye: Eye, screen: vec3, on_screen: vec3):
     """Pull a cotangent on (x, y, q) back to the camera's frame."""
     scale = eye.focal * screen[2]
+    # x = f X / Z + cx and q = 1 / Z: dx/dZ = -q (x - cx), dq/dZ = -q^2.
     along = on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy)
     return vec3(scale * on_screen[0], scale * on_screen[1], -screen[2] * (along + screen[2] * on_screen[2]))
 
@@ -54,6 +55,7 @@ def camera_cotangent(eye: Eye, screen: vec3, on_screen: vec3):
 def turned(eye: Eye, cotangent: vec3, arm: vec3):
     """Pull a cotangent on a vector that rotates with the camera back to azimuth, elevation and roll."""
     up = vec3(eye.rotation[0, 2], eye.rotation[1, 2], eye.rotation[2, 2])
+    # A small turn w moves a vector v by w x v: its derivative is w . (v x cotangent).
     torque = wp.cross(arm, cotangent)
     return vec3(-wp.dot(up, torque), eye.level[0] * torque[0] + eye.level[1] * torque[1], torque[2])
 
@@ -64,5 +66,6 @@ def framed(eye: Eye, on_screen: vec3, screen: vec3):
     return vec3(
         on_screen[0] * eye.width,
         on_screen[1] * eye.width,
+        # exp(log magnification) scales about the principal point.
         on_screen[0] * (screen[0] - eye.cx) + on_screen[1] * (screen[1] - eye.cy),
     )

@@ -43,11 +43,13 @@ def explained(observed: vec3, rendered: vec3, log_prior: vec3, noise: Noise):
     """(log-likelihood of a covered pixel, posterior of its being visible), Eq. 3."""
     error = observed - rendered
     inlier = log_prior[0] + noise.log_normaliser + log_density(wp.dot(error, error) * noise.half_precision)
+    # Log odds of visible against hidden.
     gap = inlier - log_prior[1]
     if gap > clear:
         return vec2(inlier, real(1.0))
     if gap < -clear:
         return vec2(log_prior[1], real(0.0))
+    # log(exp(a) + exp(b)) = max + log(1 + exp(-|a - b|)), so that nothing overflows.
     ratio = wp.exp(-wp.abs(gap))
     share = real(1.0) / (real(1.0) + ratio)
     if gap < real(0.0):

@@ -80,8 +80,10 @@ def edge_of(image: int, edge: int, mesh: Mesh, vertices: Vertices, facing: Occlu
     ends.i = mesh.edges[edge, 0]
     ends.j = mesh.edges[edge, 1]
     face = mesh.edges[edge, 2]
+    # The three corners' numbers less the edge's two leave the third.
     apex = mesh.faces[face, 0] + mesh.faces[face, 1] + mesh.faces[face, 2] - ends.i - ends.j
     other = mesh.edges[edge, 4]
+    # The edge is taken from the face that is turned to the eye, so that the object lies to one side of it.
     if facing.facing[image, face] == wp.uint8(0):
         ends.i = mesh.edges[edge, 1]
         ends.j = mesh.edges[edge, 0]
@@ -122,6 +124,7 @@ def lines_of(edge: Edge, axis: int, view: View):
         count = view.width
     va = edge.a[1 - axis]
     vb = edge.b[1 - axis]
+    # Pixel centres are at half-integers.
     first = wp.max(int(wp.ceil(wp.min(va, vb) - half)), 0)
     return first, wp.min(int(wp.ceil(wp.max(va, vb) - half)), count)
 
@@ -140,6 +143,7 @@ def crossing_of(edge: Edge, axis: int, line: int, view: View):
         c.inside = -c.inside
         size = view.height
     u = edge.a[axis] + c.share * (edge.b[axis] - edge.a[axis])
+    # The last pixel whose centre is before the crossing.
     low = int(wp.floor(u - half))
     c.t = u - half - real(low)
     c.found = low >= 0 and low + 1 < size
@@ -168,9 +172,11 @@ def sides_of(
     outer_key = keys[image, c.outer]
     if inner_key == nothing:
         return sides
+    # q is linear along the edge on the screen, depth is not.
     edge_depth = one / ((one - c.share) * edge.a[2] + c.share * edge.b[2])
     sides.front = surface_of(image, int(inner_key & face_mask), mesh, vertices)
     sides.front_seen = seen_at(sides.front, c.inner_pixel)
+    # The edge must be where the inner pixel's surface is, else another surface hides it there.
     ahead = edge_depth - one / sides.front_seen[1]
     sides.crossed = ahead <= before_edge and ahead >= -behind_edge
     sides.has_behind = outer_key != nothing

@@ -22,6 +22,7 @@ int next = part * chunk * width;
 while (true) {
     int pixel[LANES], face[LANES];
     int count = 0;
+    // Compaction: only covered pixels take part, so that no lane computes background.
     for (; next < end && count < LANES; ++next) {
         pixel[count] = next;
         face[count] = (int)(key[next] & FACE_MASK);
@@ -29,6 +30,7 @@ while (true) {
     }
     if (count == 0)
         break;
+    // Lanes that are left over repeat the first pixel, and are not counted below.
     for (int lane = count; lane < LANES; ++lane) {
         pixel[lane] = pixel[0];
         face[lane] = face[0];
@@ -71,10 +73,12 @@ while (true) {
         const real off_y = y + real(0.5) - ay[lane];
         const real b_x = bx[lane] - ax[lane], b_y = by[lane] - ay[lane];
         const real c_x = cx[lane] - ax[lane], c_y = cy[lane] - ay[lane];
+        // Barycentric weights b and c of the second and third corner at the pixel's centre.
         const real inverse = 1 / (b_x * c_y - b_y * c_x);
         const real b = (c_y * off_x - c_x * off_y) * inverse;
         const real c = (b_x * off_y - b_y * off_x) * inverse;
         const real q_b = bq[lane] - aq[lane], q_c = cq[lane] - aq[lane];
+        // Perspective-correct irradiance: (q times irradiance) / q.
         const real lit_a = aq[lane] * light_a[lane];
         const real lit_b = bq[lane] * light_b[lane] - lit_a, lit_c = cq[lane] * light_c[lane] - lit_a;
         const real per_q = 1 / (aq[lane] + b * q_b + c * q_c);
@@ -83,6 +87,7 @@ while (true) {
         const real error_g = c_g[lane] - green * seen;
         const real error_b = c_b[lane] - blue * seen;
         const real square = error_r * error_r + error_g * error_g + error_b * error_b;
+        // Eq. 3: log(p(visible) N(error) + p(hidden) u), as log-odds `gap` and the larger term.
         const real inlier = log_seen[lane] + normaliser + LOG_DENSITY(square * half_precision);
         const real gap = inlier - log_hidden[lane];
         const real far = gap < 0 ? -gap : gap;
@@ -91,6 +96,7 @@ while (true) {
         // vector instructions.
         real r, log_1_r;
         if (SINGLE) {
+            // exp(-t) = 2^whole 2^f: 2^f by its Taylor series, 2^whole by the exponent's bits.
             const real e = t * real(-1.44269504088896341);
             const int whole = (int)(e - real(0.5));
             const real f = (e - whole) * real(0.693147180559945309);
@@ -99,6 +105,7 @@ while (true) {
             union { int bits; float value; } power;
             power.bits = (whole + 127) << 23;
             r = p * power.value;
+            // log(1 + r) = 2 artanh(r / (2 + r)).
             const real s = r / (2 + r), s2 = s * s;
             log_1_r = 2 * s * (1 + s2 * (real(0.33333333) + s2 * (real(0.2)
                 + s2 * (real(0.14285714) + s2 * (real(0.11111111) + s2 * (real(0.09090909)
@@ -109,15 +116,18 @@ while (true) {
         }
         const real most = 1 / (1 + r);
         const real share = gap < 0 ? r * most : most;
+        // The value is the gain over background, whose sum over all pixels is a constant of the photo.
         const bool counted = lane < count;
         total[lane] += counted ? (gap < 0 ? log_hidden[lane] : inlier) + log_1_r - log_else[lane] : 0;
         const bool weighs = counted & (share > NEGLIGIBLE);
+        // d log-likelihood / d colour = weight times error.
         const real weight = weighs ? 2 * half_precision * share * PULL(square * half_precision) : 0;
         painted_r[lane] += weight * error_r * seen;
         painted_g[lane] += weight * error_g * seen;
         painted_b[lane] += weight * error_b * seen;
         lit[lane] = weight * (red * error_r + green * error_g + blue * error_b) * per_q;
         depth[lane] = -lit[lane] * seen;
+        // Corners' places enter through the weights b and c alone.
         const real along_b = lit[lane] * lit_b + depth[lane] * q_b;
         const real along_c = lit[lane] * lit_c + depth[lane] * q_c;
         pull_x[lane] = (b_y * along_c - c_y * along_b) * inverse;

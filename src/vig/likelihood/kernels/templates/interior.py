@@ -96,6 +96,7 @@ def interior_rows(
     y = line * stride
     eye = eye_of(image, view)
     world_from_camera = wp.transpose(eye.rotation)
+    # One row stands for stride^2 pixels, so its root weight is multiplied by stride.
     per_row = real(stride) / photos.sigma[image]
     half_precision = noise_of(photos.sigma[image]).half_precision
     for column in range((view.width + stride - 1) / stride):
@@ -112,12 +113,15 @@ def interior_rows(
             sample = seen_at(surface, pixel)
             off = pixel - surface.origin
             error = photos.observed[photos.photo[image], at] - photos.albedo[image] * sample[0]
+            # Iteratively reweighted least squares: the inlier's posterior times the density's slope.
             weight = visible * pull(wp.dot(error, error) * half_precision)
             size = per_row * wp.sqrt(weight)
             inverse = size / sample[1]
             v = wp.dot(surface.by_second, off) * vertices.screen[image, surface.j][2] * inverse
             w = wp.dot(surface.by_third, off) * vertices.screen[image, surface.k][2] * inverse
+            # u, v, w: perspective-correct weights of the corners, times the root weight.
             u = size - v - w
+            # - d irradiance / d (x, y): the surface moves under a fixed pixel.
             slide = (surface.slope * sample[0] - surface.lit_slope) * inverse
             spot = vec3(pixel[0], pixel[1], sample[1])
             on_spot = vec3(slide[0], slide[1], real(0.0))

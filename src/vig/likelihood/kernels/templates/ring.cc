@@ -35,6 +35,7 @@ const auto write_row = [&](const auto& basis, const auto& tangent, auto& shape_r
     real sum[WIDTH] = {}, own_x = 0, own_y = 0, own_z = 0;
     for (const int* row = first; row < end; row += 3) {
         const wp::vec_t<3, real> arm = arm_of(row, tangent);
+        // The normal does not change when all its ring moves together: the vertex's own part is minus the sum.
         own_x -= arm[0];
         own_y -= arm[1];
         own_z -= arm[2];

@@ -35,6 +35,7 @@ def add_lobes(row: rest_row, change: lobe_vector):
 def lobes(n: vec3):
     """A_l Y_lm(n) in a row's light columns."""
     row = rest_row()
+    # Order (0,0), (1,-1), (1,0), (1,1), (2,-2) ... (2,2): docs/conventions.md.
     row[light_at + 0] = flat
     row[light_at + 1] = linear * n[1]
     row[light_at + 2] = linear * n[2]
@@ -76,6 +77,7 @@ def add_basis(row: shape_row, mesh: Mesh, vertex: wp.int32, cotangent: vec3):
 def moved(row: rest_row, eye: Eye, on_screen: vec3, screen: vec3):
     """Add a cotangent on a screen point, pulled back to pose and framing, to a row's rest."""
     point = camera_point(eye, screen)
+    # The camera turns about the target, not about its own centre.
     arm = vec3(point[0], point[1], point[2] - eye.distance)
     pose = turned(eye, camera_cotangent(eye, screen, on_screen), arm)
     shift = framed(eye, on_screen, screen)

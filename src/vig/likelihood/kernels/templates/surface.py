@@ -33,10 +33,12 @@ def surface_of(image: int, face: int, mesh: Mesh, vertices: Vertices):
     by = b[1] - a[1]
     cx = c[0] - a[0]
     cy = c[1] - a[1]
+    # Gradients of the barycentric weights of corners b and c on the screen (Cramer's rule).
     inverse = real(1.0) / (bx * cy - by * cx)
     s.origin = vec2(a[0], a[1])
     s.by_second = vec2(cy * inverse, -cx * inverse)
     s.by_third = vec2(-by * inverse, bx * inverse)
+    # q and q times irradiance are linear on the screen: perspective-correct interpolation (Blinn 1992).
     lit_a = a[2] * vertices.irradiances[image, s.i]
     lit_b = b[2] * vertices.irradiances[image, s.j]
     lit_c = c[2] * vertices.irradiances[image, s.k]
@@ -65,6 +67,7 @@ def pull_corner(
     vertices: Vertices,
     cotangents: Cotangents,
 ):
+    # A corner that moves carries the linear functions along: the value at the pixel changes against them.
     moved = s.lit_slope * lit + s.slope * depth
     by_q = vertices.irradiances[image, vertex] * lit + depth
     pulled = vec4(-moved[0], -moved[1], by_q, vertices.screen[image, vertex][2] * lit)
@@ -85,6 +88,7 @@ def pull_pixel(
 
     lit and depth are the cotangents on q times irradiance and on q.
     """
+    # irradiance = lit / q: d/d lit = 1 / q, d/d q = -irradiance / q.
     lit = on_seen / seen[1]
     depth = -lit * seen[0]
     off = pixel - s.origin

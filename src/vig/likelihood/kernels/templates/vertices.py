@@ -53,6 +53,7 @@ def look(points: wp.array2d(dtype=real), camera: vec3, view: View, lighting: Lig
     ce = wp.cos(points[image, elevation_from])
     sr = wp.sin(points[image, framing_from + 3])
     cr = wp.cos(points[image, framing_from + 3])
+    # Roll about the optical axis, after the upright camera of azimuth and elevation.
     turn = mat33(cr, -sr, real(0.0), sr, cr, real(0.0), real(0.0), real(0.0), real(1.0))
     upright = mat33(ca, sa, real(0.0), se * sa, -se * ca, -ce, -ce * sa, ce * ca, -se)
     view.rotation[image] = turn * upright
@@ -82,6 +83,7 @@ def place(view: View, target: vec3, chunk: int, vertices: Vertices):
     first = part * chunk
     for vertex in range(first, wp.min(first + chunk, vertices.world.shape[1])):
         point = turn * (vertices.world[image, vertex] - target)
+        # The camera's frame has its origin `distance` metres before the target.
         depth = point[2] + view.distance
         q = real(0.0)
         if depth > near:
@@ -103,9 +105,11 @@ def write_rows(
 ):
     """A vertex's row of derivatives, whose light columns are given and whose irradiance is `total`."""
     tangent = vec3()
+    # Irradiance is max(0, .): a vertex in the dark has no derivative.
     if total > real(0.0):
         normal = vertices.normals[image, vertex]
         slope = light_slope(lighting.light[image], normal)
+        # d (n / |n|) = (1 - n n^T) dn / |n|.
         tangent = (slope - normal * wp.dot(slope, normal)) * vertices.inverse_lengths[image, vertex]
         row[irradiance_at] = total
     else:
