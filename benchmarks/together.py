@@ -26,7 +26,7 @@ from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.recognition.find import overlap
 from vig.scene import ObjectClass
-from vig.several import find_together, together
+from vig.several import find_together, fit_jointly
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
@@ -115,7 +115,7 @@ def main() -> None:
         chosen = [explainers[member.class_name] for member in group.spec.members]
         boxes = [(float(x), float(y), float(w), float(h)) for x, y, w, h in group.boxes]
         alone = tuple(one.explain(group.photo, box) for one, box in zip(chosen, boxes, strict=True))
-        scene = on_one_core(partial(together, alone, chosen))
+        scene = on_one_core(partial(fit_jointly, alone, chosen))
         for name, found, before in (
             ("alone", alone, order_of_masks(alone)), ("together", scene.objects, scene.occludes)
         ):  # fmt: skip

@@ -35,9 +35,11 @@ Item = tuple[Photo, Box | None, Lens | None, Hints | None]
 LEAST_FOUND = 0.4
 """Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below,
 the packaged examples, up to 75 % hidden, have .47 and more; a third of photos of other things is below."""
-PRESENCE_MIDDLE, PRESENCE_SLOPE = 0.83, 35.0
-"""Of `presence_of`: of many windows the best looks like the object by chance; real pots and mugs that are
-found have 0.93 and 0.98 in the median."""
+PRESENCE_MIDDLE = 0.83
+"""Score of `find` at which presence is as likely as not, `presence_of`: the best of many windows looks like
+the object by chance. Real pots and mugs that are found have medians of 0.93 and 0.98."""
+PRESENCE_SLOPE = 35.0
+"""Log odds of presence per unit of score, on the same photos."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 SURELY_FOUND = 0.75
 """Score from which a place counts as one of several objects, or as where a lost one is found again."""

@@ -23,7 +23,7 @@ LEAST_VIEW = 0.002
 VIEW_SPREAD = math.radians(8.0)
 """Standard deviation about an azimuth that a user gives."""
 ELEVATION_SPREAD = math.radians(4.0)
-
+"""And about an elevation, radians."""
 
 SURE = 8.0
 """Nats against what a user excludes of a pixel: hands slip."""

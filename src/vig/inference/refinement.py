@@ -98,12 +98,15 @@ def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: flo
 
 
 PEAKS = 4
+"""Peaks of azimuth that starts are shared out among, at most."""
 LEAST_PEAK = 0.02
 """Peaks of azimuth with less probability are left out."""
 AZIMUTH_SPREAD = math.radians(8.0)
+"""Standard deviation of the Gaussian about a peak of azimuth, radians, and of the starts' perturbations."""
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
 FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06, 0.0])
+"""Standard deviations of the starts' shift (widths), log magnification and roll (radians)."""
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
 OTHER_VIEWS = 2

@@ -36,6 +36,7 @@ RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations in sRGB, equally likely, of a visible pixel's distance from a finished fit."""
 
 CAPACITY_PER_NAT = 1000
+"""Units of capacity a nat, as scipy's maximum flow takes integers: rounding costs a thousandth of a nat."""
 
 SETTLING = 6
 """Rounds of fixing pixels before a cut."""

@@ -12,6 +12,7 @@ from vig.photo.outline import FINER, REACH
 from vig.scene.light import srgb_from_linear
 
 OUTLINE = np.array([255, 210, 0], np.float32)
+"""Colour of outlines, 8-bit sRGB; likewise `HIDDEN` of hidden pixels, mixed in by `HIDDEN_SHARE`."""
 BORDER = np.array([20, 20, 20], np.float32)
 """Beside the outline, so that it shows on bright and yellow ground, too."""
 HIDDEN = np.array([235, 40, 120], np.float32)

@@ -8,7 +8,9 @@ from typing import NoReturn
 from vig.io.errors import UserError
 
 MIN_SIDE = 16
+"""Pixels of a photo's shorter side, at least."""
 MAX_PIXELS = 100_000_000
+"""Pixels of a photo, at most: 300 MB as 8-bit RGB."""
 
 
 def existing_file(path: str | Path) -> Path:

@@ -30,9 +30,14 @@ _PRIMARIES = {
     12: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, *D65),
 } | dict.fromkeys((1, 2, 5, 6, 7, 22), REC709)
 ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
-PQ, HLG = 16, 18
-TRANSFER_FUNCTION, WHITE_POINT, PRIMARIES = 301, 318, 319
-"""Tags of TIFF."""
+PQ = 16
+"""Number of the perceptual quantiser among transfer characteristics (ITU-T H.273)."""
+HLG = 18
+"""And of hybrid log-gamma."""
+# Tags of TIFF.
+TRANSFER_FUNCTION = 301
+WHITE_POINT = 318
+PRIMARIES = 319
 SDR_WHITE = 203.0
 """cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
 PEAK_QUANTILE = 0.999

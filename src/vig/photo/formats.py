@@ -62,11 +62,24 @@ _OTHERS = (
     ((b"\0\5\x16\7",), "a side file of macOS (AppleDouble)", "Name the file beside it, without ._ in front."),
     ((b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"\0\0\1\xb3", b"OggS", b"FLV\1", b"0&\xb2u\x8ef"), *_VIDEO),
 )
-CFA, LINEAR_RAW = 32803, 34892
+CFA = 32803
+LINEAR_RAW = 34892
 """Photometric interpretations of TIFF that only raw files have."""
-SUBFILE, WIDTH, HEIGHT, BITS, PHOTOMETRIC, SUB_IFDS, DNG_VERSION = 254, 256, 257, 258, 262, 330, 50706
-FILL_ORDER, ORIENTATION, MAX_SAMPLE, PLANAR, SAMPLE_FORMAT, S_MAX_SAMPLE = 266, 274, 281, 284, 339, 341
-"""Tags of TIFF."""
+
+# Tags of TIFF (Adobe 1992; DNG 1.6).
+SUBFILE = 254
+WIDTH = 256
+HEIGHT = 257
+BITS = 258
+PHOTOMETRIC = 262
+FILL_ORDER = 266
+ORIENTATION = 274
+MAX_SAMPLE = 281
+PLANAR = 284
+SUB_IFDS = 330
+SAMPLE_FORMAT = 339
+S_MAX_SAMPLE = 341
+DNG_VERSION = 50706
 
 
 def why_no_photo(path: Path) -> tuple[str, str] | None:

@@ -12,16 +12,15 @@ from PIL import ExifTags, Image, TiffImagePlugin
 from vig.photo import formats
 from vig.photo.checks import check_size
 
-COMPRESSION, STRIPS, SAMPLES, STRIP_ROWS, STRIP_BYTES, PREDICTOR, PROFILE = (
-    259,
-    273,
-    277,
-    278,
-    279,
-    317,
-    34675,
-)
+# Tags of TIFF.
+COMPRESSION = 259
+STRIPS = 273
+SAMPLES = 277
+STRIP_ROWS = 278
+STRIP_BYTES = 279
+PREDICTOR = 317
 EXTRA_SAMPLES = 338
+PROFILE = 34675
 BLOCK = 64
 """Rows that are unpacked at a time: a bit takes a byte meanwhile."""
 

@@ -24,6 +24,7 @@ BOX_BELOW_CENTRE = 0.033
 """How far the box's centre lies below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
+"""Pixels of a box's shorter side, at least."""
 LEAST_IN_PHOTO = 0.25
 """Share of a box that must be in the photo."""
 PREFILTER_PIXELS = 4

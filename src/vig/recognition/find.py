@@ -14,12 +14,18 @@ from vig.photo.masks import box_of
 from vig.photo.window import BOX_BELOW_CENTRE, SMALLEST_BOX, WINDOW_OVER_BOX
 from vig.recognition.prediction import Prediction, Recognizer
 
-SIZES, STEP = 6, 0.4
-"""Sides of windows, from the photo's down by square roots of 2; steps between windows, in sides."""
-LARGE, SURE = 3, 0.85
-"""Where one of the largest sizes leads to such a score, the many small windows are not looked at."""
-KEPT, MOVES = 6, 3
-"""So many windows are moved onto the object that they show, so often."""
+SIZES = 6
+"""Sides of windows, from the photo's down by square roots of 2."""
+STEP = 0.4
+"""Steps between windows, in their sides."""
+LARGE = 3
+"""So many of the largest sizes are looked at first."""
+SURE = 0.85
+"""Score from which the many small windows are not looked at any more."""
+MOVED_WINDOWS = 6
+"""So many windows are moved onto the object that they show."""
+MOVES = 3
+"""So often."""
 FROM_GRID = 3
 """So many windows are moved for each object that is sought."""
 SAME_PLACE = 0.4
@@ -67,7 +73,7 @@ def find(
         prediction = predict_windows(photo, windows, recognizer, twice=False)
         tried += zip(_scores(prediction), _all_moved(windows, prediction), strict=True)
         tried.sort(key=lambda each: -each[0])
-        moved = [window for _, window in tried[:KEPT]]
+        moved = [window for _, window in tried[:MOVED_WINDOWS]]
         for _ in range(MOVES):
             prediction = predict_windows(photo, moved, recognizer)
             scores = _scores(prediction)

@@ -63,8 +63,10 @@ MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
 
 
-STRIDES, KERNELS = (1, 2, 2, 2, 1), (3, 3, 5, 3, 5)
-"""Of the trunk's stages."""
+STRIDES = (1, 2, 2, 2, 1)
+"""Of the first convolution of each of the trunk's stages."""
+KERNELS = (3, 3, 5, 3, 5)
+"""Sides of the stages' depthwise kernels, pixels."""
 
 
 @dataclass(frozen=True)

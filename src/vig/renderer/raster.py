@@ -17,6 +17,7 @@ FACE_BITS = 28
 
 FACE_MASK = (1 << FACE_BITS) - 1
 NOTHING = (1 << 63) - 1
+"""Key of a pixel that no face covers, larger than any other."""
 
 KEYS_MARGIN = 8
 """Keys that must follow an image's last, as pixels are drawn eight at a time."""

@@ -19,9 +19,11 @@ def angle_difference(a: Angle, b: Angle) -> Angle:
 
 
 FOCAL_OVER_WIDTH = 1.12
+"""Focal length over the image's width of the paper's camera."""
 DISTANCE = 0.4
 """Metres of the paper's camera, which suits things of a teapot's size."""
 IMAGE_SIZE = 150
+"""Pixels a side of the images that are fitted, as in the paper."""
 MOST_PIXELS = 16_384
 """A side of an image."""
 

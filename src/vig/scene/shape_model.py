@@ -9,7 +9,10 @@ import torch
 
 from vig.io.checks import check_arrays, check_indices
 
-MOST_MODES, MOST_VERTICES, MOST_FACES = 64, 200_000, 400_000
+MOST_MODES = 64
+"""Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""
+MOST_VERTICES = 200_000
+MOST_FACES = 400_000
 LARGEST = 100.0
 """Metres that a vertex may be from the origin, and move along one component."""
 

@@ -1,7 +1,7 @@
 """Several objects in one photo, explained together."""
 
 from vig.several.explain import MOST_OBJECTS, explain_found, explain_together, find_together
-from vig.several.joint import order, together
+from vig.several.joint import fit_jointly, order
 from vig.several.scene import SceneExplanation
 
 __all__ = [
@@ -10,6 +10,6 @@ __all__ = [
     "explain_found",
     "explain_together",
     "find_together",
+    "fit_jointly",
     "order",
-    "together",
 ]

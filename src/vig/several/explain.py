@@ -16,10 +16,11 @@ from vig.parallel import on_one_core
 from vig.photo import ImagePyramid, Window
 from vig.photo.images import coded_photo
 from vig.recognition.find import apart, find_several
-from vig.several.joint import together
+from vig.several.joint import fit_jointly
 from vig.several.scene import SceneExplanation
 
 MOST_OBJECTS = 16
+"""Objects of one photo, at most."""
 
 
 def explain_together(
@@ -47,12 +48,12 @@ def explain_together(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
             f" {len(explainers)} and {len(boxes)}. Give as many of both."
         )
-    picture, known = coded_photo(photo), _Known(lens_of(photo, focal, camera))
+    picture, photo_lens = coded_photo(photo), _PhotoLens(lens_of(photo, focal, camera))
     alone = [
-        known.noted(explainer.explain(picture, box, camera=known.camera))
+        photo_lens.with_source(explainer.explain(picture, box, camera=photo_lens.camera))
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
-    return on_one_core(partial(together, alone, explainers))
+    return on_one_core(partial(fit_jointly, alone, explainers))
 
 
 def explain_found(
@@ -82,17 +83,17 @@ def explain_found(
         raise UserError("expected an explainer for each class that is sought; got none. Give one.")
     if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
-    picture, known = coded_photo(photo), _Known(lens_of(photo, focal, camera))
+    picture, photo_lens = coded_photo(photo), _PhotoLens(lens_of(photo, focal, camera))
     places = on_one_core(partial(find_together, picture, explainers, most))
     if not places:
         names = " or ".join(each.object_class.name for each in explainers)
         raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
     chosen = [explainer for explainer, _ in places]
     alone = [
-        known.noted(explainer.explain_followed(picture, window, camera=known.camera))
+        photo_lens.with_source(explainer.explain_followed(picture, window, camera=photo_lens.camera))
         for explainer, window in places
     ]
-    return on_one_core(partial(together, alone, chosen))
+    return on_one_core(partial(fit_jointly, alone, chosen))
 
 
 def _explainers(value: Any) -> list[Explainer]:
@@ -124,7 +125,7 @@ def find_together(
 
 
 @dataclass(frozen=True)
-class _Known:
+class _PhotoLens:
     """A photo's lens, if it is known."""
 
     lens: Lens | None
@@ -133,5 +134,6 @@ class _Known:
     def camera(self) -> Any:
         return None if self.lens is None else self.lens[0]
 
-    def noted(self, found: Explanation) -> Explanation:
-        return found if self.lens is None else replace(found, focal_from=self.lens[1])
+    def with_source(self, explanation: Explanation) -> Explanation:
+        """The explanation, which states where the focal length is from."""
+        return explanation if self.lens is None else replace(explanation, focal_from=self.lens[1])

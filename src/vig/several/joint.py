@@ -35,10 +35,11 @@ from vig.several.scene import SceneExplanation, heading_light
 LEAST_ODDS = 0.02
 """Floor of the probabilities whose odds tell the order."""
 GROUND_ORDER_WEIGHT = 50.0
+"""Nats for the object that ends lower in the photo, per difference over the less tall one's height."""
 TOUCHING = 0.3
 """Coverage from which two objects may hide one another."""
 OUTLINE_PIXELS = 4
-"""Pixels of a window within which an object's outline may be wrong: nothing beyond is said there."""
+"""Pixels of a window within which an object's outline may be wrong: its pixels are left undecided there."""
 PAINTED_OUT = 0.18
 """Linear grey of what stands before an object when the network is asked without it."""
 VIEW_SWITCH_NATS = 1.0
@@ -52,7 +53,7 @@ TELEPHOTO = 2.0
 windows: what a photo frames is smaller than in one of its own."""
 
 
-def together(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
+def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
     """The same from explanations of each object alone, of one photo."""
     if len(alone) < 2:
         return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))

@@ -19,12 +19,26 @@ from vig.scene import Camera, latent_layout
 
 MOST_HIDDEN = 0.85
 """Share hidden from which a frame does not tell where the object is."""
-AWAY, OTHER_SIZE, OTHER_COLOUR = 0.35, 0.4, 0.5
-"""From the predicted box: in its sides, in logs of its side, in logs of albedo. Farther is another object."""
-WIDENED, WIDEST = 0.2, 2.0
-"""By how much each frame without the object widens these, and to what factor."""
-GAIN, SPEED_GAIN, SIZE_GAIN, ROLL_GAIN, COLOUR_GAIN = 0.7, 0.2, 0.4, 0.3, 0.2
-"""Of a frame in which all is seen."""
+MOST_SHIFT = 0.35
+"""Sides of the predicted box by which the object may be off it; what is farther is another object."""
+MOST_LOG_SIZE = 0.4
+"""Likewise in the log of its side."""
+MOST_LOG_ALBEDO = 0.5
+"""Likewise in logs of albedo."""
+WIDENING = 0.2
+"""Share by which each frame without the object widens these."""
+MOST_WIDENING = 2.0
+"""Factor to which they are widened at most."""
+PLACE_GAIN = 0.7
+"""Share of the way to what a frame shows that the predicted place goes, where all of the object is seen."""
+SPEED_GAIN = 0.2
+"""Likewise of the speed."""
+SIZE_GAIN = 0.4
+"""Likewise of the log size."""
+ROLL_GAIN = 0.3
+"""Likewise of the roll."""
+COLOUR_GAIN = 0.2
+"""Likewise of the albedo."""
 SLOWING = 0.9
 """Of the speed for each frame without the object."""
 LEAST_SURE = 0.5
@@ -170,14 +184,14 @@ class Follower:
 
     def _is_object(self, sighting: Sighting) -> bool:
         """Whether what is seen may be the object: near the predicted place, as large, of its colour."""
-        off, wider = sighting.place - self.place, min(1 + WIDENED * self.missed, WIDEST)
+        off, wider = sighting.place - self.place, min(1 + WIDENING * self.missed, MOST_WIDENING)
         albedo_so_far = sighting.albedo if self.albedo is None else self.albedo
         apart = np.log(sighting.albedo + 0.05) - np.log(albedo_so_far + 0.05)  # dark ones are alike
         return (
             not sighting.lost
-            and math.hypot(*off[:2]) < wider * AWAY * math.exp(self._side)
-            and abs(off[2]) < wider * OTHER_SIZE
-            and float(np.sqrt(np.square(apart).mean())) < OTHER_COLOUR
+            and math.hypot(*off[:2]) < wider * MOST_SHIFT * math.exp(self._side)
+            and abs(off[2]) < wider * MOST_LOG_SIZE
+            and float(np.sqrt(np.square(apart).mean())) < MOST_LOG_ALBEDO
         )
 
     @property
@@ -189,7 +203,7 @@ class Follower:
         """Go on from a frame, the more the more of the object it shows."""
         assert self.place is not None
         sure, off = sighting.visible_share**2, sighting.place - self.place
-        self.place = self.place + sure * np.array([GAIN, GAIN, SIZE_GAIN]) * off
+        self.place = self.place + sure * np.array([PLACE_GAIN, PLACE_GAIN, SIZE_GAIN]) * off
         self.speed = self.speed + sure * SPEED_GAIN * off[:2]
         self.roll += sure * ROLL_GAIN * (sighting.camera.roll - self.roll)
         albedo_so_far = sighting.albedo if self.albedo is None else self.albedo

@@ -10,11 +10,14 @@ BINS = 180
 """Of the circle, in which views are chosen; speeds are whole bins a frame."""
 FASTEST = 15
 """Bins that an object turns by from one frame to the next, at most: 30 degrees."""
-SPEED_SPREAD, SPEED_OTHER = 1.0, 0.02
-"""Standard deviation in bins by which its speed changes from frame to frame; probability of any change."""
+SPEED_SPREAD = 1.0
+"""Standard deviation in bins by which its speed changes from frame to frame."""
+SPEED_OTHER = 0.02
+"""Probability of any other change of the speed."""
 TAILS = 4.0
 """Degrees of freedom of the Student distribution of what single frames measure."""
 ROUNDS = 4
+"""Rounds of reweighting, after which weights hardly change."""
 
 
 def likeliest_path(log_evidence: np.ndarray) -> np.ndarray:

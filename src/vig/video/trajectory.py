@@ -23,7 +23,10 @@ UNKNOWN = 0.05
 """Probability that a view is none of a frame's, beside what its confidence leaves."""
 NARROWER = 2.0
 """A deviation of azimuth counts views from the other side, too: about one view it is so much smaller."""
-LEAST_SPREAD, MOST_SPREAD = math.radians(3.0), math.radians(12.0)
+LEAST_SPREAD = math.radians(3.0)
+"""Standard deviation of azimuth about one view, at least."""
+MOST_SPREAD = math.radians(12.0)
+"""And at most."""
 FAR = math.radians(25.0)
 """A frame whose own view is farther from the chosen one is fitted again near that."""
 OFF = 0.15
@@ -31,15 +34,18 @@ OFF = 0.15
 ALIKE = 2.0, 3.0
 """Factors of the smoothed deviations of azimuth and elevation, as neighbouring frames err alike: so that 90 %
 intervals held on videos of the validation split."""
-TURN, TILT = math.radians(0.7), math.radians(0.05)
-"""Standard deviations of the change of the speed of azimuth, of elevation and roll, from frame to frame."""
+TURN = math.radians(0.7)
+"""Standard deviation of the change of the speed of azimuth from frame to frame, radians."""
+TILT = math.radians(0.05)
+"""Likewise of elevation and roll."""
 SHIFT = 0.003
 """Likewise of place, in sides of the box, and log size."""
 TILT_SPEED = math.radians(0.1)
 """Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
-PLACE_NOISE, ANGLE_NOISE = (0.02, 0.3), (math.radians(3.0), math.radians(30.0))
-"""Deviations of one frame's place, log size, elevation and roll when all is seen, and what is added when
-all is hidden."""
+PLACE_NOISE = (0.02, 0.3)
+"""Deviations of one frame's place and log size when all is seen, and what is added when all is hidden."""
+ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
+"""Likewise of elevation and roll, radians."""
 
 
 @dataclass(frozen=True)

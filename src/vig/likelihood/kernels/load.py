@@ -29,8 +29,10 @@ STRUCTS = (
 )
 """Arguments of kernels that are structs: `vertex_rows` is a `VertexRows` of arguments.py."""
 
-PARTS, CUDA_PARTS = 32, 256
-"""Pieces into which an image's vertices, faces, lines of pixels and edges are cut, one thread each."""
+PARTS = 32
+"""Pieces into which an image's vertices, faces, lines of pixels and edges are cut on a processor."""
+CUDA_PARTS = 256
+"""And on a GPU, one thread each."""
 
 
 @functools.cache
