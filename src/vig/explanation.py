@@ -21,15 +21,14 @@ from vig.output import CloseUp, describe, overlay, panels, part_colours
 from vig.output.pictures import PANEL
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
+from vig.photo.fit_geometry import FitGeometry
 from vig.photo.images import coded, linear_photo
 from vig.photo.masks import box_of
-from vig.photo.pinhole import outline_weights, reprojected, sight_axes, turned_pose
+from vig.photo.pinhole import sight_axes
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
-DIFFERENCE = 1e-4
-"""Step of the numerical derivatives of a pose."""
 UNKNOWN_DISTANCE = 1.0
 """Standard deviation of a distance, as a share of it, where the focal length is a guess."""
 
@@ -173,14 +172,19 @@ class Explanation:
         """
         return self._camera(self.latents, self.fit.framing)
 
+    @cached_property
+    def _geometry(self) -> FitGeometry:
+        height, width = self.picture.shape[:2]
+        return FitGeometry(self.object_class, self.window, self.camera_distance_ratio, (width, height))
+
     def _camera(self, latents: Latents, framing: torch.Tensor) -> Camera:
         height, width = self.picture.shape[:2]
-        window, lens = self._window_camera(framing), self.window.lens
+        window, lens = self._geometry.window_camera(framing), self.window.lens
         if lens is None:
             return self.window.camera(window, width, height)
         angles = float(latents.azimuth), float(latents.elevation)
         looks_at_it = window.camera_from_world(*angles)
-        pose = self._seen_by(lens.K, latents, framing)
+        pose = self._geometry.pose_before(lens.K, latents, framing)
         return replace(
             window,
             width=width,
@@ -192,50 +196,6 @@ class Explanation:
             mount=tuple(map(tuple, (pose @ np.linalg.inv(looks_at_it)).tolist())),
             roll=window.roll,
         )
-
-    def _window_camera(self, framing: torch.Tensor) -> Camera:
-        """The fit's camera, which looks straight at the object, in pixels of the window."""
-        return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).framed(
-            *framing.tolist()
-        )
-
-    def _seen_by(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
-        """The pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
-
-        That camera took the photo; the pose is the one under which vertices are seen nearest to where the
-        fit's camera sees them, those of the outline above all.
-        """
-        window, angles = self._window_camera(framing), (float(latents.azimuth), float(latents.elevation))
-        fitted = window.camera_from_world(*angles)
-        model = self.object_class.shape_model
-        vertices = model.vertices(latents.shape)[0].double().numpy()
-        in_pixels = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
-        offsets = (in_pixels[:, :2] / in_pixels[:, 2:] - window.width / 2) * self.window.side / window.width
-        pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
-        eye = -fitted[:3, :3].T @ fitted[:3, 3]
-        start = self._turned(matrix, latents, framing)
-        return reprojected(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
-
-    def _turned(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
-        """`_seen_by` nearly, in closed form."""
-        angles = float(latents.azimuth), float(latents.elevation)
-        window = self._window_camera(framing)
-        if self.window.focal is None:
-            height, width = self.picture.shape[:2]
-            camera = self.window.camera(window, width, height)
-            return turned_pose(camera, camera.camera_from_world(*angles), matrix)
-        scale, middle = self.window.side / window.width, window.width / 2
-        camera = replace(
-            window,
-            focal=window.focal * scale,
-            cx=(window.cx - middle) * scale,
-            cy=(window.cy - middle) * scale,
-        )
-        straight = np.diag([self.window.focal, self.window.focal, 1.0])
-        undone = np.eye(4)
-        undone[:3, :3] = self.window.turn.T
-        pose: np.ndarray = undone @ turned_pose(camera, camera.camera_from_world(*angles), straight)
-        return pose
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
@@ -334,7 +294,7 @@ class Explanation:
     @cached_property
     def _close_up(self) -> CloseUp:
         """The window beside its re-rendering."""
-        camera = self._window_camera(self.fit.framing)
+        camera = self._geometry.window_camera(self.fit.framing)
         camera = camera.scaled(PANEL / camera.width)
         drawn = on_one_core(partial(render_latents, self.latents, self.object_class, camera))
         pose = camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
@@ -421,7 +381,14 @@ class Explanation:
             where the focal length is a guess, the depth has a deviation as large as the distance itself.
         """
         matrix, pose = self._pinhole
-        return matrix, pose, self._pose_covariance(matrix, pose)
+        layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
+        deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
+        covariance = self._geometry.covariance(matrix, self.latents, self.fit.framing, deviation)
+        axes = sight_axes(pose)
+        deviations = self.fit.position_deviation.double().numpy().copy()
+        deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
+        covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
+        return matrix, pose, covariance
 
     @cached_property
     def _pinhole(self) -> tuple[np.ndarray, np.ndarray]:
@@ -433,35 +400,7 @@ class Explanation:
         if self.focal_from != "assumed" or self.others is not None:  # then all objects have it in common
             focal = self.camera_distance_ratio * FOCAL_OVER_WIDTH * self.window.side
         matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
-        return matrix, self._seen_by(matrix, self.latents, self.fit.framing)
-
-    def _pose_covariance(self, matrix: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """Covariance (6, 6) of a pose before a camera with intrinsics (3, 3), see `pinhole_pose`."""
-        from scipy.spatial.transform import Rotation
-
-        latents, framing = self.latents, self.fit.framing
-        at = torch.cat([latents.azimuth, latents.elevation, framing]).double()
-
-        def moved(numbers: torch.Tensor) -> np.ndarray:
-            angles = {"azimuth": numbers[:1], "elevation": numbers[1:2]}
-            return self._turned(matrix, replace(latents, **angles), numbers[2:])
-
-        here = moved(at)
-        layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
-        deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation]).double()
-        columns = []
-        for index, step in enumerate(torch.eye(len(at), dtype=torch.float64) * DIFFERENCE):
-            there = moved(at + step)
-            turn = Rotation.from_matrix(there[:3, :3] @ here[:3, :3].T).as_rotvec()
-            columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
-            columns[-1] *= float(deviation[index])
-        spread = np.stack(columns, axis=1)
-        covariance: np.ndarray = spread @ spread.T
-        axes = sight_axes(pose)
-        deviations = self.fit.position_deviation.double().numpy().copy()
-        deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
-        covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
-        return covariance
+        return matrix, self._geometry.pose_before(matrix, self.latents, self.fit.framing)
 
     @property
     def position_units(self) -> np.ndarray:

@@ -1,0 +1,101 @@
+"""Where a fit, which sees a window of a photo, puts the object before the camera that took the photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from vig.photo.pinhole import outline_weights, reprojected, turned_pose
+from vig.photo.window import Window
+from vig.scene import Camera, Latents, ObjectClass
+
+DIFFERENCE = 1e-4
+"""Step of differences in radians, widths and logs."""
+
+
+@dataclass(frozen=True)
+class FitGeometry:
+    """A fit's camera and the photo's.
+
+    Attributes:
+        object_class: Of the object.
+        window: What of the photo was fitted.
+        camera_distance_ratio: Of the fit, see `ExplainSettings`.
+        size: Width and height of the photo, pixels.
+    """
+
+    object_class: ObjectClass
+    window: Window
+    camera_distance_ratio: float
+    size: tuple[int, int]
+
+    def window_camera(self, framing: torch.Tensor) -> Camera:
+        """The fit's camera, which looks straight at the object, in pixels of the window."""
+        return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).framed(
+            *framing.tolist()
+        )
+
+    def pose_before(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
+        """The pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
+
+        That camera took the photo; the pose is the one under which vertices are seen nearest to where the
+        fit's camera sees them, those of the outline above all.
+        """
+        window, angles = self.window_camera(framing), (float(latents.azimuth), float(latents.elevation))
+        fitted = window.camera_from_world(*angles)
+        model = self.object_class.shape_model
+        vertices = model.vertices(latents.shape)[0].double().numpy()
+        in_pixels = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
+        offsets = (in_pixels[:, :2] / in_pixels[:, 2:] - window.width / 2) * self.window.side / window.width
+        pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
+        eye = -fitted[:3, :3].T @ fitted[:3, 3]
+        start = self._nearly(matrix, latents, framing)
+        return reprojected(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
+
+    def _nearly(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
+        """`pose_before` nearly, in closed form."""
+        angles = float(latents.azimuth), float(latents.elevation)
+        window = self.window_camera(framing)
+        if self.window.focal is None:
+            camera = self.window.camera(window, *self.size)
+            return turned_pose(camera, camera.camera_from_world(*angles), matrix)
+        scale, middle = self.window.side / window.width, window.width / 2
+        camera = replace(
+            window,
+            focal=window.focal * scale,
+            cx=(window.cx - middle) * scale,
+            cy=(window.cy - middle) * scale,
+        )
+        straight = np.diag([self.window.focal, self.window.focal, 1.0])
+        undone = np.eye(4)
+        undone[:3, :3] = self.window.turn.T
+        pose: np.ndarray = undone @ turned_pose(camera, camera.camera_from_world(*angles), straight)
+        return pose
+
+    def covariance(
+        self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor, deviation: torch.Tensor
+    ) -> np.ndarray:
+        """Covariance (6, 6) of that pose from deviations (6,) of azimuth, elevation and framing.
+
+        x, y, z in metres, then turns about these axes in radians; to first order, by differences.
+        """
+        from scipy.spatial.transform import Rotation
+
+        at = torch.cat([latents.azimuth, latents.elevation, framing]).double()
+
+        def moved(numbers: torch.Tensor) -> np.ndarray:
+            angles = {"azimuth": numbers[:1], "elevation": numbers[1:2]}
+            return self._nearly(matrix, replace(latents, **angles), numbers[2:])
+
+        here = moved(at)
+        columns = []
+        for index, step in enumerate(torch.eye(len(at), dtype=torch.float64) * DIFFERENCE):
+            there = moved(at + step)
+            turn = Rotation.from_matrix(there[:3, :3] @ here[:3, :3].T).as_rotvec()
+            columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
+            columns[-1] *= float(deviation[index].double())
+        spread = np.stack(columns, axis=1)
+        covariance: np.ndarray = spread @ spread.T
+        return covariance
