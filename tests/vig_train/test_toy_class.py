@@ -71,7 +71,7 @@ def test_a_photo_is_explained_as_the_class(pack: Path, photos: Dataset) -> None:
         assert 0 <= described["azimuth_deg"] < least
         if one.symmetry is Symmetry.ANY_TURN:
             assert described["deviation"]["azimuth_deg"] is None and not explanation.alternatives
-        near = one.viewing_distance * explanation.farther * 150 / explanation.window.side
+        near = one.viewing_distance * explanation.camera_distance_ratio * 150 / explanation.window.side
         assert 0.3 < explanation.camera.distance / near < 3, "metres are those of the class's size"
 
 
