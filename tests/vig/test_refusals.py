@@ -20,7 +20,7 @@ from safetensors.numpy import load_file, save_file
 import vig
 from vig.inference import ExplainSettings
 from vig.photo import Window, as_photo, read_photo, write_png
-from vig.photo.images import MAX_PIXELS
+from vig.photo.checks import MAX_PIXELS
 from vig.renderer import MeshObject, Pinhole, Scene, Topology
 from vig.scene import Block, LatentLayout, latent_layout
 from vig_world.raster.rasterize import rasterize

@@ -15,15 +15,8 @@ from PIL import Image, UnidentifiedImageError
 
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.photo.checks import MAX_PIXELS as MAX_PIXELS
-from vig.photo.checks import MIN_SIDE as MIN_SIDE
-from vig.photo.checks import check_size as check_size
-from vig.photo.checks import existing_file as existing_file
-from vig.photo.checks import head_of as head_of
-from vig.photo.checks import refuse as refuse
-from vig.photo.checks import refuse_huge
+from vig.photo.checks import MAX_PIXELS, check_size, existing_file, refuse, refuse_huge
 from vig.photo.decoding import LINEAR, PHOTO, decoded, opened
-from vig.photo.decoding import MID_GREY as MID_GREY
 from vig.photo.formats import unread_samples
 from vig.scene.light import srgb8_from_linear
 

@@ -13,8 +13,9 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.photo.checks import existing_file
 from vig.photo.colour import Encoding, coded_encoding
-from vig.photo.images import coded, existing_file, write_png
+from vig.photo.images import coded, write_png
 
 UNREAD_MATRICES = (8, 10, 12, 13, 14)
 """Of H.273 (YCgCo, constant luminance, ICtCp): what ffmpeg takes for another, without an error."""

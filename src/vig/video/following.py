@@ -13,7 +13,8 @@ from vig.hints import Hints
 from vig.inference import Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window
-from vig.photo.images import MIN_SIDE, coded_photo
+from vig.photo.checks import MIN_SIDE
+from vig.photo.images import coded_photo
 from vig.recognition import find
 from vig.scene import Camera, latent_layout
 

@@ -12,7 +12,8 @@ from vig.hints import Hints
 from vig.inference import PixelLabel
 from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
-from vig.photo.images import eight_bit_photo, refuse
+from vig.photo.checks import refuse
+from vig.photo.images import eight_bit_photo
 from vig.photo.masks import mask_file
 from vig_app.cli.common import FitCommand
 

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from vig.io.errors import UserError
 from vig.parallel import Lost
 from vig.parallel.cluster import map_on_cluster
-from vig.photo.images import existing_file
+from vig.photo.checks import existing_file
 from vig_app.corrections import CORRECTIONS
 from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failed, lost_row, prepare
 

@@ -13,8 +13,9 @@ from PIL import Image, ImageCms
 from tests.vig.photo.pictures import SIZE, chrm, cicp, flat, gama, png, profile, tiff
 from vig.io.errors import UserError
 from vig.photo.colour import HLG, PQ, REC709, SRGB, coded_encoding, rec709_from, tone_mapped
+from vig.photo.decoding import MID_GREY
 from vig.photo.formats import stated_colour
-from vig.photo.images import MID_GREY, as_photo, coded_photo, read_photo
+from vig.photo.images import as_photo, coded_photo, read_photo
 from vig.scene.light import linear_from_srgb
 
 ADOBE_WHITE_FIRST = (0.3127, 0.329, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06)

@@ -9,7 +9,9 @@ import pytest
 from PIL import Image, ImageCms
 
 from vig.io.errors import UserError
-from vig.photo.images import MAX_PIXELS, MID_GREY, read_photo, write_png
+from vig.photo.checks import MAX_PIXELS
+from vig.photo.decoding import MID_GREY
+from vig.photo.images import read_photo, write_png
 from vig.photo.lens import focal_of
 from vig_world.assets.hdr import read_panorama
 
