@@ -111,6 +111,8 @@ class BuildSettings:
         for axis in (self.up, self.front):
             if axis is not None:
                 _axis_vector(axis)
+        if self.up and self.front and not np.cross(_axis_vector(self.up), _axis_vector(self.front)).any():
+            raise UserError(f"expected a front that is level; got {self.front} with {self.up} up.")
         if self.symmetry is not None and self.symmetry not in set(Symmetry):
             raise UserError(f"expected a symmetry among {', '.join(Symmetry)}; got '{self.symmetry}'.")
         if unknown := sorted(set(self.places) - set(ZONE_NAMES)):
