@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from vig_app.exports import FORMATS, RUN_FORMATS
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -71,8 +73,9 @@ class Fit:
     """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/devices.md."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
-    export: tuple[Literal["bop", "coco", "nerfstudio", "ros", "usd"], ...] = ()
-    """Write these formats into each photo's folder, too; docs/explanation.md."""
+    export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
+    """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos with bop or
+    coco also one file for all, as `vig export` does."""
     quiet: bool = False
     """Print the folder alone, and what went wrong."""
     log: Path | None = None
@@ -87,7 +90,7 @@ class Export:
 
     results: tyro.conf.Positional[Path]
     """Folder of `vig fit` of several photos."""
-    to: tuple[Literal["bop", "coco"], ...]
+    to: tuple[Literal[RUN_FORMATS], ...]  # type: ignore[valid-type]
     """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, a COCO result file of the
     visible masks."""
     out: Path | None = None

@@ -32,21 +32,21 @@ from vig_app.cli.common import Fit
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.naming import listed, note
 from vig_app.cli.progress import progress_of
+from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
 from vig_app.report.sheet import sheet_name, write_sheets
+from vig_app.results import TABLES, TRACK, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
-from vig_app.runs.results import TABLES, TRACK, name_of, write_table
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
-TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES}
+TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 """Names within a run's folder that no photo's folder may have."""
 HEIC = (".heic", ".heif", ".hif")
 PASSED_OVER = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
-EXPORTS = ("bop.csv", "coco.json")
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 
 
@@ -100,11 +100,13 @@ def fit(settings: Fit) -> int:
         rows += [row for folder in folders for row in found.get(folder.name, {}).values()]
         if len(photos) > 1 and rows:
             if not all(row.get("done_before") for row in rows):
-                for name in EXPORTS:  # `vig export` of the results before
+                for name in run_files():  # of the results before
                     (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
             write_sheets(settings.out, rows)
+    if len(photos) > 1:
+        export_run(settings.out, [name for name in settings.export if name in RUN_FORMATS])
     failed = sum(row["error"] is not None for row in rows)
     if settings.json:
         print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))

@@ -13,8 +13,8 @@ from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.io.files import atomic_write
 from vig.video import Track, TrackedFrame, track
+from vig_app.results import POSE, TRACK, TRACK_COLUMNS, write_table
 from vig_app.runs.ledger import ledger_of
-from vig_app.runs.results import POSE, TRACK, TRACK_COLUMNS, write_table
 from vig_app.runs.work import RunSettings, Task, Work, row_of
 
 

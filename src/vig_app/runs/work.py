@@ -21,7 +21,7 @@ from vig.photo.masks import read_mask
 from vig.several import explain_found, explain_together
 from vig_app.corrections import CORRECTIONS, State
 from vig_app.exports import remove_exports
-from vig_app.runs.results import COLUMNS
+from vig_app.results import COLUMNS
 
 PARTIAL, KEY = ".partial", ".key"
 FILES = (

@@ -19,7 +19,7 @@ from vig_app.cli.common import Fit
 from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
-from vig_app.runs.results import bop_csv
+from vig_app.exports import export_run
 
 
 def refused(capsys, *arguments: object, code: int = 2) -> str:
@@ -282,6 +282,6 @@ def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) 
     assert said["pinhole"]["camera_from_object"] == said["camera"]["camera_from_object"]
     _, _, state = State.read(out / "7")
     assert state.camera == (300, 310, 90, 70)
-    lines = bop_csv(out, tmp_path / "bop.csv").read_text().splitlines()
+    lines = export_run(out, ["bop"])[0].read_text().splitlines()
     place = [float(number) / 1000 for number in lines[1].split(",")[5].split()]
     assert place == pytest.approx([row[3] for row in said["camera"]["camera_from_object"][:3]], abs=1e-6)
