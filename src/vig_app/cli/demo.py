@@ -8,6 +8,7 @@ import os
 import sys
 import time
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,14 @@ from rich.table import Table
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings
-from vig.io.files import atomic_write
 from vig.photo import Window
 from vig.photo.images import write_png
 from vig.scene import IMAGE_SIZE, angle_difference
 from vig_app.cli.common import Demo
 from vig_app.examples import Example, example_photos
-from vig_app.report.page import Entry, folder_html, thumbnail
+from vig_app.report.folder import save_entry
+from vig_app.report.folder_page import folder_html
+from vig_app.report.html import write_page
 
 HARD = 3
 """The example that the commands to try name: something stands before it."""
@@ -47,17 +49,15 @@ def demo(settings: Demo) -> int:
     rows, entries = [], []
     for example in example_photos():
         explanation = explainer.explain(example.photo, window=Window(0, 0, IMAGE_SIZE))
-        explanation.save(out / example.name, example.photo.name)
-        picture = thumbnail(explanation.overlay())
-        entries.append(Entry(example.photo.name, example.name, explanation.to_dict(), picture))
-        rows.append(_compared(example, explanation))
+        photo = example.photo.name
+        entries.append(save_entry(explanation, out / example.name, photo, photo))
+        rows.append(_compared(example, explanation, entries[-1].described))
         if not as_json:
             console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)
     seconds = time.monotonic() - started
     write_overview(out, [example.photo for example in example_photos()], [row["photo"] for row in rows])
     page = out / "report.html"
-    with atomic_write(page) as temporary:
-        temporary.write_text(folder_html(entries), encoding="utf-8")
+    write_page(page, folder_html(entries))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
@@ -114,9 +114,9 @@ def write_overview(
     write_png(out / "overview.png", np.asarray(sheet))
 
 
-def _compared(example: Example, explanation: Explanation) -> dict[str, Any]:
+def _compared(example: Example, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
     """Truth and estimate of one example as plain numbers."""
-    truth, described = example.truth, explanation.to_dict()
+    truth = example.truth
     visible = np.asarray(Image.open(example.visible_mask)) > 127
     distances = np.linalg.norm(explanation.vertices - example.vertices, axis=1)
     off = angle_difference(float(explanation.latents.azimuth), float(truth.azimuth))

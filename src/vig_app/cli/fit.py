@@ -21,7 +21,6 @@ from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.checks import read_json
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig.likelihood import LIKELIHOODS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
@@ -33,7 +32,8 @@ from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.naming import listed, note
 from vig_app.cli.progress import progress_of
 from vig_app.exports import RUN_FORMATS, export_run, run_files
-from vig_app.report.page import THUMBNAIL_FILE, Entry, folder_html, strange_first
+from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
+from vig_app.report.html import write_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
@@ -134,7 +134,7 @@ def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
 
 def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
-    seen = sorted((row for row in rows if row["error"] is None), key=strange_first)
+    seen = sorted((row for row in rows if row["error"] is None), key=review_order)
     entries = []
     for row in seen[:MOST_ENTRIES]:
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
@@ -142,11 +142,9 @@ def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
             entries.append(Entry(name_of(row), folder, row, np.asarray(picture)))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
-        with atomic_write(out / "report.html") as temporary:
-            photos = len({row["photo"] for row in seen})
-            title = None if photos == len(seen) else f"{photos} photos, {len(seen)} objects explained"
-            page = folder_html(entries, len(seen), errors, title)
-            temporary.write_text(page, encoding="utf-8", errors="replace")
+        photos = len({row["photo"] for row in seen})
+        title = None if photos == len(seen) else f"{photos} photos, {len(seen)} objects explained"
+        write_page(out / "report.html", folder_html(entries, len(seen), errors, title))
 
 
 def in_one_line(words: str) -> str:

@@ -11,7 +11,8 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from vig.io.files import atomic_write
-from vig_app.report.page import QUALITY, THUMBNAIL_FILE, strange_first
+from vig_app.report.folder_page import THUMBNAIL_FILE, review_order
+from vig_app.report.html import QUALITY
 
 TILE, BORDER, LABEL, GAP = 160, 4, 34, 6
 """Pixels: a picture's side, its frame in the verdict's colour, the two lines under it, between tiles."""
@@ -37,7 +38,7 @@ def sheet_name(number: int) -> str:
 
 
 def write_sheets(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write the photos of a run in the order of `strange_first`, `PER_SHEET` to a sheet.
+    """Write the photos of a run in the order of `review_order`, `PER_SHEET` to a sheet.
 
     Args:
         out: Folder of the run, which holds that of each photo.
@@ -49,7 +50,7 @@ def write_sheets(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[Path]:
     Raises:
         UserError: They cannot be written.
     """
-    ordered = sorted(rows, key=strange_first)
+    ordered = sorted(rows, key=review_order)
     written = []
     for number in range(MOST_SHEETS):
         path, part = out / sheet_name(number), ordered[number * PER_SHEET : (number + 1) * PER_SHEET]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from vig_app.report.page import write_thumbnail
+from vig_app.report.folder_page import write_thumbnail
 from vig_app.report.sheet import PER_SHEET, TILE, write_sheets
 
 
