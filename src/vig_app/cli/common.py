@@ -34,7 +34,7 @@ class Fit:
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
     focal: float | None = None
-    """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
+    """Focal length in pixels of the photos; by default that of each one's EXIF data."""
     intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
     """fx,fy,cx,cy in pixels, the intrinsics of undistorted photos, in place of --focal."""
     cameras: Path | None = None
@@ -79,7 +79,7 @@ class Fit:
     quiet: bool = False
     """Print the folder alone, and what went wrong."""
     log: Path | None = None
-    """Also add what is said of each photo, with the time, to this file."""
+    """Also add the line of each photo, with the time, to this file."""
     json: bool = False
     """Print one JSON object instead of lines."""
 
@@ -162,5 +162,5 @@ class Verb:
 
 def verbs_of_packages() -> tuple[Verb, ...]:
     """The verbs that installed packages bring, in the order of their entry points' names."""
-    found = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    return tuple(Verb(*verb) for point in found for verb in point.load())
+    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return tuple(Verb(*verb) for point in points for verb in point.load())

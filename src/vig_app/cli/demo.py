@@ -30,9 +30,9 @@ from vig_app.report.folder import save_entry
 from vig_app.report.folder_page import folder_html
 from vig_app.report.html import write_page
 
-HARD = 3
-"""The example that the commands to try name: something stands before it."""
-NEXT = (
+HARD_EXAMPLE = 3
+"""That the commands to try name: something stands before it."""
+COMMANDS_TO_TRY = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
     "vig fit {photo} --elevation {elevation:.0f}     # tell what you know; docs/hints.md",
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
@@ -82,9 +82,9 @@ def demo(settings: Demo) -> int:
         f" {np.median([row['segmentation_iou'] for row in rows]):.2f}",
         highlight=False,
     )
-    hard = example_photos()[HARD]
-    told = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
-    lines = [f"The page: {page}", "Try next:", *(f"    {line.format(**told)}" for line in NEXT)]
+    hard = example_photos()[HARD_EXAMPLE]
+    hints = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
+    lines = [f"The page: {page}", "Try next:", *(f"    {line.format(**hints)}" for line in COMMANDS_TO_TRY)]
     console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     if not settings.no_open and has_screen():
         webbrowser.open(page.resolve().as_uri())
@@ -119,14 +119,14 @@ def _compared(example: Example, explanation: Explanation, described: Mapping[str
     truth = example.truth
     visible = np.asarray(Image.open(example.visible_mask)) > 127
     distances = np.linalg.norm(explanation.vertices - example.vertices, axis=1)
-    off = angle_difference(float(explanation.latents.azimuth), float(truth.azimuth))
+    azimuth_error = angle_difference(float(explanation.latents.azimuth), float(truth.azimuth))
     return {
         "photo": example.name,
         "hidden": [round(example.occlusion, 3), described["hidden_fraction"] or 0.0],
         "azimuth_deg": [math.degrees(float(truth.azimuth)) % 360, described["azimuth_deg"]],
         "elevation_deg": [math.degrees(float(truth.elevation)), described["elevation_deg"]],
         "albedo": [truth.albedo[0].tolist(), described["albedo"]],
-        "azimuth_error_deg": math.degrees(abs(off)),
+        "azimuth_error_deg": math.degrees(abs(azimuth_error)),
         "shape_error_mm": 1000 * float(distances.mean()),
         "segmentation_iou": float((explanation.mask & visible).sum() / (explanation.mask | visible).sum()),
         "verdict": described["verdict"],

@@ -31,11 +31,7 @@ def export_explanation(
     explanation: Explanation, folder: str | Path, formats: Sequence[str], photo: str
 ) -> Path:
     """The work of `Explanation.export`."""
-    if isinstance(formats, str) or (unknown := [name for name in formats if name not in FORMATS]):
-        refused = formats if isinstance(formats, str) else unknown[0]
-        raise UserError(
-            f"expected a list of formats out of {', '.join(FORMATS)}; got '{refused}'. Name these."
-        )
+    _check(formats, FORMATS)
     for name in formats:
         _module("formats", name).write(Path(folder), explanation, photo)
     return Path(folder)
@@ -54,8 +50,9 @@ def export_run(
             name, the others follow.
 
     Raises:
-        UserError: The results cannot be read or a file not be written.
+        UserError: There is no such format, the results cannot be read or a file not be written.
     """
+    _check(formats, RUN_FORMATS)
     run = ExportedRun.read(Path(results), first_id)
     paths = []
     for name in formats:
@@ -79,6 +76,15 @@ def remove_exports(folder: Path) -> None:
 def run_files() -> tuple[str, ...]:
     """Names of all files that `export_run` may write."""
     return tuple(_module("run_formats", name).FILE for name in RUN_FORMATS)
+
+
+def _check(formats: Sequence[str], known: Sequence[str]) -> None:
+    """UserError for a text in place of a list, or what is no format."""
+    for name in [formats] if isinstance(formats, str) else formats:
+        if name not in known or isinstance(formats, str):
+            raise UserError(
+                f"expected a list of formats out of {', '.join(known)}; got '{name}'. Name these."
+            )
 
 
 def _module(package: str, name: str) -> ModuleType:

@@ -54,10 +54,12 @@ def summary(described: dict[str, Any]) -> str:
     """Class, what is trusted with which probability, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if confidence is None:
-        sure = "how sure was not learned"
+        confidences = "how sure was not learned"
     else:
         mask_right = described["mask_confidence"]
-        sure = f"the view is right with a probability of {confidence:.0%}, the mask of {mask_right:.0%}"
+        confidences = (
+            f"the view is right with a probability of {confidence:.0%}, the mask of {mask_right:.0%}"
+        )
     view, mask = (part in described["trusted"] for part in ("view", "mask"))
     trusted = {
         (True, True): "its view and its mask are trusted",
@@ -65,8 +67,8 @@ def summary(described: dict[str, Any]) -> str:
         (False, True): "its mask is trusted, its view is not",
         (False, False): "neither its view nor its mask is trusted",
     }[view, mask]
-    seen = "" if hidden is None else f"; {hidden:.0%} of it is hidden"
-    return f"{described['class']}: {trusted} ({sure}){seen}"
+    hidden_share = "" if hidden is None else f"; {hidden:.0%} of it is hidden"
+    return f"{described['class']}: {trusted} ({confidences}){hidden_share}"
 
 
 def views_note(described: dict[str, Any]) -> str:
@@ -90,6 +92,6 @@ def _light(light: list[float]) -> str:
     """Where most light comes from, by the first order of its SH coefficients, in the object's frame."""
     y, z, x = light[1:4]
     above = "from above" if z > 0.5 * float(np.hypot(x, y)) else "from the side"
-    strength = float(np.linalg.norm([x, y, z])) / max(abs(light[0]), 1e-6)
-    kind = "soft" if strength < 0.4 else "directed" if strength < 0.9 else "strongly directed"
+    directedness = float(np.linalg.norm([x, y, z])) / max(abs(light[0]), 1e-6)
+    kind = "soft" if directedness < 0.4 else "directed" if directedness < 0.9 else "strongly directed"
     return f"{kind}, most of it {above}"

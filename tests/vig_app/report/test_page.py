@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -24,7 +22,6 @@ from vig_app.report import words
 from vig_app.report.folder_page import Entry, folder_html, reduced
 
 HOSTILE = '</script><script>window.hacked=1</script><img src=x onerror="window.hacked=1">.png'
-CHROMIUM = shutil.which("chromium")
 
 
 @pytest.fixture(scope="module")
@@ -97,24 +94,6 @@ def test_an_azimuth_that_is_known_of_the_right_view_alone_is_said_so(explanation
     wide = replace(explanation, fit=replace(explanation.fit, deviation=deviation))
     rows = dict(words.table_rows(wide.to_dict()))
     assert rows["azimuth of the eye"].endswith("°, if this is the right view")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    flags = [
-        "--no-sandbox",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--no-first-run",
-    ]
-    flags += ["--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with api.sync_playwright() as play:
-        started = play.chromium.launch(executable_path=CHROMIUM, args=flags)
-        yield started
-        started.close()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

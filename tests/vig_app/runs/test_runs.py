@@ -381,14 +381,8 @@ def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, 
 
 def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"no Ray cluster answers at '127.0.0.1:1'|vig\[cluster\]"):
-        list(
-            run(
-                [Task(photos / "0.png", tmp_path / "o" / "0")],
-                tmp_path / "o",
-                RunSettings(),
-                cluster="127.0.0.1:1",
-            )
-        )
+        task = Task(photos / "0.png", tmp_path / "o" / "0")
+        list(run([task], tmp_path / "o", RunSettings(), cluster="127.0.0.1:1"))
 
 
 @pytest.mark.parametrize("line", ['{"key": "a", "rows": []}', "[]", "3", '{"rows": [3]}', '{"key": 1, "ro'])
