@@ -35,8 +35,8 @@ from PIL import Image
 
 from benchmarks.inputs import made
 from benchmarks.measuring import metric, report, write
+from vig.photo.masks import box_of
 from vig.scene import Latents, ObjectClass
-from vig_app.exports import box_of
 from vig_train.evaluation.protocol import silhouettes
 
 BROKEN = 50

@@ -1,8 +1,7 @@
-"""corrections.json: a photo, the class and what was said of the object, with which work is resumed."""
+"""corrections.json: a photo, the class and a user's hints on the object, with which work is resumed."""
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ from vig.hints import Hints
 from vig.inference import PixelLabel
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.output import write_json
 from vig.photo import Intrinsics, Window
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
@@ -36,8 +35,8 @@ class Mark:
 
     def paint(self, marks: np.ndarray) -> None:
         """Set the pixels of marks (H, W) uint8 whose centres lie within."""
-        left, top = (max(math.floor(middle - self.radius), 0) for middle in (self.x, self.y))
-        right, bottom = (max(math.ceil(middle + self.radius), 0) for middle in (self.x, self.y))
+        left, top = (max(math.floor(centre - self.radius), 0) for centre in (self.x, self.y))
+        right, bottom = (max(math.ceil(centre + self.radius), 0) for centre in (self.x, self.y))
         part = marks[top:bottom, left:right]
         rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
         part[np.hypot(columns + left + 0.5 - self.x, rows + top + 0.5 - self.y) <= self.radius] = self.said
@@ -45,7 +44,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class State:
-    """All that a user has said of a photo; places are in its pixels, angles in degrees.
+    """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
     `camera` is fx, fy, cx, cy of its lens.
     """
@@ -67,9 +66,9 @@ class State:
         hints: Hints | None,
         camera: tuple[float, float, float, float] | None = None,
     ) -> State | None:
-        """What was said to `Explainer.explain`; None where a mask, marks or a pose were among it."""
+        """What `Explainer.explain` was given; None where a mask, marks or a pose were among it."""
         hints = hints or Hints()
-        if any(each is not None for each in (hints.mask, hints.marks, hints.pose)):
+        if any(hint is not None for hint in (hints.mask, hints.marks, hints.pose)):
             return None
         angles = hints.azimuth_deg, hints.elevation_deg, hints.roll_deg
         return State(box, dict(hints.points), (), hints.visible, *angles, focal, camera)
@@ -121,28 +120,27 @@ class State:
         """
         pack = object_class.folder
         packaged = pack is None or pack.resolve() == (PACKAGED / object_class.name).resolve()
-        told = {
+        content = {
             "format": FORMAT,
             "photo": os.path.relpath(photo.resolve(), folder.resolve()),
             "class": object_class.name if packaged else str(pack and pack.resolve()),
             "state": asdict(self),
         }
-        with atomic_write(folder / CORRECTIONS) as temporary:
-            temporary.write_text(json.dumps(told, indent=2) + "\n")
+        write_json(folder, content, CORRECTIONS)
 
     @staticmethod
     def read(folder: Path) -> tuple[Path, str, State]:
         """Photo, class and state that `write` wrote; UserError where they cannot be read."""
         path = folder / CORRECTIONS
         if not path.exists():
-            inner = sorted(found.parent for found in folder.glob(f"*/{CORRECTIONS}"))
+            inner = sorted(file.parent for file in folder.glob(f"*/{CORRECTIONS}"))
             remedy = f"Name one in it, such as '{inner[0]}'." if inner else "Name the photo itself."
             raise UserError(f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. {remedy}")
         with reading(path, "corrections of a photo", "Name the photo itself."):
-            told = decode(_Told, {"class_": None} | _renamed(read_json(path)))
-            if told.format != FORMAT:
-                raise ValueError(f"it is of format {told.format}, where this vig reads {FORMAT}")
-        return folder / told.photo, told.class_, told.state
+            content = decode(_Content, {"class_": None} | _renamed(read_json(path)))
+            if content.format != FORMAT:
+                raise ValueError(f"it is of format {content.format}, where this vig reads {FORMAT}")
+        return folder / content.photo, content.class_, content.state
 
 
 def result_in(folder: Path) -> Path:
@@ -152,8 +150,8 @@ def result_in(folder: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class _Told:
-    """The file; `class_` is its "class"."""
+class _Content:
+    """What the file holds; `class_` is its "class"."""
 
     format: int
     photo: str
@@ -161,7 +159,8 @@ class _Told:
     state: State
 
 
-def _renamed(told: Mapping[str, object]) -> dict[str, object]:
-    if not isinstance(told, dict):
+def _renamed(content: Mapping[str, object]) -> dict[str, object]:
+    """The file's names as Python takes them."""
+    if not isinstance(content, dict):
         raise ValueError("it must hold an object")
-    return {"class_" if name == "class" else name: value for name, value in told.items()}
+    return {"class_" if name == "class" else name: value for name, value in content.items()}

@@ -1,4 +1,4 @@
-"""`--box`, `--boxes`, `--objects` and `--class`: what is said of where objects are, and what they are."""
+"""`--box`, `--boxes`, `--objects` and `--class`: where objects are, and what they are."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from vig_app.cli.naming import by_photo
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
 Objects = tuple[tuple[str, Box], ...]
 """Class and box of each object of a photo."""
-ONE_OBJECT = ("mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose")
+OF_ONE_OBJECT = ("mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose")
+"""Options that say something of a single object."""
 
 
 def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None, Objects]]:
     """The box of each photo's one object, None where none is named; or its several objects.
 
-    UserError where the file cannot be used, or what else is said is of a single object.
+    UserError where the file cannot be used, or an option is of a single object.
     """
     if settings.objects is not None:
         if settings.box is not None or settings.boxes is not None:
@@ -34,49 +35,12 @@ def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None,
     if settings.box is not None:
         raise UserError("expected --box or --boxes; got both. Give one.")
     with reading(settings.boxes, "boxes by the photos' file names", REMEDY):
-        told = decode(dict[str, Any], read_json(settings.boxes))
-        named = {name: _read(each, settings) for name, each in told.items()}
-    of_photo = by_photo(named, photos, "boxes", settings.boxes)
+        entries = decode(dict[str, Any], read_json(settings.boxes))
+        by_name = {name: _read(entry, settings) for name, entry in entries.items()}
+    of_photo = by_photo(by_name, photos, "boxes", settings.boxes)
     if any(objects for _, objects in of_photo.values()):
         _check_several(settings)
     return [of_photo.get(photo, (None, ())) for photo in photos]
-
-
-def _read(told: Any, settings: FitCommand) -> tuple[Box | None, Objects]:
-    """One photo's box or objects from the file."""
-    if not isinstance(told, list) or not told:
-        raise ValueError("what it has for a photo is not a list with something in it")
-    if not isinstance(told[0], list | dict):
-        return _box(told), ()
-    objects = tuple(_object(each, settings.object_class) for each in told)
-    if len(objects) > MOST_OBJECTS:
-        raise ValueError(f"a photo has {len(objects)} boxes, more than {MOST_OBJECTS}")
-    return None, objects
-
-
-def _object(told: Any, class_name: str) -> tuple[str, Box]:
-    if not isinstance(told, dict):
-        return class_name, _box(told)
-    if unknown := sorted(told.keys() - {"box", "class"}):
-        raise ValueError(f"an object has '{unknown[0]}', where it may have 'box' and 'class'")
-    if not isinstance(name := told.get("class", class_name), str):
-        raise ValueError("an object's class is not a text")
-    return name, _box(told.get("box"))
-
-
-def _box(told: Any) -> Box:
-    if not isinstance(told, list) or len(told) != 4:
-        raise ValueError(f"a box is not a list of four numbers; it is {str(told)[:60]}")
-    return checked_box(decode(tuple[float, float, float, float], told))
-
-
-def _check_several(settings: FitCommand) -> None:
-    for name in ONE_OBJECT:
-        given = getattr(settings, name)
-        if not (given is None or given is False or given == ()):
-            raise UserError(
-                f"expected --{name} with one object a photo; got several objects. Fit that object alone."
-            )
 
 
 def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:
@@ -97,3 +61,40 @@ def parse_box(text: str) -> Box:
         return checked_box(text.replace(" ", "").split(","))
     except UserError:
         raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None
+
+
+def _read(entry: Any, settings: FitCommand) -> tuple[Box | None, Objects]:
+    """One photo's box or objects from the file."""
+    if not isinstance(entry, list) or not entry:
+        raise ValueError("what it has for a photo is not a list with something in it")
+    if not isinstance(entry[0], list | dict):
+        return _box(entry), ()
+    objects = tuple(_object(item, settings.object_class) for item in entry)
+    if len(objects) > MOST_OBJECTS:
+        raise ValueError(f"a photo has {len(objects)} boxes, more than {MOST_OBJECTS}")
+    return None, objects
+
+
+def _object(item: Any, class_name: str) -> tuple[str, Box]:
+    if not isinstance(item, dict):
+        return class_name, _box(item)
+    if unknown := sorted(item.keys() - {"box", "class"}):
+        raise ValueError(f"an object has '{unknown[0]}', where it may have 'box' and 'class'")
+    if not isinstance(name := item.get("class", class_name), str):
+        raise ValueError("an object's class is not a text")
+    return name, _box(item.get("box"))
+
+
+def _box(numbers: Any) -> Box:
+    if not isinstance(numbers, list) or len(numbers) != 4:
+        raise ValueError(f"a box is not a list of four numbers; it is {str(numbers)[:60]}")
+    return checked_box(decode(tuple[float, float, float, float], numbers))
+
+
+def _check_several(settings: FitCommand) -> None:
+    for name in OF_ONE_OBJECT:
+        value = getattr(settings, name)
+        if not (value is None or value is False or value == ()):
+            raise UserError(
+                f"expected --{name} with one object a photo; got several objects. Fit that object alone."
+            )

@@ -11,7 +11,7 @@ from vig.io.errors import UserError
 from vig_app.cli.common import FitCommand
 from vig_app.cli.naming import by_photo
 
-NAMES = ("K", "k", "cam_K", "fx", "fl_x")
+CAMERA_KEYS = ("K", "k", "cam_K", "fx", "fl_x")
 """A mapping with one of these is a camera, not cameras by the photos' names."""
 REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
 
@@ -23,14 +23,14 @@ def cameras_of(settings: FitCommand, photos: list[Path]) -> list[Any]:
     """
     if settings.intrinsics is None and settings.cameras is None:
         return [None] * len(photos)
-    if sum(given is not None for given in (settings.intrinsics, settings.cameras, settings.focal)) > 1:
+    if (settings.intrinsics, settings.cameras, settings.focal).count(None) < 2:
         raise UserError("expected one of --K, --cameras and --focal; got two of them. Give one.")
     if settings.intrinsics is not None:
         return [_parsed(settings.intrinsics)] * len(photos)
     assert settings.cameras is not None
     with reading(settings.cameras, "cameras by the photos' names", REMEDY):
         content = read_json(settings.cameras)
-        if isinstance(content, list) or (isinstance(content, dict) and any(n in content for n in NAMES)):
+        if isinstance(content, list) or (isinstance(content, dict) and content.keys() & set(CAMERA_KEYS)):
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:
             raise ValueError("it holds no camera")

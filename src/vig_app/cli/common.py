@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from vig_app.exports import FORMATS, RUN_FORMATS
+
 
 @dataclass(frozen=True)
 class FitCommand:
@@ -32,7 +34,7 @@ class FitCommand:
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
     focal: float | None = None
-    """Focal length in pixels of the photos; by default what each one's EXIF data tell."""
+    """Focal length in pixels of the photos; by default that of each one's EXIF data."""
     intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
     """fx,fy,cx,cy in pixels, the intrinsics of undistorted photos, in place of --focal."""
     cameras: Path | None = None
@@ -71,12 +73,13 @@ class FitCommand:
     """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/index.md."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
-    export: tuple[Literal["bop", "coco", "nerfstudio", "ros", "usd"], ...] = ()
-    """Write these formats into each photo's folder, too; docs/explanation.md."""
+    export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
+    """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos with bop or
+    coco also one file for all, as `vig export` does."""
     quiet: bool = False
     """Print the folder alone, and what went wrong."""
     log: Path | None = None
-    """Also add what is said of each photo, with the time, to this file."""
+    """Also add the line of each photo, with the time, to this file."""
     json: bool = False
     """Print one JSON object instead of lines."""
 
@@ -87,7 +90,7 @@ class ExportCommand:
 
     results: tyro.conf.Positional[Path]
     """Folder of `vig fit` of several photos."""
-    to: tuple[Literal["bop", "coco"], ...]
+    to: tuple[Literal[RUN_FORMATS], ...]  # type: ignore[valid-type]
     """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, a COCO result file of the
     visible masks."""
     out: Path | None = None
@@ -159,5 +162,5 @@ class Verb:
 
 def verbs_of_packages() -> tuple[Verb, ...]:
     """The verbs that installed packages bring, in the order of their entry points' names."""
-    found = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    return tuple(Verb(*verb) for point in found for verb in point.load())
+    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return tuple(Verb(*verb) for point in points for verb in point.load())

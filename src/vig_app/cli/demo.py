@@ -8,6 +8,7 @@ import os
 import sys
 import time
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,18 @@ from rich.table import Table
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings
-from vig.io.files import atomic_write
 from vig.photo import Window
 from vig.photo.images import write_png
 from vig.scene import IMAGE_SIZE, angle_difference
 from vig_app.cli.common import Demo
 from vig_app.examples import Example, example_photos
-from vig_app.report.page import Entry, folder_html, thumbnail
+from vig_app.report.folder import save_entry
+from vig_app.report.folder_page import folder_html
+from vig_app.report.html import write_page
 
-HARD = 3
-"""The example that the commands to try name: something stands before it."""
-NEXT = (
+HARD_EXAMPLE = 3
+"""That the commands to try name: something stands before it."""
+COMMANDS_TO_TRY = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
     "vig fit {photo} --elevation {elevation:.0f}     # tell what you know; docs/hints.md",
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
@@ -47,17 +49,15 @@ def demo(settings: Demo) -> int:
     rows, entries = [], []
     for example in example_photos():
         explanation = explainer.explain(example.photo, window=Window(0, 0, IMAGE_SIZE))
-        explanation.save(out / example.name, example.photo.name)
-        picture = thumbnail(explanation.overlay())
-        entries.append(Entry(example.photo.name, example.name, explanation.to_dict(), picture))
-        rows.append(_compared(example, explanation))
+        photo = example.photo.name
+        entries.append(save_entry(explanation, out / example.name, photo, photo))
+        rows.append(_compared(example, explanation, entries[-1].described))
         if not as_json:
             console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)
     seconds = time.monotonic() - started
     write_overview(out, [example.photo for example in example_photos()], [row["photo"] for row in rows])
     page = out / "report.html"
-    with atomic_write(page) as temporary:
-        temporary.write_text(folder_html(entries), encoding="utf-8")
+    write_page(page, folder_html(entries))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
@@ -82,9 +82,9 @@ def demo(settings: Demo) -> int:
         f" {np.median([row['segmentation_iou'] for row in rows]):.2f}",
         highlight=False,
     )
-    hard = example_photos()[HARD]
-    told = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
-    lines = [f"The page: {page}", "Try next:", *(f"    {line.format(**told)}" for line in NEXT)]
+    hard = example_photos()[HARD_EXAMPLE]
+    hints = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
+    lines = [f"The page: {page}", "Try next:", *(f"    {line.format(**hints)}" for line in COMMANDS_TO_TRY)]
     console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     if not settings.no_open and has_screen():
         webbrowser.open(page.resolve().as_uri())
@@ -114,19 +114,19 @@ def write_overview(
     write_png(out / "overview.png", np.asarray(sheet))
 
 
-def _compared(example: Example, explanation: Explanation) -> dict[str, Any]:
+def _compared(example: Example, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
     """Truth and estimate of one example as plain numbers."""
-    truth, described = example.truth, explanation.to_dict()
+    truth = example.truth
     visible = np.asarray(Image.open(example.visible_mask)) > 127
     distances = np.linalg.norm(explanation.vertices - example.vertices, axis=1)
-    off = angle_difference(float(explanation.latents.azimuth), float(truth.azimuth))
+    azimuth_error = angle_difference(float(explanation.latents.azimuth), float(truth.azimuth))
     return {
         "photo": example.name,
         "hidden": [round(example.occlusion, 3), described["hidden_fraction"] or 0.0],
         "azimuth_deg": [math.degrees(float(truth.azimuth)) % 360, described["azimuth_deg"]],
         "elevation_deg": [math.degrees(float(truth.elevation)), described["elevation_deg"]],
         "albedo": [truth.albedo[0].tolist(), described["albedo"]],
-        "azimuth_error_deg": math.degrees(abs(off)),
+        "azimuth_error_deg": math.degrees(abs(azimuth_error)),
         "shape_error_mm": 1000 * float(distances.mean()),
         "segmentation_iou": float((explanation.mask & visible).sum() / (explanation.mask | visible).sum()),
         "verdict": described["verdict"],

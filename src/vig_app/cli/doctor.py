@@ -34,16 +34,16 @@ def check_classes() -> dict[str, str]:
     from vig.scene import ObjectClass
     from vig.scene.object_class import PACKAGED
 
-    found = {}
+    states = {}
     for path in sorted(PACKAGED.glob("*/class.json")):
         try:
-            one = ObjectClass.load(path.parent)
-            Recognizer.of_class(one)
-            told = "ok" if calibration_of(one) else "no calibration"
+            object_class = ObjectClass.load(path.parent)
+            Recognizer.of_class(object_class)
+            state = "ok" if calibration_of(object_class) else "no calibration"
         except Exception as error:  # whatever is wrong with a file, saying so is what doctor is for
-            told = f"failed: {_line(error)}"
-        found[path.parent.name] = told
-    return found or {"none": "no class is packaged with this installation"}
+            state = f"failed: {_line(error)}"
+        states[path.parent.name] = state
+    return states or {"none": "no class is packaged with this installation"}
 
 
 def check_kernels() -> dict[str, Any]:
@@ -88,8 +88,8 @@ def report_lines(report: dict[str, Any]) -> str:
         ("platform", report["platform"]),
         ("processor", f"{report['cpus']} x {report['processor']}"),
         *((name, version or "not installed") for name, version in report["packages"].items()),
-        *((f"cuda in {name}", ", ".join(found) or "none") for name, found in report["cuda"].items()),
-        *((f"class {name}", told) for name, told in report["classes"].items()),
+        *((f"cuda in {name}", ", ".join(devices) or "none") for name, devices in report["cuda"].items()),
+        *((f"class {name}", state) for name, state in report["classes"].items()),
         ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
     ]
     width = max(len(name) for name, _ in rows) + 2

@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import json
 import os
-import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from datetime import datetime
@@ -21,7 +20,6 @@ from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.checks import read_json
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig.likelihood import LIKELIHOODS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
@@ -30,24 +28,30 @@ from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
-from vig_app.cli.naming import listed, note
+from vig_app.cli.naming import in_one_line, listed, note
 from vig_app.cli.progress import progress_of
-from vig_app.report.page import THUMBNAIL_FILE, Entry, folder_html, review_order
+from vig_app.exports import RUN_FORMATS, export_run, run_files
+from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
+from vig_app.report.html import write_page
 from vig_app.report.sheet import sheet_name, write_sheets
+from vig_app.results import TABLES, TRACK, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
-from vig_app.runs.results import TABLES, TRACK, name_of, write_table
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
-TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES}
+TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 """Names within a run's folder that no photo's folder may have."""
-HEIC = (".heic", ".heif", ".hif")
-PASSED_OVER = {"Thumbs.db", "desktop.ini", "__MACOSX"}
+HEIC_SUFFIXES = (".heic", ".heif", ".hif")
+SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
-EXPORTS = ("bop.csv", "coco.json")
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
+"""Of `--framing`, as `ExplainSettings.free_framing`."""
+WITHOUT_TRACK = (
+    "boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose", "cameras", "intrinsics",
+)  # fmt: skip
+"""Options that do not go with `--track`."""
 
 
 def fit(settings: FitCommand) -> int:
@@ -56,30 +60,35 @@ def fit(settings: FitCommand) -> int:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
         photos = photos_of(settings.images, settings.out)
-    boxes, first, others = boxes_of(settings, photos), *classes_of(settings)
-    hints, mask, cameras = hints_of(settings, photos), mask_of(settings, photos), cameras_of(settings, photos)
+    boxes = boxes_of(settings, photos)
+    object_class, further_classes = classes_of(settings)
+    hints = hints_of(settings, photos)
+    mask = mask_of(settings, photos)
+    cameras = cameras_of(settings, photos)
     folders = result_folders(photos, settings.out)
-    how = ExplainSettings(
+    explain_settings = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
         self_shadow=not settings.no_self_shadow,
         free_framing=FRAMINGS[settings.framing],
     )
-    log = partial(add_line, settings.log)
+    log = partial(_add_line, settings.log)
     log(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
-    given = RunSettings(first, how, settings.device, settings.export, others)
+    run_settings = RunSettings(
+        object_class, explain_settings, settings.device, settings.export, further_classes
+    )
     tasks = (
         Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )
-    found: dict[str, dict[str, dict[str, Any]]] = {}
+    rows_of_photo: dict[str, dict[str, dict[str, Any]]] = {}
 
-    def done(row: dict[str, Any]) -> None:
-        found.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
-        show(len(found))
+    def take(row: dict[str, Any]) -> None:
+        rows_of_photo.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
+        show(len(rows_of_photo))
         line = in_one_line(_line(row))
         log(line)
         if row["error"] is not None:
-            print(f"vig: {in_one_line(row['error'])}", file=sys.stderr, flush=True)
+            note(row["error"])
         elif not settings.json and not settings.quiet:
             print(line, flush=True)
 
@@ -88,23 +97,26 @@ def fit(settings: FitCommand) -> int:
     show = line_shown.enter_context(progress_of(len(photos), settings.quiet))
     try:
         if settings.track:
-            frames = run_tracked(list(tasks), settings.out, given, done).frames
+            frames = run_tracked(list(tasks), settings.out, run_settings, take).frames
             if not settings.json and not settings.quiet:
                 lost = sum(frame.lost for frame in frames)
                 print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
         else:
-            for row in run(tasks, settings.out, given, settings.workers, len(photos) > 1, settings.cluster):
-                done(row)
+            resume = len(photos) > 1
+            for row in run(tasks, settings.out, run_settings, settings.workers, resume, settings.cluster):
+                take(row)
     finally:
         line_shown.close()
-        rows += [row for folder in folders for row in found.get(folder.name, {}).values()]
+        rows += [row for folder in folders for row in rows_of_photo.get(folder.name, {}).values()]
         if len(photos) > 1 and rows:
             if not all(row.get("done_before") for row in rows):
-                for name in EXPORTS:  # `vig export` of the results before
+                for name in run_files():  # of the results before
                     (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
             write_sheets(settings.out, rows)
+    if len(photos) > 1:
+        export_run(settings.out, [name for name in settings.export if name in RUN_FORMATS])
     failed = sum(row["error"] is not None for row in rows)
     if settings.json:
         print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))
@@ -118,41 +130,34 @@ def fit(settings: FitCommand) -> int:
 
 def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
     """What each explanation.json holds, by photo; a list of them where a photo has several objects."""
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     for row in rows:
         if row["error"] is None:
             folder = out / row["folder"]
-            said = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            result = read_json(folder / "explanation.json") | {"folder": str(folder)}
             if "/" in row["folder"]:
-                found.setdefault(row["photo"], []).append(said)
+                results.setdefault(row["photo"], []).append(result)
             else:
-                found[row["photo"]] = said
-    return found
+                results[row["photo"]] = result
+    return results
 
 
 def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
-    seen = sorted((row for row in rows if row["error"] is None), key=review_order)
+    explained = sorted((row for row in rows if row["error"] is None), key=review_order)
     entries = []
-    for row in seen[:MOST_ENTRIES]:
+    for row in explained[:MOST_ENTRIES]:
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
             folder = row["folder"].split("/")[0]  # of several objects the page of all
             entries.append(Entry(name_of(row), folder, row, np.asarray(picture)))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
-        with atomic_write(out / "report.html") as temporary:
-            photos = len({row["photo"] for row in seen})
-            title = None if photos == len(seen) else f"{photos} photos, {len(seen)} objects explained"
-            page = folder_html(entries, len(seen), errors, title)
-            temporary.write_text(page, encoding="utf-8", errors="replace")
+        photos = len({row["photo"] for row in explained})
+        title = None if photos == len(explained) else f"{photos} photos, {len(explained)} objects explained"
+        write_page(out / "report.html", folder_html(entries, len(explained), errors, title))
 
 
-def in_one_line(words: str) -> str:
-    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in words)
-
-
-def add_line(log: Path | None, words: str) -> None:
+def _add_line(log: Path | None, words: str) -> None:
     """Add a line with the time to a file, where there is one; UserError when it cannot be written."""
     if log is None:
         return
@@ -168,22 +173,11 @@ def add_line(log: Path | None, words: str) -> None:
 def _check_track(settings: FitCommand) -> None:
     """UserError where what was given does not go with `--track`."""
     if len(settings.images) != 1 or not (settings.images[0].is_dir() or is_video(settings.images[0])):
-        came = f"{len(settings.images)} names" if len(settings.images) != 1 else f"'{settings.images[0]}'"
+        names = f"{len(settings.images)} names" if len(settings.images) != 1 else f"'{settings.images[0]}'"
         raise UserError(
-            f"expected one folder of frames or one video with --track; got {came}. Track one by one."
+            f"expected one folder of frames or one video with --track; got {names}. Track one by one."
         )
-    for name in (
-        "boxes",
-        "objects",
-        "cluster",
-        "mask",
-        "marks",
-        "points",
-        "azimuth",
-        "pose",
-        "cameras",
-        "intrinsics",
-    ):
+    for name in WITHOUT_TRACK:
         if getattr(settings, name) not in (None, ()):
             flag = "K" if name == "intrinsics" else name
             raise UserError(f"expected --track without --{flag}; got both. Leave one out.")
@@ -198,16 +192,16 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
     `out`/frames first; UserError when there are none.
     """
     photos: list[Path] = []
-    expanded = [each for given in images for each in _expanded(given)]
-    folders = iter(
-        result_folders([image for image in expanded if is_video(image) and not image.is_dir()], out / FRAMES)
-    )
-    for image in expanded:
-        if is_video(image) and not image.is_dir():
-            photos += frames_of(image, next(folders))
-            continue
-        found = _photos_in(image) if image.is_dir() else [image]
-        photos += sorted(found)
+    expanded = [path for image in images for path in _expanded(image)]
+    videos = [path for path in expanded if is_video(path) and not path.is_dir()]
+    folders = iter(result_folders(videos, out / FRAMES))
+    for path in expanded:
+        if path.is_dir():
+            photos += _photos_in(path)
+        elif is_video(path):
+            photos += frames_of(path, next(folders))
+        else:
+            photos.append(path)
     if not photos:
         raise UserError("expected at least one photo, such as `vig fit photo.jpg`; got none.")
     return photos
@@ -218,18 +212,19 @@ def _photos_in(folder: Path) -> list[Path]:
 
     Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
     """
-    known, photos, others = Image.registered_extensions(), list[Path](), list[Path]()
+    extensions, photos, others = Image.registered_extensions(), list[Path](), list[Path]()
     for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or path.name in PASSED_OVER:
+        if path.name.startswith(".") or path.name in SYSTEM_FILES:
             continue
         suffix = path.suffix.lower()
         # What has a photo's ending and is none is an error of its own, not passed over.
-        is_photo = known.get(suffix) in FORMATS or (suffix in HEIC and find_spec("pillow_heif") is not None)
+        is_heic = suffix in HEIC_SUFFIXES and find_spec("pillow_heif") is not None
+        is_photo = is_heic or extensions.get(suffix) in FORMATS
         (photos if is_photo else others).append(path)
     named = [f"{path.name} ({_kind_of(path)})" for path in others]
     if not photos:
-        came = f"{len(others)} of other kinds, {listed(named)}" if others else "none"
-        raise UserError(f"expected photos in '{folder}'; got {came}. Name others.")
+        others_named = f"{len(others)} of other kinds, {listed(named)}" if others else "none"
+        raise UserError(f"expected photos in '{folder}'; got {others_named}. Name others.")
     if others:
         files = "file" if len(others) == 1 else "files"
         note(f"{len(others)} {files} of '{folder}' not taken: {listed(named)}")
@@ -247,32 +242,33 @@ def _kind_of(path: Path) -> str:
     return (why_no_photo(path) or ("no photo", ""))[0]
 
 
-def _expanded(given: Path) -> list[Path]:
+def _expanded(path: Path) -> list[Path]:
     """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
-    pattern = str(given)
-    if os.path.lexists(given) or not glob.has_magic(pattern):
-        return [given]
-    if found := sorted(glob.glob(pattern, recursive=True)):
-        return [Path(each) for each in found]
+    pattern = str(path)
+    if os.path.lexists(path) or not glob.has_magic(pattern):
+        return [path]
+    if matches := sorted(glob.glob(pattern, recursive=True)):
+        return [Path(match) for match in matches]
     raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
 
 
 def _line(row: dict[str, Any]) -> str:
+    """What is printed of a row."""
     if row["error"] is not None:
         return f"error: {row['error']}"
     if row["verdict"] == "absent":
         return f"absent: {name_of(row)}; {row['reason']} ({_when(row)})"
-    hidden, sure = row["hidden_fraction"], row["mask_confidence"]
+    hidden, mask_confidence = row["hidden_fraction"], row["mask_confidence"]
     trust = ", trusted" if row["mask_trusted"] else ", not trusted"
     trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # as the verdict says of the view
-    mask = "" if sure is None else f" (mask right with {sure:.0%}{trust})"
-    seen = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
+    mask = "" if mask_confidence is None else f" (mask right with {mask_confidence:.0%}{trust})"
+    visible = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
     if row["focal_from"] == "assumed":
-        seen += ", distance unknown (focal length assumed)"
+        visible += ", distance unknown (focal length assumed)"
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
     return (
         f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
-        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {seen}; {row['reason']} ({_when(row)})"
+        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {visible}; {row['reason']} ({_when(row)})"
     )
 
 

@@ -1,4 +1,4 @@
-"""What the user of `vig fit` says of the objects in the photos."""
+"""Hints of the user of `vig fit` on the objects in the photos."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from vig.photo.images import eight_bit_photo
 from vig.photo.masks import mask_file
 from vig_app.cli.common import FitCommand
 
-CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
-"""What a pixel of marks says whose red, green or blue is far above the others."""
-FAR = 80
-ONE_PHOTO = ("marks", "points", "azimuth", "pose")
+MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
+"""What a pixel of marks means whose red, green or blue stands out."""
+MARK_CONTRAST = 80
+"""By how much that channel is above the others, of 255."""
+OF_ONE_PHOTO = ("marks", "points", "azimuth", "pose")
+"""Options that say something of a single photo."""
 
 
 def hints_of(settings: FitCommand, photos: list[Path]) -> Hints | None:
-    """What is said of each photo, but for its mask; UserError where something cannot be used."""
+    """The hints on each photo, but for its mask; UserError where something cannot be used."""
     if len(photos) > 1:
-        for name in ONE_PHOTO:
+        for name in OF_ONE_PHOTO:
             if getattr(settings, name) not in (None, ()):
                 raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
-    said = Hints(
+    hints = Hints(
         marks=None if settings.marks is None else read_marks(settings.marks),
         visible=settings.visible,
         points=dict(map(parse_point, settings.points)),
@@ -38,17 +40,17 @@ def hints_of(settings: FitCommand, photos: list[Path]) -> Hints | None:
         roll_deg=settings.roll,
         pose=None if settings.pose is None else read_pose(settings.pose),
     )
-    return said or None
+    return hints or None
 
 
 def mask_of(settings: FitCommand, photos: list[Path]) -> Callable[[Path], Path | None]:
-    """Tells the file of a photo's mask, which is read with the photo; UserError for one mask of several."""
-    given = settings.mask
-    if given is None or not given.is_dir():
-        if given is not None and len(photos) > 1:
-            raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{given}'. Name one.")
-        return lambda photo: given
-    names = [mask_file(given, photo) for photo in photos]
+    """Return what gives a photo's mask file, read with the photo; UserError for one mask of several."""
+    path = settings.mask
+    if path is None or not path.is_dir():
+        if path is not None and len(photos) > 1:
+            raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{path}'. Name one.")
+        return lambda photo: path
+    names = [mask_file(path, photo) for photo in photos]
     for name in names:
         if names.count(name) > 1 and len({photo.resolve() for photo in photos}) > 1:
             owners = [photo for photo, other in zip(photos, names, strict=True) if other == name]
@@ -76,9 +78,9 @@ def read_marks(path: Path) -> np.ndarray:
     """Marks (H, W) uint8, `PixelLabel`, from a picture."""
     colours = eight_bit_photo(path).astype(int)
     marks = np.zeros(colours.shape[:2], np.uint8)
-    for channel, kind in CHANNELS:
+    for channel, kind in MARK_CHANNELS:
         others = np.delete(colours, channel, axis=-1).max(-1)
-        marks[colours[..., channel] - others > FAR] = kind
+        marks[colours[..., channel] - others > MARK_CONTRAST] = kind
     if not marks.any():
         refuse(path, "pure red, green or blue marks", "none", "Draw on a black or grey copy of the photo.")
     return marks
@@ -87,10 +89,11 @@ def read_marks(path: Path) -> np.ndarray:
 def read_pose(path: Path) -> np.ndarray:
     """A pose from JSON: four lists of four numbers, or an object that has them as `camera_from_object`."""
     with reading(path, "a 4 x 4 camera_from_object", "Write four lists of four numbers."):
-        found: Any = read_json(path)
-        if isinstance(found, dict):
-            found = found.get("camera_from_object", found.get("camera", {}).get("camera_from_object"))
-        pose = np.array(found, float)
+        content: Any = read_json(path)
+        if isinstance(content, dict):
+            camera = content.get("camera", {})
+            content = content.get("camera_from_object", camera.get("camera_from_object"))
+        pose = np.array(content, float)
         if pose.size == 16:
             pose = pose.reshape(4, 4)
         elif pose.shape == (3, 4):

@@ -1,4 +1,4 @@
-"""What files say of photos by their names."""
+"""Entries of files by the names of photos."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import TypeVar
 from vig.io.errors import UserError
 
 Value = TypeVar("Value")
-SHOWN = 3
-"""Names that a line lists."""
+LISTED = 3
+"""Names that a line lists at most."""
 
 
 def by_photo(
     entries: Mapping[str, Value], photos: Sequence[Path], what: str, path: Path
 ) -> dict[Path, Value]:
-    """What a file says of each photo, of those of which it says something.
+    """The entry of each photo that a file has one of.
 
     A photo is named by its file's name, or by the end of its path. Entries of other photos are passed over
     with a line.
@@ -31,7 +31,7 @@ def by_photo(
     Raises:
         UserError: A name is that of several photos, or no entry is of any photo.
     """
-    found: dict[Path, tuple[int, Value]] = {}
+    matches: dict[Path, tuple[int, Value]] = {}  # with the length of the name: the longest counts
     others: list[str] = []
     ends = {photo: photo.resolve().parts for photo in photos}
     for name, value in entries.items():
@@ -47,9 +47,9 @@ def by_photo(
             )
         others += [] if named else [name]
         for photo in named:
-            if photo not in found or len(parts) > found[photo][0]:
-                found[photo] = len(parts), value
-    if not found and entries:
+            if photo not in matches or len(parts) > matches[photo][0]:
+                matches[photo] = len(parts), value
+    if not matches and entries:
         raise UserError(
             f"expected {what} of the {len(photos)} photos; got one of '{others[0]}' in '{path}'."
             " Use the photos' file names, or ends of their paths."
@@ -57,16 +57,20 @@ def by_photo(
     if others:
         noun = "photo" if len(others) == 1 else "photos"
         note(f"{what} of {len(others)} other {noun} passed over: {listed(others)}")
-    return {photo: value for photo, (_, value) in found.items()}
+    return {photo: value for photo, (_, value) in matches.items()}
 
 
 def listed(names: Iterable[str]) -> str:
     """A few names in one line."""
     all_names = list(names)
-    return ", ".join(all_names[:SHOWN]) + (", ..." if len(all_names) > SHOWN else "")
+    return ", ".join(all_names[:LISTED]) + (", ..." if len(all_names) > LISTED else "")
 
 
 def note(words: str) -> None:
-    """Say something that is no error, in one line on stderr."""
-    plain = "".join(each if each.isprintable() else repr(each)[1:-1] for each in words)
-    print(f"vig: {plain}", file=sys.stderr, flush=True)
+    """Print an error or a remark in one line on stderr."""
+    print(f"vig: {in_one_line(words)}", file=sys.stderr, flush=True)
+
+
+def in_one_line(words: str) -> str:
+    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in words)

@@ -19,10 +19,11 @@ from vig_app.viewer.server import HOST, Viewer, free_port
 
 def view(settings: ViewCommand) -> int:
     """Serve the page until interrupted; returns the exit code."""
-    photo, object_class, folder, state = settings.photo, settings.object_class, settings.out, State()
+    photo, object_class, folder = settings.photo, settings.object_class, settings.out
+    state = State()
     if photo.is_dir():
-        for name, given in (("class", object_class), ("out", folder)):
-            if given is not None:
+        for name, option in (("class", object_class), ("out", folder)):
+            if option is not None:
                 raise UserError(f"expected a photo with --{name}; got a result, which has one. Leave it out.")
         folder = result_in(photo)
         photo, object_class, state = State.read(folder)

@@ -19,17 +19,24 @@ from vig.photo.images import write_png
 from vig.several.scene import COLOURS, SceneExplanation
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.report.contents import page_of
-from vig_app.report.page import Entry, folder_html, thumbnail, write_thumbnail
+from vig_app.report.folder_page import Entry, folder_html, write_thumbnail
+from vig_app.report.html import write_page
 
 
 def save_explanation(explanation: Explanation, folder: str | Path, photo: str) -> Path:
     """The work of `Explanation.save`."""
     if not isinstance(folder, str | Path):
         raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
-    folder, described, drawn = Path(folder), explanation.to_dict(), explanation.overlay()
-    remove_stale_exports(folder, described)
-    write_png(folder / "overlay.png", drawn)
-    write_thumbnail(folder, drawn)
+    save_entry(explanation, Path(folder), photo, photo)
+    return Path(folder)
+
+
+def save_entry(explanation: Explanation, folder: Path, photo: str, name: str) -> Entry:
+    """`save_explanation`; returns what the page of several photos or objects shows of it under a name."""
+    described, picture = explanation.to_dict(), explanation.overlay()
+    _remove_stale_exports(folder, described)
+    write_png(folder / "overlay.png", picture)
+    thumbnail = write_thumbnail(folder, picture)
     write_png(folder / "mask.png", mask_picture(explanation.amodal, explanation.mask))
     write_png(folder / "render.png", explanation.panels())
     write_glb(
@@ -43,7 +50,7 @@ def save_explanation(explanation: Explanation, folder: str | Path, photo: str) -
     )
     write_page(folder / "report.html", page_of(explanation, photo, described))
     write_json(folder, described)
-    return folder
+    return Entry(name, folder.name, described, thumbnail)
 
 
 def save_scene(scene: SceneExplanation, folder: str | Path, photo: str, export: Sequence[str]) -> Path:
@@ -53,26 +60,19 @@ def save_scene(scene: SceneExplanation, folder: str | Path, photo: str, export: 
     for number, mask in enumerate(scene.masks, 1):
         numbers[mask] = number
     write_png(folder / "overlay.png", picture)
-    write_numbers(folder / "mask.png", numbers)
+    _write_numbers(folder / "mask.png", numbers)
     write_thumbnail(folder, picture)
     entries = []
     for name, explanation in zip(scene.names, scene.objects, strict=True):
-        save_explanation(explanation, folder / name, f"{photo}, {name}")
+        entries.append(save_entry(explanation, folder / name, f"{photo}, {name}", name))
         export_explanation(explanation, folder / name, export, photo)
-        entries.append(Entry(name, name, explanation.to_dict(), thumbnail(explanation.overlay())))
     note = scene.order_note if len(scene.objects) > 1 else ""
     write_page(folder / "report.html", folder_html(entries, title=photo, picture=picture, note=note))
     write_json(folder, scene.to_dict(), "scene.json")
     return folder
 
 
-def write_page(path: Path, html: str) -> None:
-    """Write a page, in whose text a photo's name may have bytes of no encoding."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(html, encoding="utf-8", errors="replace")
-
-
-def write_numbers(path: Path, numbers: np.ndarray) -> None:
+def _write_numbers(path: Path, numbers: np.ndarray) -> None:
     """Write numbers (H, W) uint8 as a PNG whose palette shows them in the objects' colours."""
     image = Image.fromarray(numbers, "P")
     palette = [(0, 0, 0)] + [tuple(COLOURS[index % len(COLOURS)].astype(int)) for index in range(255)]
@@ -81,7 +81,7 @@ def write_numbers(path: Path, numbers: np.ndarray) -> None:
         image.save(temporary, "PNG")
 
 
-def remove_stale_exports(folder: Path, described: dict[str, Any]) -> None:
+def _remove_stale_exports(folder: Path, described: dict[str, Any]) -> None:
     """Remove the exports in a folder whose explanation.json is not what is described."""
     path = folder / "explanation.json"
     with suppress(OSError, ValueError):

@@ -11,14 +11,23 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from vig.io.files import atomic_write
-from vig_app.report.page import QUALITY, THUMBNAIL_FILE, review_order
+from vig_app.report.folder_page import THUMBNAIL_FILE, review_order
+from vig_app.report.html import QUALITY
+from vig_app.results import name_of
 
-TILE, BORDER, LABEL, GAP = 160, 4, 34, 6
-"""Pixels: a picture's side, its frame in the verdict's colour, the two lines under it, between tiles."""
-COLUMNS = 16
+TILE = 160
+"""Pixels of a picture's side."""
+BORDER = 4
+"""Pixels of its frame in the verdict's colour."""
+LABEL = 34
+"""Pixels of the two lines under it."""
+GAP = 6
+"""Pixels between tiles."""
+MOST_COLUMNS = 16
 PER_SHEET = 200
+"""Photos."""
 MOST_SHEETS = 5
-COLOURS = {
+VERDICT_COLOURS = {
     "trusted": (45, 164, 78),
     "ambiguous": (191, 135, 0),
     "reverted": (207, 34, 46),
@@ -26,9 +35,11 @@ COLOURS = {
     "absent": (110, 119, 129),
     "error": (110, 119, 129),
 }
-GROUND, TEXT, QUIET = (255, 255, 255), (27, 31, 36), (138, 144, 153)
+BACKGROUND = (255, 255, 255)
+TEXT = (27, 31, 36)
+BEHIND_PICTURE = (138, 144, 153)
 LETTERS = 26
-"""Of a tile's line."""
+"""Of a tile's line, at most."""
 
 
 def sheet_name(number: int) -> str:
@@ -63,43 +74,42 @@ def write_sheets(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[Path]:
 
 
 def _sheet(out: Path, rows: Sequence[Mapping[str, Any]]) -> Image.Image:
-    columns = min(COLUMNS, math.ceil(math.sqrt(1.5 * len(rows))))
-    wide, high = TILE + 2 * BORDER + GAP, TILE + 2 * BORDER + LABEL + GAP
+    columns = min(MOST_COLUMNS, math.ceil(math.sqrt(1.5 * len(rows))))
+    width = TILE + 2 * BORDER + GAP
+    height = width + LABEL
     lines = math.ceil(len(rows) / columns)
-    sheet = Image.new("RGB", (columns * wide + GAP, lines * high + GAP), GROUND)
+    sheet = Image.new("RGB", (columns * width + GAP, lines * height + GAP), BACKGROUND)
     for number, row in enumerate(rows):
-        place = GAP + number % columns * wide, GAP + number // columns * high
-        sheet.paste(_tile(out, row), place)
+        sheet.paste(_tile(out, row), (GAP + number % columns * width, GAP + number // columns * height))
     return sheet
 
 
 def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
-    """A photo in a frame of its verdict's colour, under it its name and how sure it is."""
+    """A photo in a frame of its verdict's colour, under it its name and the confidence."""
     verdict = "error" if row["error"] is not None else row["verdict"]
     side = TILE + 2 * BORDER
-    tile = Image.new("RGB", (side, side + LABEL), GROUND)
+    tile = Image.new("RGB", (side, side + LABEL), BACKGROUND)
     pen, font = ImageDraw.Draw(tile), ImageFont.load_default(11)
-    pen.rectangle((0, 0, side - 1, side - 1), fill=COLOURS[verdict])
-    pen.rectangle((BORDER, BORDER, side - BORDER - 1, side - BORDER - 1), fill=QUIET)
+    pen.rectangle((0, 0, side - 1, side - 1), fill=VERDICT_COLOURS[verdict])
+    pen.rectangle((BORDER, BORDER, side - BORDER - 1, side - BORDER - 1), fill=BEHIND_PICTURE)
     try:
         with Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
             picture.thumbnail((TILE, TILE))
             tile.paste(picture, ((side - picture.width) // 2, (side - picture.height) // 2))
     except OSError:  # none was made, or it is gone
-        told = _shown(row["error"] or "without a picture").removeprefix(f"{_shown(row['photo'])}: ")
-        lines = textwrap.wrap(told, LETTERS)[: TILE // 14]
-        pen.multiline_text((BORDER + 4, BORDER + 4), "\n".join(lines), fill=GROUND, font=font, spacing=2)
-    which = row["folder"].partition("/")[2]  # of several objects
-    name = _shown(f"{Path(row['photo']).name} {which}".rstrip())
+        reason = _printable(row["error"] or "without a picture").removeprefix(f"{_printable(row['photo'])}: ")
+        lines = textwrap.wrap(reason, LETTERS)[: TILE // 14]
+        pen.multiline_text((BORDER + 4, BORDER + 4), "\n".join(lines), fill=BACKGROUND, font=font, spacing=2)
+    name = _printable(name_of(row))
     if len(name) > LETTERS:
         name = f"{name[: LETTERS // 2 - 1]}...{name[2 - LETTERS // 2 :]}"
-    sure = row["confidence"]
+    confidence = row["confidence"]
     pen.text((2, side + 2), name, fill=TEXT, font=font)
-    words = verdict if sure is None else f"{verdict}, right with {sure:.0%}"
-    pen.text((2, side + 17), words, fill=COLOURS[verdict], font=font)
+    words = verdict if confidence is None else f"{verdict}, right with {confidence:.0%}"
+    pen.text((2, side + 17), words, fill=VERDICT_COLOURS[verdict], font=font)
     return tile
 
 
-def _shown(text: str) -> str:
+def _printable(text: str) -> str:
     """Text as the font has it: what is not printable is replaced."""
-    return "".join(each if each.isprintable() else "?" for each in text)
+    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -43,8 +43,8 @@ def ledger_of(out: Path) -> Iterator[Any]:
             raise UserError(
                 f"cannot lock {path}: {error.strerror}; choose an --out on a disk with file locks."
             ) from error
-        for left in out.glob(f".*{PARTIAL}"):
-            shutil.rmtree(left, ignore_errors=True)
+        for unfinished in out.glob(f".*{PARTIAL}"):
+            shutil.rmtree(unfinished, ignore_errors=True)
         yield file
 
 
@@ -53,40 +53,40 @@ def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
     leaves it, is ended.
     """
     ledger.seek(0)
-    found: dict[str, tuple[str, Rows]] = {}
+    done: dict[str, tuple[str, Rows]] = {}
     line = "\n"
     for line in ledger:
         with suppress(ValueError, LookupError, TypeError, AttributeError):
-            told = json.loads(line)
-            if all(row["error"] is None and isinstance(row["folder"], str) for row in told["rows"]):
-                found[told["rows"][0]["folder"].split("/")[0]] = str(told["key"]), told["rows"]
+            entry = json.loads(line)
+            if all(row["error"] is None and isinstance(row["folder"], str) for row in entry["rows"]):
+                done[entry["rows"][0]["folder"].split("/")[0]] = str(entry["key"]), entry["rows"]
     if not line.endswith("\n"):
         ledger.write("\n")
-    return found
+    return done
 
 
 def is_done(task: Task, key: str, rows: Rows) -> bool:
     """Whether a photo's folder holds the results of its rows, whole, and those of a key."""
     try:
-        there = all((task.folder.parent / row["folder"] / "explanation.json").exists() for row in rows)
-        return there and (task.folder / KEY).read_text() == key
+        complete = all((task.folder.parent / row["folder"] / "explanation.json").exists() for row in rows)
+        return complete and (task.folder / KEY).read_text() == key
     except (OSError, ValueError):
         return False
 
 
-def described(settings: RunSettings, explainer: Explainer) -> str:
+def settings_key(settings: RunSettings, explainer: Explainer) -> str:
     """What all photos' results depend on."""
-    packs = [_pack(explainer.object_class.folder), *map(_pack, settings.others)]
+    packs = [_pack_state(explainer.object_class.folder), *map(_pack_state, settings.others)]
     return repr((FORMAT, __version__, settings.explain, sorted(settings.export), packs))
 
 
-def key_of(task: Task, said: str) -> str:
-    """Tells whether a photo, its settings and what is said of it are those of a row."""
-    about = task.box, task.focal, task.objects, task.most, task.camera
-    packs = [_pack(name) for name in sorted({name for name, _ in task.objects})]
-    digest = hashlib.sha256(repr((said, _stamp(task.photo), about, packs)).encode())
+def key_of(task: Task, settings: str) -> str:
+    """What a row's key must be for its results to be those of a photo, its hints and the `settings_key`."""
+    options = task.box, task.focal, task.objects, task.most, task.camera
+    packs = [_pack_state(name) for name in sorted({name for name, _ in task.objects})]
+    digest = hashlib.sha256(repr((settings, _file_state(task.photo), options, packs)).encode())
     if task.mask is not None:
-        digest.update(repr(_stamp(task.mask)).encode())
+        digest.update(repr(_file_state(task.mask)).encode())
     if task.hints is not None:
         digest.update(repr(task.hints.described()).encode())
         for array in (task.hints.mask, task.hints.marks):
@@ -94,13 +94,13 @@ def key_of(task: Task, said: str) -> str:
     return digest.hexdigest()
 
 
-def _pack(name: str | Path | None) -> Any:
+def _pack_state(name: str | Path | None) -> Any:
     """What changes when a class pack does; the packaged classes change with the version."""
     folder = None if name is None else Path(name)
-    return str(name), sorted(map(_stamp, folder.iterdir())) if folder and folder.is_dir() else []
+    return str(name), sorted(map(_file_state, folder.iterdir())) if folder and folder.is_dir() else []
 
 
-def _stamp(path: Path) -> Any:
+def _file_state(path: Path) -> Any:
     """What changes when a file does."""
     try:
         stat = path.stat()

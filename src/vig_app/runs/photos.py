@@ -18,7 +18,7 @@ from typing import Any
 from vig.explainer import Explainer
 from vig.io.errors import UserError
 from vig.parallel import Lost, check_main_module, map_as_done
-from vig_app.runs.ledger import LEDGER, described, is_done, key_of, ledger_of, rows_done
+from vig_app.runs.ledger import LEDGER, is_done, key_of, ledger_of, rows_done, settings_key
 from vig_app.runs.remote import rows_of_cluster, taken
 from vig_app.runs.work import Rows, RunSettings, Task, Work, lost_row, prepare
 
@@ -50,22 +50,22 @@ def run(
     if workers > 1:
         check_main_module()
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
-    said = described(settings, explainer)
+    shared_key = settings_key(settings, explainer)
     if not resume:
-        named = (replace(task, key=key_of(task, said)) for task in tasks)
-        for _, rows in _rows(named, settings, explainer, workers, cluster):
+        keyed = (replace(task, key=key_of(task, shared_key)) for task in tasks)
+        for _, rows in _rows(keyed, settings, explainer, workers, cluster):
             yield from rows
         return
     with ledger_of(out) as ledger:
         done = rows_done(ledger)
-        before: deque[dict[str, Any]] = deque()
+        rows_of_before: deque[dict[str, Any]] = deque()
 
         def waiting() -> Iterator[Task]:
             for task in tasks:
-                key = key_of(task, said)
-                written, rows = done.pop(task.folder.name, ("", []))  # each is kept once
-                if written == key and is_done(task, key, rows):
-                    before.extend(row | {"done_before": True} for row in rows)
+                key = key_of(task, shared_key)
+                written_key, rows = done.pop(task.folder.name, ("", []))  # in memory once
+                if written_key == key and is_done(task, key, rows):
+                    rows_of_before.extend(row | {"done_before": True} for row in rows)
                 else:
                     yield replace(task, key=key)
 
@@ -78,9 +78,9 @@ def run(
                     f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and run"
                     " the same command again."
                 ) from error
-            yield from taken(before)
+            yield from taken(rows_of_before)
             yield from rows
-        yield from taken(before)
+        yield from taken(rows_of_before)
 
 
 def _rows(
@@ -91,19 +91,19 @@ def _rows(
         yield from rows_of_cluster(tasks, settings, cluster)
         return
     tasks = iter(tasks)
-    first = list(islice(tasks, 2))
-    tasks = chain(first, tasks)
-    if workers == 1 or len(first) < 2:
+    first_two = list(islice(tasks, 2))
+    tasks = chain(first_two, tasks)
+    if workers == 1 or len(first_two) < 2:
         work = Work(explainer, settings)
         yield from ((task, work(task)) for task in tasks)
         return
-    given: dict[int, Task] = {}
+    begun: dict[int, Task] = {}
 
-    def noted() -> Iterator[Task]:
+    def numbered() -> Iterator[Task]:
         for number, task in enumerate(tasks):
-            given[number] = task
+            begun[number] = task
             yield task
 
-    for number, rows in map_as_done(prepare, settings, noted(), workers):
-        task = given.pop(number)
+    for number, rows in map_as_done(prepare, settings, numbered(), workers):
+        task = begun.pop(number)
         yield task, lost_row(task, rows) if isinstance(rows, Lost) else rows

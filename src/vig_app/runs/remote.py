@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from vig.io.errors import UserError
+from vig.output import write_json
 from vig.parallel import Lost
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.checks import existing_file
@@ -29,7 +30,7 @@ def rows_of_cluster(
 ) -> Iterator[tuple[Task, Rows]]:
     """As `_rows`; photos go as bytes, and files come back as bytes and are written here."""
     unread: deque[tuple[Task, Rows]] = deque()
-    given: dict[int, Task] = {}
+    sent: dict[int, Task] = {}
     numbers = count()
 
     def items() -> Iterator[Sent]:
@@ -40,16 +41,16 @@ def rows_of_cluster(
             except (UserError, OSError) as error:
                 unread.append((task, failed(task, error)))
                 continue
-            given[next(numbers)] = task
+            sent[next(numbers)] = task
             yield task, photo, mask
 
-    for number, found in map_on_cluster(prepare_remote, settings, items(), address):
+    for number, answer in map_on_cluster(prepare_remote, settings, items(), address):
         yield from taken(unread)
-        task = given.pop(number)
-        if isinstance(found, Lost):
-            yield task, lost_row(task, found)
+        task = sent.pop(number)
+        if isinstance(answer, Lost):
+            yield task, lost_row(task, answer)
             continue
-        rows, files = found
+        rows, files = answer
         try:
             if rows[0]["error"] is None:
                 _store(task, files)
@@ -66,19 +67,18 @@ def prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
     def remote(item: Sent) -> tuple[Rows, dict[str, bytes]]:
         task, photo, mask = item
         with tempfile.TemporaryDirectory() as folder:
-            here = _put(Path(folder) / "photo" / task.photo.name, photo)
-            of_mask = None
+            photo_path, mask_path = _put(Path(folder) / "photo" / task.photo.name, photo), None
             if task.mask is not None and mask is not None:
-                of_mask = _put(Path(folder) / "mask" / task.mask.name, mask)
+                mask_path = _put(Path(folder) / "mask" / task.mask.name, mask)
             root = Path(folder) / "result" / task.folder.name
-            rows = work(replace(task, photo=here, mask=of_mask, folder=root))
-            found = [path for path in root.rglob("*") if path.is_file()]
-            files = {str(path.relative_to(root)): path.read_bytes() for path in found}
+            rows = work(replace(task, photo=photo_path, mask=mask_path, folder=root))
+            paths = [path for path in root.rglob("*") if path.is_file()]
+            files = {str(path.relative_to(root)): path.read_bytes() for path in paths}
         for row in rows:
             row["photo"] = str(task.photo)
             if row["error"] is not None:
-                told = row["error"].replace(str(here), str(task.photo))
-                row["error"] = told.replace(str(of_mask), str(task.mask))
+                error = row["error"].replace(str(photo_path), str(task.photo))
+                row["error"] = error.replace(str(mask_path), str(task.mask))
         return rows, files
 
     return remote
@@ -99,9 +99,9 @@ def _store(task: Task, files: dict[str, bytes]) -> None:
             path.write_bytes(data)
         corrections = beside / CORRECTIONS
         if corrections.exists():
-            told = json.loads(corrections.read_text())
-            told["photo"] = os.path.relpath(task.photo.resolve(), beside.resolve())
-            corrections.write_text(json.dumps(told, indent=2) + "\n")
+            content = json.loads(corrections.read_text())
+            content["photo"] = os.path.relpath(task.photo.resolve(), beside.resolve())
+            write_json(beside, content, CORRECTIONS)
 
 
 def taken(waiting: deque[Item]) -> Iterator[Item]:

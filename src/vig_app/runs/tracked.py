@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable
@@ -11,15 +10,15 @@ from typing import Any
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.io.files import atomic_write
+from vig.output import write_json
 from vig.video import Track, TrackedFrame, track
+from vig_app.results import POSE, TRACK, TRACK_COLUMNS, write_table
 from vig_app.runs.ledger import ledger_of
-from vig_app.runs.results import POSE, TRACK, TRACK_COLUMNS, write_table
 from vig_app.runs.work import RunSettings, Task, Work, row_of
 
 
 def run_tracked(
-    tasks: list[Task], out: Path, settings: RunSettings, done: Callable[[dict[str, Any]], None]
+    tasks: list[Task], out: Path, settings: RunSettings, take: Callable[[dict[str, Any]], None]
 ) -> Track:
     """Explain the frames of a video together into their folders, and write track.csv, .parquet and .json.
 
@@ -29,30 +28,34 @@ def run_tracked(
         tasks: In the frames' order; the box is that of the first.
         out: As in `run`.
         settings: For all frames.
-        done: Is called with the row of a frame as it is done, once more where it is fitted again.
+        take: Is called with the row of a frame as it is done, once more where it is fitted again.
 
     Raises:
         UserError: As `vig.track`, or `out` cannot be written, or another run writes there.
     """
     explainer = Explainer(settings.object_class, settings.explain, settings.device)
-    work, began = Work(explainer, settings), [time.monotonic()]
+    work, started = Work(explainer, settings), time.monotonic()
 
-    def seen(number: int, found: Explanation) -> None:
-        work.write(tasks[number], found)
+    def write_frame(number: int, explanation: Explanation) -> None:
+        nonlocal started
+        work.write(tasks[number], explanation)
         now = time.monotonic()
-        done(row_of(tasks[number], found) | {"seconds": round(now - began[0], 3)})
-        began[0] = now
+        take(row_of(tasks[number], explanation) | {"seconds": round(now - started, 3)})
+        started = now
 
     with ledger_of(out):
         first = tasks[0]
         photos = [task.photo for task in tasks]
-        found = track(photos, explainer, first.box, first.focal, first.hints, seen)
-        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, found.frames, strict=True)]
+        tracked = track(photos, explainer, first.box, first.focal, first.hints, write_frame)
+        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, tracked.frames, strict=True)]
         write_table(out, rows, TRACK, TRACK_COLUMNS)
-        told = {"class": explainer.object_class.name, "shape": found.shape.tolist()}
-        with atomic_write(out / f"{TRACK}.json") as temporary:
-            temporary.write_text(json.dumps(told | {"albedo": found.albedo.tolist()}, indent=2) + "\n")
-    return found
+        content = {
+            "class": explainer.object_class.name,
+            "shape": tracked.shape.tolist(),
+            "albedo": tracked.albedo.tolist(),
+        }
+        write_json(out, content, f"{TRACK}.json")
+    return tracked
 
 
 def _row_of_track(task: Task, frame: TrackedFrame) -> dict[str, Any]:

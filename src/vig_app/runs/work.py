@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import time
@@ -21,9 +22,12 @@ from vig.photo.masks import read_mask
 from vig.several import explain_found, explain_together
 from vig_app.corrections import CORRECTIONS, State
 from vig_app.exports import remove_exports
-from vig_app.runs.results import COLUMNS
+from vig_app.results import COLUMNS, POSE
 
-PARTIAL, KEY = ".partial", ".key"
+PARTIAL = ".partial"
+"""End of the name of a folder that is not complete."""
+KEY = ".key"
+"""File within a folder with the key of its results, see `vig_app.runs.ledger.key_of`."""
 FILES = (
     "explanation.json", "scene.json", CORRECTIONS, "mask.png", "object.glb", "overlay.png", "render.png",
     "report.html", "thumbnail.jpg",
@@ -33,7 +37,7 @@ FILES = (
 
 @dataclass(frozen=True)
 class Task:
-    """One photo, the folder of its results, and what is said of it.
+    """One photo, the folder of its results, and the hints on it.
 
     Attributes:
         photo: Its file.
@@ -45,7 +49,7 @@ class Task:
         objects: Class and box of each of several objects, which are explained together.
         most: So many objects, of any of the run's classes, are to be found and explained together.
         camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
-        key: Tells what the results depend on; it is kept beside them, see `vig_app.runs.ledger`.
+        key: Of all that the results depend on, written beside them; see `vig_app.runs.ledger.key_of`.
     """
 
     photo: Path
@@ -92,26 +96,28 @@ class Work:
     """Explains a photo, writes its folder, and returns its rows, one for each object."""
 
     def __init__(self, explainer: Explainer, settings: RunSettings):
-        self.explainer, self.settings, self.export = explainer, settings, settings.export
+        self.explainer, self.settings = explainer, settings
         self.by_class = {str(settings.object_class): explainer}
 
     def __call__(self, task: Task) -> Rows:
-        began = time.monotonic()
+        started = time.monotonic()
         try:
-            if task.objects or task.most:
-                rows = self.several(task)
-                seconds = round(time.monotonic() - began, 3)
-                return [row | {"seconds": seconds} for row in rows]
-            hints = task.hints
-            if task.mask is not None:
-                hints = replace(hints or Hints(), mask=read_mask(task.mask))
-            found = self.explainer.explain(
-                task.photo, task.box, focal=task.focal, hints=hints, camera=task.camera
-            )
-            self.write(task, found)
+            rows = self.several(task) if task.objects or task.most else [self.one(task)]
         except UserError as error:
             return failed(task, error)
-        return [row_of(task, found) | {"seconds": round(time.monotonic() - began, 3)}]
+        seconds = round(time.monotonic() - started, 3)
+        return [row | {"seconds": seconds} for row in rows]
+
+    def one(self, task: Task) -> dict[str, Any]:
+        """The row of a photo of one object."""
+        hints = task.hints
+        if task.mask is not None:
+            hints = replace(hints or Hints(), mask=read_mask(task.mask))
+        explanation = self.explainer.explain(
+            task.photo, task.box, focal=task.focal, hints=hints, camera=task.camera
+        )
+        self.write(task, explanation)
+        return row_of(task, explanation)
 
     def of_class(self, name: str) -> Explainer:
         """The explainer of a class, which is loaded when it is first needed."""
@@ -130,22 +136,22 @@ class Work:
             explainers = [self.of_class(name) for name in names]
             scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
         with beside_folder(task) as beside:
-            scene.save(beside, task.photo.name, self.export)
+            scene.save(beside, task.photo.name, self.settings.export)
         return [
-            row_of(task, found) | {"folder": f"{task.folder.name}/{name}", "object": number}
-            for number, (name, found) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
+            row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}
+            for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
         ]
 
-    def write(self, task: Task, found: Explanation) -> None:
+    def write(self, task: Task, explanation: Explanation) -> None:
         """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
-            found.save(beside, task.photo.name)
-            found.export(beside, self.export, task.photo.name)
-            lens = None if task.camera is None else found.window.lens
+            explanation.save(beside, task.photo.name)
+            explanation.export(beside, self.settings.export, task.photo.name)
+            lens = None if task.camera is None else explanation.window.lens
             camera = None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)
-            said = State.of(task.box, task.focal, found.hints, camera)
-            if said is not None:  # named from where it will be, which is as deep
-                said.write(beside, task.photo, found.object_class)
+            state = State.of(task.box, task.focal, explanation.hints, camera)
+            if state is not None:  # named from where it will be, which is as deep
+                state.write(beside, task.photo, explanation.object_class)
 
 
 @contextmanager
@@ -180,46 +186,42 @@ def beside_folder(task: Task) -> Iterator[Path]:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def row_of(task: Task, found: Explanation) -> dict[str, Any]:
+def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
     """The row of a photo that was explained."""
-    said = found.to_dict()
-    camera, deviation = said["camera"], said["deviation"]
-    pose = {
-        f"camera_from_object_{row}{column}": camera["camera_from_object"][row][column]
-        for row in range(3)
-        for column in range(4)
-    }
-    box = dict(zip(("box_x", "box_y", "box_width", "box_height"), said["box"] or [None] * 4, strict=True))
+    described = explanation.to_dict()
+    camera, deviation = described["camera"], described["deviation"]
+    box = described["box"] or [None] * 4
     row = {
         "photo": str(task.photo),
         "folder": task.folder.name,
         "object": 1,
         "error": None,
-        "view_trusted": "view" in said["trusted"],
-        "mask_trusted": "mask" in said["trusted"],
+        "view_trusted": "view" in described["trusted"],
+        "mask_trusted": "mask" in described["trusted"],
         "azimuth_deviation_deg": deviation["azimuth_deg"],
         "elevation_deviation_deg": deviation["elevation_deg"],
-        **dict(zip(("albedo_r", "albedo_g", "albedo_b"), said["albedo"], strict=True)),
-        **box,
+        **dict(zip(("albedo_r", "albedo_g", "albedo_b"), described["albedo"], strict=True)),
+        **dict(zip(("box_x", "box_y", "box_width", "box_height"), box, strict=True)),
         "width": camera["width"],
         "height": camera["height"],
         "focal_px": camera["K"][0][0],
         "center_x": camera["K"][0][2],
         "center_y": camera["K"][1][2],
         "focal_from": camera["focal_from"],
-        **pose,
+        **dict(zip(POSE, itertools.chain(*camera["camera_from_object"][:3]), strict=True)),
     }
-    return {name: row[name] if name in row else said.get(name) for name in COLUMNS}
+    return {name: row[name] if name in row else described.get(name) for name in COLUMNS}
 
 
 def failed(task: Task, error: object) -> Rows:
     """The one row of a photo that was not explained; the reason names the photo."""
-    name, told = str(task.photo), str(error)
-    told = told if str(UserError(name)) in told else f"{name}: {told}"
-    return [dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": told}]
+    name, reason = str(task.photo), str(error)
+    reason = reason if str(UserError(name)) in reason else f"{name}: {reason}"
+    return [dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": reason}]
 
 
 def lost_row(task: Task, lost: Lost) -> Rows:
+    """The one row of a photo whose workers were killed."""
     return failed(
         task,
         f"{task.photo}: a worker process was killed {lost.attempts} times while it explained this photo,"

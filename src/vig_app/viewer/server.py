@@ -18,13 +18,14 @@ from PIL import Image, ImageDraw
 from vig.explanation import Explanation
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
+from vig.output.glb import LOOKS_BACK
 from vig.photo.images import coded
 from vig.scene import srgb8_from_linear
 from vig_app.viewer.session import Session, cleared, marked, placed
-from vig_app.viewer.worker import CorrectionWorker
+from vig_app.viewer.worker import Worker
 
 HOST = "127.0.0.1"
-TRIED = 100
+MOST_PORTS = 100
 """Ports that are tried, from the one that was named."""
 MOST_SIDE = 1024
 """Pixels of the longer side of the picture that is sent."""
@@ -33,24 +34,29 @@ SIZE = 2.0
 OBJECT = 0.6 * SIZE
 """Longest side of the object in the same units."""
 GAP = 0.1 * SIZE
-FIELD = 0.6
+"""Between photo and object."""
+FIELD_OF_VIEW = 0.6
 """Vertical field of view, radians."""
 FACING = (0.0, 1.0, 0.0, 0.0)
 """Half a turn about x: viser's images have y down, the scene has y up and is seen from +Z."""
-LOOKS_BACK = np.diag([1.0, -1.0, -1.0])
-NARROW = 700
-"""Pixels of a screen on which the controls stand below the scene, not beside it."""
-PANEL_HEIGHT = 0.55
-"""Share of such a screen that they take."""
+NARROW_SCREEN = 700
+"""Pixels of width below which the controls stand below the scene, not beside it."""
+CONTROLS_SHARE = 0.55
+"""Share of such a screen's height that they take."""
 BRUSH = 2.0
 """Radius of a mark at first, % of the photo's longer side."""
-LOOK, BOX = "nothing, look around", "a box round the object"
+LOOK = "nothing, look around"
+BOX = "a box round the object"
 MARKS = {
     "here it is seen": PixelLabel.SEEN,
     "something is in front": PixelLabel.IN_FRONT,
     "it is not here": PixelLabel.NOTHING,
 }
-INKS = {PixelLabel.SEEN: (0, 200, 0), PixelLabel.IN_FRONT: (220, 0, 0), PixelLabel.NOTHING: (0, 0, 220)}
+MARK_COLOURS = {
+    PixelLabel.SEEN: (0, 200, 0),
+    PixelLabel.IN_FRONT: (220, 0, 0),
+    PixelLabel.NOTHING: (0, 0, 220),
+}
 """Colours of marks, those of `--marks`."""
 AS_FOUND = "as found"
 STYLE = """<style>
@@ -65,14 +71,14 @@ HELP = (
     "Choose what to say, then click the photo there (for a box: drag from corner to corner), or type the"
     " place and press *say it there*. Drag to look around, turn the wheel to come closer."
 )
-ORIGINS = [re.compile(r"http://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")]
+OWN_ORIGINS = [re.compile(r"http://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")]
 """Pages that may open a connection: those of this machine, on whatever port SSH forwards ours to."""
 MARKUP = re.compile(r"[^\w\s]")
 
 
 def plain(text: str) -> str:
     """Text that the page shows as it is: it renders Markdown and HTML, and a file may have any name."""
-    return MARKUP.sub(lambda found: f"&#{ord(found[0])};", " ".join(text.split()))
+    return MARKUP.sub(lambda match: f"&#{ord(match[0])};", " ".join(text.split()))
 
 
 def free_port(port: int) -> int:
@@ -83,10 +89,10 @@ def free_port(port: int) -> int:
         raise UserError("vig view needs viser; run pip install 'vig[viewer]'.") from None
     if not 1 <= port <= 65535:
         raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
-    for candidate in range(port, min(port + TRIED, 65536)):
-        with socket.socket() as found, suppress(OSError):
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind((HOST, candidate))
+    for candidate in range(port, min(port + MOST_PORTS, 65536)):
+        with socket.socket() as probe, suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((HOST, candidate))
             return candidate
     raise UserError(f"expected a free port from {port} on; got none. Name another with --port.")
 
@@ -100,7 +106,7 @@ def _own_pages_only() -> Iterator[None]:
     import websockets.asyncio.server as websocket
 
     serve = websocket.serve
-    websocket.serve = partial(serve, origins=ORIGINS)  # type: ignore[misc, assignment]
+    websocket.serve = partial(serve, origins=OWN_ORIGINS)  # type: ignore[misc, assignment]
     try:
         yield
     finally:
@@ -124,16 +130,18 @@ class Viewer:
         port = free_port(port)
         import viser
 
-        self.session, self.folder, self.saved = session, folder, False
+        self.session = session
+        self.folder = folder
+        self.saved = False
         height, width = session.photo.shape[:2]
         self.unit = SIZE / max(height, width)
         scale = min(1.0, MOST_SIDE / max(height, width))
-        self.small = max(1, round(width * scale)), max(1, round(height * scale))
+        self.sent_size = max(1, round(width * scale)), max(1, round(height * scale))
         with _own_pages_only():
             self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
         self.server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         self._theme(dark=False)
-        self.worker = CorrectionWorker(session, self._show, self._tell)
+        self.worker = Worker(session, self._show, self._message)
         self.image = self.server.scene.add_image(
             "/photo", session.photo[:1, :1], width * self.unit, height * self.unit, wxyz=FACING
         )
@@ -178,7 +186,7 @@ class Viewer:
         undo, clear, straight, save = (gui.add_button(name) for name in names)
         self.words = gui.add_markdown(HELP)
         self.tool.on_update(lambda _: self._chosen_tool())
-        say.on_click(lambda _: self._said(self.place.value))
+        say.on_click(lambda _: self._typed(self.place.value))
         undo.on_click(lambda _: self.worker.correct(None))
         clear.on_click(lambda _: self.worker.correct(cleared))
         straight.on_click(lambda event: self._look(event.client.camera))
@@ -197,8 +205,8 @@ class Viewer:
     def _welcome(self, client: Any) -> None:
         """The controls beside the scene, or below it on a narrow screen; all of it in sight at any width."""
         camera, panel = client.camera, client.gui.main_panel
-        if camera.image_width < NARROW:
-            below = PANEL_HEIGHT * camera.image_height
+        if camera.image_width < NARROW_SCREEN:
+            below = CONTROLS_SHARE * camera.image_height
             panel.float(x=0.0, y=camera.image_height - below, width=camera.image_width, height=below)
         else:
             panel.dock_right()
@@ -214,13 +222,13 @@ class Viewer:
 
     def _look(self, camera: Any) -> None:
         """Photo and object from the front, above the controls where these cover a part of the screen."""
-        below = PANEL_HEIGHT if camera.image_width < NARROW else 0.0
+        below = CONTROLS_SHARE if camera.image_width < NARROW_SCREEN else 0.0
         height, width = (self.unit * side for side in self.session.photo.shape[:2])
-        across, tangent = width + GAP + OBJECT, math.tan(FIELD / 2)
+        across, tangent = width + GAP + OBJECT, math.tan(FIELD_OF_VIEW / 2)
         far = 1.1 * max(max(height, OBJECT) / (1.0 - below), across / max(camera.aspect, 0.1)) / 2 / tangent
         middle = -(GAP + OBJECT) / 2, -below * far * tangent
         camera.up_direction = (0.0, 1.0, 0.0)
-        camera.fov = FIELD
+        camera.fov = FIELD_OF_VIEW
         camera.position = (*middle, far)
         camera.look_at = (*middle, 0.0)
 
@@ -241,11 +249,11 @@ class Viewer:
             way = turn @ [(2 * across - 1) * tangent * camera.aspect, (2 * down - 1) * tangent, 1.0]
             corners.append(self._pixel(camera.position, way))
         (left, right), (top, bottom) = (sorted(pair) for pair in zip(*corners, strict=True))
-        self._say(BOX, left, top, right - left, bottom - top)
+        self._correct(BOX, left, top, right - left, bottom - top)
 
     def _clicked(self, event: Any) -> None:
         if self.tool.value not in (LOOK, BOX):
-            self._say(self.tool.value, *self._pixel(event.ray_origin, event.ray_direction))
+            self._correct(self.tool.value, *self._pixel(event.ray_origin, event.ray_direction))
 
     def _pixel(self, start: Any, way: Any) -> tuple[float, float]:
         """Where a ray meets the photo, in its pixels."""
@@ -254,7 +262,7 @@ class Viewer:
         height, width = self.session.photo.shape[:2]
         return float(there[0] / self.unit + width / 2), float(height / 2 - there[1] / self.unit)
 
-    def _said(self, text: str) -> None:
+    def _typed(self, text: str) -> None:
         """What is typed instead of clicked."""
         needed = 4 if self.tool.value == BOX else 2
         try:
@@ -262,13 +270,14 @@ class Viewer:
         except ValueError:
             numbers = []
         if self.tool.value == LOOK:
-            self._tell("Choose first what a click says.")
+            self._message("Choose first what a click says.")
         elif len(numbers) != needed or not np.isfinite(numbers).all():
-            self._tell("Type x, y, width, height." if needed == 4 else "Type x, y.")
+            self._message("Type x, y, width, height." if needed == 4 else "Type x, y.")
         else:
-            self._say(self.tool.value, *numbers)
+            self._correct(self.tool.value, *numbers)
 
-    def _say(self, tool: str, *numbers: float) -> None:
+    def _correct(self, tool: str, *numbers: float) -> None:
+        """Make the correction of a tool at a place, in pixels of the photo."""
         height, width = self.session.photo.shape[:2]
         self.place.value = ", ".join(f"{number:.0f}" for number in numbers)
         if tool == BOX:
@@ -279,7 +288,7 @@ class Viewer:
         else:
             self.worker.correct(placed(tool, *numbers))
 
-    # Of controls, what a user has changed counts, who comes with a client, not what `_show` has.
+    # Only what a user has changed counts, who comes with a client, not what `_show` has.
 
     def _visible_changed(self, event: Any) -> None:
         if event.client is not None:
@@ -302,31 +311,33 @@ class Viewer:
 
     def _save(self) -> None:
         try:
-            self._tell(f"Saved in {self.session.save(self.folder)}.")
+            self._message(f"Saved in {self.session.save(self.folder)}.")
             self.saved = True
         except UserError as error:
-            self._tell(str(error), refused=True)
+            self._message(str(error), refused=True)
 
-    def _tell(self, words: str, refused: bool = False) -> None:
+    def _message(self, words: str, refused: bool = False) -> None:
         emphasis = "**" if refused else ""
         self.words.content = f"{emphasis}{plain(words)}{emphasis}\n\n{HELP}"
 
-    def _picture(self, found: Explanation) -> np.ndarray:
-        shown = Image.fromarray(found.overlay() if self.outline.value else coded(found.picture))
-        shown = shown.resize(self.small, Image.Resampling.LANCZOS, reducing_gap=2.0)
+    def _picture(self, explanation: Explanation) -> np.ndarray:
+        full = explanation.overlay() if self.outline.value else coded(explanation.picture)
+        shown = Image.fromarray(full).resize(self.sent_size, Image.Resampling.LANCZOS, reducing_gap=2.0)
         if self.outline.value:
-            self._draw_said(ImageDraw.Draw(shown, "RGBA"))
+            self._draw_hints(ImageDraw.Draw(shown, "RGBA"))
         return np.asarray(shown)
 
-    def _draw_said(self, draw: ImageDraw.ImageDraw) -> None:
-        """Box, marks and points that were said."""
-        state, scale = self.session.state, self.small[0] / self.session.photo.shape[1]
+    def _draw_hints(self, draw: ImageDraw.ImageDraw) -> None:
+        """Box, marks and points of the user."""
+        state, scale = self.session.state, self.sent_size[0] / self.session.photo.shape[1]
         if state.box is not None:
             x, y, width, height = (number * scale for number in state.box)
             draw.rectangle((x, y, x + width, y + height), outline=(255, 255, 255, 255), width=2)
         for mark in state.marks:
             place = (mark.x * scale, mark.y * scale)
-            draw.circle(place, max(mark.radius * scale, 2.0), fill=(*INKS[PixelLabel(mark.said)], 130))
+            draw.circle(
+                place, max(mark.radius * scale, 2.0), fill=(*MARK_COLOURS[PixelLabel(mark.said)], 130)
+            )
         for name, (x, y) in state.points.items():
             place = (x * scale, y * scale)
             draw.circle(place, 5, fill=(255, 255, 255, 255), outline=(0, 0, 0, 255), width=2)
@@ -337,20 +348,21 @@ class Viewer:
 
         The controls only where no correction waits: they are ahead of the state then.
         """
-        found = self.session.explanation
-        self.image.image = self._picture(found)
-        self._show_object(found)
-        hidden = "" if found.hidden_fraction is None else f", {found.hidden_fraction:.0%} hidden"
-        angles = f"azimuth {found.azimuth_deg:.0f}°, elevation {found.elevation_deg:.0f}°"
-        mask = "" if math.isnan(found.mask_confidence) else f"; mask right with {found.mask_confidence:.0%}"
-        self.verdict.content = f"**{found.verdict}**: {angles}{hidden}{mask}\n\n{plain(found.reason)}"
+        explanation = self.session.explanation
+        self.image.image = self._picture(explanation)
+        self._show_object(explanation)
+        hidden, mask_confidence = explanation.hidden_fraction, explanation.mask_confidence
+        summary = f"azimuth {explanation.azimuth_deg:.0f}°, elevation {explanation.elevation_deg:.0f}°"
+        summary += "" if hidden is None else f", {hidden:.0%} hidden"
+        summary += "" if math.isnan(mask_confidence) else f"; mask right with {mask_confidence:.0%}"
+        self.verdict.content = f"**{explanation.verdict}**: {summary}\n\n{plain(explanation.reason)}"
         if self.worker.corrections_wait:
             return
         state = self.session.state
-        for name, given in (("elevation", state.elevation_deg), ("roll", state.roll_deg)):
-            self.held[name].value = given is not None
-            now = getattr(found, f"{name}_deg") if given is None else given
-            self.angle[name].value = round(np.clip(now, self.angle[name].min, self.angle[name].max))
+        for name, held in (("elevation", state.elevation_deg), ("roll", state.roll_deg)):
+            self.held[name].value = held is not None
+            degrees = getattr(explanation, f"{name}_deg") if held is None else held
+            self.angle[name].value = round(np.clip(degrees, self.angle[name].min, self.angle[name].max))
         self.visible.value = state.visible
         choices: dict[str, float | None] = {AS_FOUND: None}
         chosen = AS_FOUND
@@ -358,29 +370,29 @@ class Viewer:
             chosen = f"azimuth {state.azimuth_deg:.0f}°, chosen"
             choices[chosen] = state.azimuth_deg
         for probability, azimuth in (
-            (found.confidence, found.azimuth_deg),
-            *((other.probability, other.azimuth_deg) for other in found.alternatives),
+            (explanation.confidence, explanation.azimuth_deg),
+            *((other.probability, other.azimuth_deg) for other in explanation.alternatives),
         ):
-            likely = "" if math.isnan(probability) else f", {probability:.0%}"
-            choices[f"azimuth {azimuth:.0f}°{likely}"] = azimuth
+            percentage = "" if math.isnan(probability) else f", {probability:.0%}"
+            choices[f"azimuth {azimuth:.0f}°{percentage}"] = azimuth
         self.choices = choices
         self.views.options = tuple(choices)
         self.views.value = chosen
 
-    def _show_object(self, found: Explanation) -> None:
+    def _show_object(self, explanation: Explanation) -> None:
         """The object as the photo's eye sees it, a mesh for each part."""
         width = self.session.photo.shape[1] * self.unit
-        centred = found.vertices - (found.vertices.max(0) + found.vertices.min(0)) / 2
-        turn = LOOKS_BACK @ found.camera_from_object[:3, :3]
-        placed = centred * (OBJECT / np.ptp(centred, axis=0).max()) @ turn.T
-        placed -= [width / 2 + GAP + OBJECT / 2, 0.0, 0.0]
-        model, colours = found.object_class.shape_model, srgb8_from_linear(found.part_albedo)
+        centred = explanation.vertices - (explanation.vertices.max(0) + explanation.vertices.min(0)) / 2
+        turn = LOOKS_BACK[:3, :3] @ explanation.camera_from_object[:3, :3]
+        positions = centred * (OBJECT / np.ptp(centred, axis=0).max()) @ turn.T
+        positions -= [width / 2 + GAP + OBJECT / 2, 0.0, 0.0]
+        model, colours = explanation.object_class.shape_model, srgb8_from_linear(explanation.part_albedo)
         of_face = model.parts[model.faces[:, 0]]
         for number in range(len(model.part_names)):
             used, faces = np.unique(model.faces[of_face == number], return_inverse=True)
             self.server.scene.add_mesh_simple(
                 f"/object/{number}",
-                placed[used],
+                positions[used],
                 faces.reshape(-1, 3),
                 color=np.asarray(colours[number]),
                 side="double",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
@@ -15,7 +14,7 @@ from vig.photo import focal_of
 from vig.photo.images import coded_photo
 from vig_app.corrections import Mark, State
 
-KEPT = 200
+MOST_UNDO = 200
 """States that can be gone back to, at most."""
 Change = Callable[[State], State]
 """What one correction makes of a state."""
@@ -24,8 +23,8 @@ Change = Callable[[State], State]
 class Session:
     """One photo, its explanation, and the states that led there.
 
-    Every method that says something fits the photo again and returns the new explanation; where that cannot
-    be done it raises UserError and leaves all as it was.
+    Every method that corrects something fits the photo again and returns the new explanation; where that
+    cannot be done it raises UserError and leaves all as it was.
     """
 
     def __init__(
@@ -34,25 +33,27 @@ class Session:
         photo: str | Path,
         state: State | None = None,
     ) -> None:
-        """Open a photo and explain it with what is said of it.
+        """Open a photo and explain it with the hints on it.
 
         Args:
             explainer: Of the class.
             photo: A file.
-            state: What is said at first.
+            state: The hints at first.
 
         Raises:
             UserError: As `Explainer.explain` does.
         """
-        self.explainer, self.path = explainer, Path(photo)
-        self.photo, self.focal = coded_photo(photo), focal_of(photo)
+        self.explainer = explainer
+        self.path = Path(photo)
+        self.photo = coded_photo(photo)
+        self.exif_focal = focal_of(photo)
         self.states = [state or State()]
         self._check(self.state)
         self.explanation = self._explained(self.state)
 
     @property
     def state(self) -> State:
-        """What is said now."""
+        """The hints now."""
         return self.states[-1]
 
     def correct(self, *changes: Change | None) -> Explanation:
@@ -71,27 +72,27 @@ class Session:
                 states.pop()
         if states[-1] != self.state:
             self.explanation = self._explained(states[-1])
-        self.states = states[-KEPT:]
+        self.states = states[-MOST_UNDO:]
         return self.explanation
 
     def draw_box(self, x: float, y: float, width: float, height: float) -> Explanation:
-        """A box round the whole object, cut at the photo's edges; what was found before no longer counts."""
+        """A box round the whole object, cut at the photo's edges, in place of the one that was found."""
         return self.correct(self.boxed(x, y, width, height))
 
     def boxed(self, x: float, y: float, width: float, height: float) -> Change:
         """The change that `draw_box` makes."""
-        most = self.photo.shape[1], self.photo.shape[0]
+        photo_height, photo_width = self.photo.shape[:2]
         left, top = max(x, 0.0), max(y, 0.0)
-        right, bottom = min(x + width, float(most[0])), min(y + height, float(most[1]))
+        right, bottom = min(x + width, float(photo_width)), min(y + height, float(photo_height))
         return lambda state: replace(state, box=(left, top, right - left, bottom - top))
 
     def place(self, name: str, x: float, y: float) -> Explanation:
         """Where a named point of the class is."""
         return self.correct(placed(name, x, y))
 
-    def mark(self, said: PixelLabel, x: float, y: float, radius: float) -> Explanation:
+    def mark(self, label: PixelLabel, x: float, y: float, radius: float) -> Explanation:
         """What a disc of the photo shows."""
-        return self.correct(marked(said, x, y, radius))
+        return self.correct(marked(label, x, y, radius))
 
     def choose(self, azimuth_deg: float | None) -> Explanation:
         """Which view it is, to some 8 degrees; None leaves it open again."""
@@ -125,13 +126,15 @@ class Session:
 
     def _explained(self, state: State) -> Explanation:
         height, width = self.photo.shape[:2]
-        given: dict[str, Any] = {"box": state.box, "hints": state.hints(width, height)}
-        said = state.focal is not None or state.camera is not None
-        focal = state.focal if said else self.focal
+        given = state.focal is not None or state.camera is not None
+        focal = state.focal if given else self.exif_focal
+        hints = state.hints(width, height)
         try:
-            found = self.explainer.explain(self.photo, focal=focal, camera=state.camera, **given)
-            exif = not said and focal is not None and self.explainer.settings.camera_distance_ratio is None
-            return replace(found, focal_from="exif") if exif else found
+            explanation = self.explainer.explain(
+                self.photo, state.box, focal=focal, hints=hints, camera=state.camera
+            )
+            exif = not given and focal is not None and self.explainer.settings.camera_distance_ratio is None
+            return replace(explanation, focal_from="exif") if exif else explanation
         except UserError as error:
             raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
 
@@ -141,9 +144,9 @@ def placed(name: str, x: float, y: float) -> Change:
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
-def marked(said: PixelLabel, x: float, y: float, radius: float) -> Change:
+def marked(label: PixelLabel, x: float, y: float, radius: float) -> Change:
     """The change that `Session.mark` makes."""
-    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, said)))
+    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, label)))
 
 
 def cleared(state: State) -> State:

@@ -15,30 +15,34 @@ from vig_app.viewer.session import Change, Session
 Work = Callable[[], None]
 
 
-class Tell(Protocol):
-    """Shows the user some words, of what was done or of what cannot be."""
+class ShowMessage(Protocol):
+    """Shows the user what was done, or what cannot be."""
 
     def __call__(self, words: str, refused: bool = False) -> None: ...
 
 
-class CorrectionWorker:
-    """Makes corrections in their order, those that came while it fitted all at once, and other work between.
+class Worker:
+    """Makes corrections in their order, those made during a fit all at once, and other work between.
 
     A page's events come on many threads and faster than fits are made. Where some of several corrections
-    cannot be made, these alone are told and left out.
+    cannot be made, these alone are reported and left out.
     """
 
-    def __init__(self, session: Session, show: Callable[[], None], tell: Tell) -> None:
+    def __init__(self, session: Session, show: Callable[[], None], message: ShowMessage) -> None:
         """Start the thread.
 
         Args:
             session: Is corrected.
             show: Is called after corrections, on the thread.
-            tell: Is called there with what the user should read.
+            message: Is called there with what the user should read.
         """
-        self.session, self.show, self.tell = session, show, tell
+        self.session = session
+        self.show = show
+        self.message = message
         self._waiting: deque[tuple[Change | None, Work | None]] = deque()
-        self._changed, self._busy, self._ended = threading.Condition(), False, False
+        self._changed = threading.Condition()
+        self._busy = False
+        self._ended = False
         self._thread = threading.Thread(target=self._run, name="vig-view", daemon=True)
         self._thread.start()
 
@@ -49,7 +53,7 @@ class CorrectionWorker:
 
     @property
     def corrections_wait(self) -> bool:
-        """Whether corrections came that are not made yet."""
+        """Whether there are corrections that are not made yet."""
         return any(work is None for _, work in [*self._waiting])
 
     def correct(self, change: Change | None) -> None:
@@ -91,22 +95,22 @@ class CorrectionWorker:
                     self._correct(changes)
             except Exception:  # a fault of ours must not leave the page without its thread
                 traceback.print_exc()
-                self.tell("That went wrong; the terminal says more.", refused=True)
+                self.message("That went wrong; the terminal says more.", refused=True)
 
     def _correct(self, changes: list[Change | None]) -> None:
-        self.tell("fitting ...")
-        began = time.perf_counter()
+        self.message("fitting ...")
+        started = time.perf_counter()
         try:
             self.session.correct(*changes)
             refused = ""
         except UserError as error:
             refused = str(error) if len(changes) == 1 else self._one_by_one(changes)
         self.show()
-        self.tell(refused or f"fitted in {time.perf_counter() - began:.1f} s", bool(refused))
+        self.message(refused or f"fitted in {time.perf_counter() - started:.1f} s", bool(refused))
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
-        """Each by itself; what to tell of those that are refused. Taking one of these back does nothing."""
-        told: list[str] = []
+        """Each by itself; the messages of those that are refused. Taking one of these back does nothing."""
+        messages: list[str] = []
         refused = 0
         for change in changes:
             if change is None and refused:
@@ -117,5 +121,5 @@ class CorrectionWorker:
                 refused = 0
             except UserError as error:
                 refused += 1
-                told.append(str(error))
-        return " ".join(dict.fromkeys(told))
+                messages.append(str(error))
+        return " ".join(dict.fromkeys(messages))

@@ -17,7 +17,8 @@ from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS, SceneExplanation, explain_found, explain_together, order
 from vig.several.joint import _Refit, _without, _without_cycles
 from vig_app.cli.main import main
-from vig_app.runs.results import bop_csv, read_results
+from vig_app.exports import export_run
+from vig_app.results import read_results
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
@@ -138,7 +139,7 @@ def test_command_writes_a_folder_for_each_object_and_its_row(photo: Path, scene:
         assert np.array_equal(numbers == number, mask)
         assert (folder / "report.html").exists()
     assert "is before" in (out / "photo" / "report.html").read_text()
-    assert len(bop_csv(out, out / "bop.csv").read_text().splitlines()) == 1 + len(rows)
+    assert len(export_run(out, ["bop"])[0].read_text().splitlines()) == 1 + len(rows)
     before = (out / "photo" / "scene.json").stat().st_mtime_ns
     assert ended(*command, "--quiet") == 1
     assert (out / "photo" / "scene.json").stat().st_mtime_ns == before  # done before

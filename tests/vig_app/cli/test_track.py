@@ -14,7 +14,7 @@ from PIL import Image
 from tests.vig.photo.test_video import write_video
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
-from vig_app.runs.results import TRACK_COLUMNS
+from vig_app.results import TRACK_COLUMNS
 
 
 def fitted(*arguments: object) -> int:

@@ -28,9 +28,10 @@ from vig.io.errors import UserError
 from vig_app.cli.fit import photos_of, result_folders
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
+from vig_app.exports import export_run
+from vig_app.results import COLUMNS, write_table
 from vig_app.runs import PARTIAL, RunSettings, Task, run
 from vig_app.runs.ledger import rows_done
-from vig_app.runs.results import COLUMNS, write_table
 from vig_app.runs.work import Rows, Work
 
 COMMAND = [sys.executable, "-m", "vig", "fit"]
@@ -380,14 +381,8 @@ def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, 
 
 def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"no Ray cluster answers at '127.0.0.1:1'|vig\[cluster\]"):
-        list(
-            run(
-                [Task(photos / "0.png", tmp_path / "o" / "0")],
-                tmp_path / "o",
-                RunSettings(),
-                cluster="127.0.0.1:1",
-            )
-        )
+        task = Task(photos / "0.png", tmp_path / "o" / "0")
+        list(run([task], tmp_path / "o", RunSettings(), cluster="127.0.0.1:1"))
 
 
 @pytest.mark.parametrize("line", ['{"key": "a", "rows": []}', "[]", "3", '{"rows": [3]}', '{"key": 1, "ro'])
@@ -406,3 +401,7 @@ def test_exports_of_earlier_results_go_when_a_photo_is_fitted_again(photos: Path
     assert fitted(photos / "0.png", photos / "1.png", "--elevation", 30, "--out", out) == 0
     assert not (out / "bop.csv").exists() and not (out / "coco.json").exists()
     assert (out / "mine.csv").exists()
+    assert fitted(photos / "0.png", photos / "1.png", "--export", "bop", "ros", "--out", out) == 0
+    written = (out / "bop.csv").read_text()
+    assert len(written.splitlines()) == 3 and export_run(out, ["bop"])[0].read_text() == written
+    assert (out / "1" / "pose.yaml").exists() and (out / "1" / "bop").is_dir()

@@ -29,7 +29,6 @@ from vig_app.corrections import Mark, State, result_in
 from vig_app.examples import example_photos
 from vig_app.viewer import Session
 
-CHROMIUM = shutil.which("chromium")
 SPOKEN: Any = ["viser-v1.1.1"]
 
 
@@ -176,36 +175,12 @@ def test_what_changes_nothing_is_no_step_back(session: Session) -> None:
     assert len(session.states) == 1
 
 
-def test_no_result_of_vig_view_is_named_without_corrections(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="holds no corrections.json"):
-        State.read(tmp_path)
-
-
 def test_a_result_in_a_linked_folder_finds_its_photo(session: Session, tmp_path: Path) -> None:
     (tmp_path / "far" / "away").mkdir(parents=True)
     (tmp_path / "link").symlink_to(tmp_path / "far" / "away")
     session.save(tmp_path / "link" / "result")
     photo, object_class, _ = State.read(tmp_path / "link" / "result")
     assert photo.samefile(session.path) and object_class == "teapot"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    pytest.importorskip("viser")
-    api = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    flags = [
-        "--no-sandbox",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--no-first-run",
-    ]
-    flags += ["--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with api.sync_playwright() as play:
-        started = play.chromium.launch(executable_path=CHROMIUM, args=flags)
-        yield started
-        started.close()
 
 
 def waited(page: Any, what: Callable[[], bool]) -> None:
@@ -346,7 +321,7 @@ def test_a_photos_name_is_shown_as_it_is(
     try:
         served.worker.correct(lambda state: replace(state, box=(10.0, 10.0, 2.0, 2.0)))
         waited(seen.page, lambda: not served.worker.busy)
-        served._tell(f"Saved in {HOSTILE}", refused=True)
+        served._message(f"Saved in {HOSTILE}", refused=True)
         seen.page.get_by_text(f"Saved in {HOSTILE}").wait_for()
         assert "PWN" not in seen.page.title() and seen.page.locator("iframe").count() == 0
         assert not seen.errors

@@ -14,10 +14,9 @@ import vig
 from vig.io.errors import UserError
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
-from vig_app.report.page import write_thumbnail
-from vig_app.report.sheet import PER_SHEET, TILE, write_sheets
+from vig_app.exports import export_run
+from vig_app.results import COLUMNS, read_results, write_table
 from vig_app.runs import RunSettings, Task, run
-from vig_app.runs.results import COLUMNS, bop_csv, coco_json, read_results, write_table
 
 FOCAL = 400.0
 
@@ -65,7 +64,7 @@ def test_the_poses_of_a_run_are_read_by_a_reader_of_bop(
     results: Path, tmp_path: Path, rows: list[dict[str, object]]
 ) -> None:
     """Ten lines after BOP's own description: scene_id,im_id,obj_id,score,R,t,time; R by rows, t in mm."""
-    head, *lines = bop_csv(results, tmp_path / "bop.csv", object_id=5).read_text().splitlines()
+    head, *lines = export_run(results, ["bop"], tmp_path, first_id=5)[0].read_text().splitlines()
     assert head == "scene_id,im_id,obj_id,score,R,t,time"
     found = {}
     for line in lines:
@@ -85,7 +84,7 @@ def test_the_poses_of_a_run_are_read_by_a_reader_of_bop(
 
 
 def test_the_masks_of_a_run_are_a_coco_result_file(results: Path, tmp_path: Path) -> None:
-    found = json.loads(coco_json(results, tmp_path / "coco.json").read_text())
+    found = json.loads(export_run(results, ["coco"], tmp_path)[0].read_text())
     assert [(one["image_id"], one["file_name"]) for one in found] == [(3, "000003.png"), (4, "000004.png")]
     for one in found:
         seen = np.asarray(Image.open(results / Path(one["file_name"]).stem / "mask.png")) == 255
@@ -95,14 +94,6 @@ def test_the_masks_of_a_run_are_a_coco_result_file(results: Path, tmp_path: Path
         np.testing.assert_array_equal(flat.reshape(width, height).T, seen)
         x, y, wide, high = one["bbox"]
         assert seen[y : y + high, x : x + wide].sum() == seen.sum() and 0 <= one["score"] <= 1
-    if importlib.util.find_spec("pycocotools") is not None:
-        from pycocotools.coco import COCO
-
-        truth = COCO()
-        truth.dataset = {"images": [{"id": each, "height": 200, "width": 400} for each in (3, 4)]}
-        truth.dataset |= {"annotations": [], "categories": [{"id": 1, "name": "teapot"}]}
-        truth.createIndex()
-        assert len(truth.loadRes(found).anns) == 2
 
 
 def test_files_without_numbers_are_numbered_by_their_place(results: Path, tmp_path: Path) -> None:
@@ -112,15 +103,16 @@ def test_files_without_numbers_are_numbered_by_their_place(results: Path, tmp_pa
     for row in renamed[:2]:
         (other / str(row["folder"])).symlink_to(results / str(row["folder"]))
     write_table(other, renamed)
-    lines = bop_csv(other, other / "bop.csv").read_text().splitlines()
+    poses, masks = export_run(other, ["bop", "coco"])
+    lines = poses.read_text().splitlines()
     assert [line.split(",")[:3] for line in lines[1:]] == [["0", "0", "1"], ["0", "1", "1"]]
-    assert [one["image_id"] for one in json.loads(coco_json(other, other / "c.json").read_text())] == [0, 1]
+    assert [result["image_id"] for result in json.loads(masks.read_text())] == [0, 1]
 
 
 def test_a_run_without_a_result_makes_valid_files(tmp_path: Path) -> None:
     write_table(tmp_path, [dict.fromkeys(COLUMNS) | {"photo": "a.png", "folder": "a", "error": "none"}])
-    assert json.loads(coco_json(tmp_path, tmp_path / "coco.json").read_text()) == []
-    assert len(bop_csv(tmp_path, tmp_path / "bop.csv").read_text().splitlines()) == 1
+    poses, masks = export_run(tmp_path, ["bop", "coco"])
+    assert json.loads(masks.read_text()) == [] and len(poses.read_text().splitlines()) == 1
 
 
 def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,30 +123,3 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
     told = capsys.readouterr()
     assert told.out.split() == [str(tmp_path / "files" / name) for name in ("bop.csv", "coco.json")]
     assert told.err.count("\n") == 1 and "Name the folder of its results" in told.err
-
-
-def test_sheets_show_what_is_strangest_first(tmp_path: Path) -> None:
-    """Frames by verdict, in the order of the tiles; two sheets of 200, no stale third."""
-
-    def row(name: str, verdict: str | None, confidence: float | None) -> dict[str, object]:
-        error = None if verdict else f"{name}: no\npicture"
-        return {"photo": name, "folder": name, "error": error, "verdict": verdict, "confidence": confidence}
-
-    few = [
-        row("t.png", "trusted", 0.9), row("a.png", "ambiguous", 0.5), row("l.png", "ambiguous", 0.2),
-        row("e\n.png", None, None), row("f.png", "failed", 0.0), row("r.png", "reverted", None),
-    ]  # fmt: skip
-    for one in few[:3]:
-        (tmp_path / str(one["folder"])).mkdir()
-        write_thumbnail(tmp_path / str(one["folder"]), np.full((300, 500, 3), 200, np.uint8))
-    (tmp_path / "sheet-3.jpg").touch()
-    assert write_sheets(tmp_path, few) == [tmp_path / "sheet.jpg"]
-    sheet = np.asarray(Image.open(tmp_path / "sheet.jpg")).astype(int)
-    frames = [sheet[8 + line, 20 + across] for line in (0, 208) for across in (0, 174, 348)]
-    frames = [np.asarray(frame) for frame in frames]
-    colours = [(110, 119, 129), (207, 34, 46), (207, 34, 46), (191, 135, 0), (191, 135, 0), (45, 164, 78)]
-    assert np.abs(np.array(frames) - colours).max() < 12
-    assert np.abs(sheet[10 + 208 + TILE // 2, 10 + TILE // 2] - 200).max() < 5  # the picture of l.png
-    many = [row(f"{number}.png", "trusted", 0.9) for number in range(PER_SHEET + 1)]
-    assert [path.name for path in write_sheets(tmp_path, many)] == ["sheet.jpg", "sheet-2.jpg"]
-    assert not (tmp_path / "sheet-3.jpg").exists()

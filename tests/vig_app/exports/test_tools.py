@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import vig
 from vig_app.examples import example_photos
-from vig_app.runs.results import bop_csv, coco_json, write_table
+from vig_app.exports import export_run
+from vig_app.results import write_table
 from vig_app.runs.work import Task, row_of
 
 NAME = "COCO_val2014_000000000139.png"
@@ -46,24 +47,11 @@ def test_coco_tools_read_masks_and_results(explanation: vig.Explanation, run: Pa
     assert truth.getImgIds() == [139]
     (annotation,) = truth.loadAnns(truth.getAnnIds(imgIds=[139]))
     np.testing.assert_array_equal(truth.annToMask(annotation).astype(bool), explanation.amodal)
-    found = truth.loadRes(str(coco_json(run, tmp_path / "results.json")))
+    (written,) = export_run(run, ["coco"], tmp_path / "run")
+    found = truth.loadRes(str(written))
     (result,) = found.loadAnns(found.getAnnIds())
     assert result["image_id"] == 139
     np.testing.assert_array_equal(found.annToMask(result).astype(bool), explanation.mask)
-
-
-def test_bop_rows_are_as_its_toolkit_parses_them(
-    explanation: vig.Explanation, run: Path, tmp_path: Path
-) -> None:
-    """Columns by name, R row by row, t in millimetres; what is absent is no detection."""
-    head, *lines = bop_csv(run, tmp_path / "bop.csv").read_text().splitlines()
-    assert head == "scene_id,im_id,obj_id,score,R,t,time" and len(lines) == 1
-    scene, image, thing, score, turn, place, seconds = lines[0].split(",")
-    assert (int(scene), int(image), int(thing), float(seconds)) == (0, 139, 1, 0.5)
-    assert float(score) == pytest.approx(explanation.confidence, abs=1e-4)
-    pose = explanation.camera_from_object
-    np.testing.assert_allclose(np.reshape([float(n) for n in turn.split()], (3, 3)), pose[:3, :3], atol=1e-6)
-    np.testing.assert_allclose([float(n) for n in place.split()], 1000 * pose[:3, 3], rtol=1e-6)
 
 
 def test_opencv_projects_the_object_onto_the_photo_and_solves_for_its_pose(run: Path) -> None:

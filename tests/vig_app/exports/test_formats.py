@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,9 @@ import trimesh
 import vig
 from vig.io.errors import UserError
 from vig_app.examples import example_photos
-from vig_app.exports import bop_box, run_lengths
-
-ALL = ("bop", "coco", "nerfstudio", "ros", "usd")
+from vig_app.exports import FORMATS, remove_exports
+from vig_app.exports.formats.bop import bop_box
+from vig_app.exports.formats.coco import run_lengths
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,7 @@ def explanation() -> vig.Explanation:
 @pytest.fixture(scope="module")
 def folder(explanation: vig.Explanation, tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("pxr")
-    return explanation.export(explanation.save(tmp_path_factory.mktemp("out")), ALL, "02_egg_cup.png")
+    return explanation.export(explanation.save(tmp_path_factory.mktemp("out")), FORMATS, "02_egg_cup.png")
 
 
 def told(path: Path) -> dict:
@@ -165,6 +166,19 @@ def test_usd_has_parts_materials_and_the_camera(folder: Path, explanation: vig.E
     pixels = (normalised * [1, -1] + 1) / 2 * [explanation.camera.width, explanation.camera.height]
     expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
     np.testing.assert_allclose(pixels, expected, atol=0.01)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_format_names_the_files_that_it_writes(
+    explanation: vig.Explanation, tmp_path: Path, name: str
+) -> None:
+    if name == "usd":
+        pytest.importorskip("pxr")
+    explanation.export(tmp_path, [name], "02_egg_cup.png")
+    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == set(import_module(f"vig_app.exports.formats.{name}").FILES)
+    remove_exports(tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_unknown_formats_are_refused(explanation: vig.Explanation, tmp_path: Path) -> None:

@@ -1,0 +1,41 @@
+"""ROS: geometry_msgs/PoseWithCovarianceStamped and sensor_msgs/CameraInfo.
+
+The frame is the optical one of the camera that took the photo, `Explanation.pinhole_pose`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vig.explanation import Explanation
+from vig.output import write_json
+
+POSE = "pose.yaml"
+CAMERA = "camera_info.yaml"
+FILES = (POSE, CAMERA)
+
+
+def write(folder: Path, explanation: Explanation, photo: str) -> None:
+    """As JSON, which YAML holds."""
+    from scipy.spatial.transform import Rotation
+
+    intrinsics, pose, covariance = explanation.pinhole_pose()
+    stamp = {"header": {"frame_id": "camera_optical_frame"}}
+    position = dict(zip("xyz", pose[:3, 3].tolist(), strict=True))
+    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    orientation = dict(zip("xyzw", quaternion, strict=True))
+    placed = {"position": position, "orientation": orientation}
+    estimate = {"pose": placed, "covariance": covariance.ravel().tolist()}
+    write_json(folder, stamp | {"pose": estimate}, POSE)
+    info = {
+        "width": explanation.camera.width,
+        "height": explanation.camera.height,
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "k": intrinsics.ravel().tolist(),
+        "r": np.eye(3).ravel().tolist(),
+        "p": np.c_[intrinsics, np.zeros(3)].ravel().tolist(),
+    }
+    write_json(folder, stamp | info, CAMERA)

@@ -1,0 +1,131 @@
+"""report.html of several photos, or objects of one: pictures and a table with links to their pages."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from PIL import Image
+
+from vig.io.files import atomic_write
+from vig_app.report.html import QUALITY, filled
+
+MOST_ERRORS = 200
+"""Photos that are listed as not explained."""
+THUMBNAIL = 320
+"""Pixels of the longer side of a photo's picture."""
+WHOLE = 1200
+"""And of the picture of several objects."""
+THUMBNAIL_FILE = "thumbnail.jpg"
+REVIEW_ORDER = ("failed", "absent", "reverted", "ambiguous", "trusted")
+"""Verdicts in the order in which their photos should be looked at."""
+COLUMNS = ("photo", "verdict", "azimuth", "elevation", "hidden", "view right", "mask right")
+"""Of the table."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A photo, or an object, of the page.
+
+    Attributes:
+        name: What it is called.
+        folder: Of its results, beside the page.
+        described: What explanation.json or results.csv holds.
+        picture: (H, W, 3) uint8.
+    """
+
+    name: str
+    folder: str
+    described: Mapping[str, Any]
+    picture: np.ndarray
+
+    @property
+    def link(self) -> str:
+        """Address of its own page."""
+        return quote(os.fsencode(self.folder)) + "/report.html"
+
+    @property
+    def words(self) -> str:
+        """What stands under its picture, after the verdict."""
+        hidden, confidence = self.described["hidden_fraction"], self.described["confidence"]
+        words = [f"azimuth {self.described['azimuth_deg']:.0f}°"]
+        words += [] if hidden is None else [f"{hidden:.0%} hidden"]
+        words += [] if confidence is None else [f"right with {confidence:.0%}"]
+        return ", ".join(words)
+
+    @property
+    def values(self) -> list[Any]:
+        """Of the table's columns, by which it is sorted."""
+        keys = ("verdict", "azimuth_deg", "elevation_deg", "hidden_fraction", "confidence", "mask_confidence")
+        return [self.name, *(self.described[key] for key in keys)]
+
+    @property
+    def cells(self) -> list[str]:
+        """What the table shows of all columns but the first."""
+        _, verdict, azimuth, elevation, *shares = self.values
+        percentages = ("" if share is None else f"{share:.0%}" for share in shares)
+        return [verdict, f"{azimuth:.0f}°", f"{elevation:.0f}°", *percentages]
+
+
+def folder_html(
+    entries: Sequence[Entry],
+    total: int | None = None,
+    errors: Sequence[str] = (),
+    title: str | None = None,
+    picture: np.ndarray | None = None,
+    note: str = "",
+) -> str:
+    """The page; entries are in the order of `review_order`.
+
+    Args:
+        entries: The photos that are shown.
+        total: How many were explained, if more than are shown.
+        errors: Why others were not; the first `MOST_ERRORS` are shown.
+        title: In place of their number.
+        picture: (H, W, 3) uint8, of all of them.
+        note: Under the title.
+    """
+    entries = sorted(entries, key=lambda entry: review_order(entry.described))
+    total = len(entries) if total is None else total
+    verdicts = Counter(entry.described["verdict"] for entry in entries)
+    return filled(
+        "folder.html",
+        title=f"{total} photos explained" if title is None else title,
+        counts=", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()),
+        note=note,
+        total=total,
+        entries=entries,
+        errors=errors,
+        most_errors=MOST_ERRORS,
+        picture=None if picture is None else reduced(picture, WHOLE),
+        columns=COLUMNS,
+        data=[entry.values for entry in entries],
+    )
+
+
+def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
+    """Sort key of photos: errors, then verdicts in `REVIEW_ORDER`; within each the least confidence first."""
+    if row.get("error") is not None:
+        return -1, 0.0
+    return REVIEW_ORDER.index(row["verdict"]), row["confidence"] or 0.0
+
+
+def reduced(picture: np.ndarray, side: int = THUMBNAIL) -> np.ndarray:
+    """A picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
+    image = Image.fromarray(picture)
+    image.thumbnail((side, side), Image.Resampling.BICUBIC, reducing_gap=2.0)
+    return np.asarray(image)
+
+
+def write_thumbnail(folder: Path, picture: np.ndarray) -> np.ndarray:
+    """Write and return the thumbnail of a picture (H, W, 3) uint8, which pages and sheets show."""
+    thumbnail = reduced(picture)
+    with atomic_write(folder / THUMBNAIL_FILE) as temporary:
+        Image.fromarray(thumbnail).save(temporary, "JPEG", quality=QUALITY)
+    return thumbnail

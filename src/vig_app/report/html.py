@@ -1,0 +1,45 @@
+"""Pages of HTML from the templates beside this file, and the pictures that are part of them."""
+
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from PIL import Image
+
+from vig.io.files import atomic_write
+
+QUALITY = 88
+"""Of JPEG files, of at most 100."""
+
+
+def filled(template: str, **content: Any) -> str:
+    """A page. Whatever it shows is escaped: no text of a photo's name or class becomes markup or script."""
+    return _PAGES.get_template(template).render(content)
+
+
+def write_page(path: Path, html: str) -> None:
+    """Write a page, in whose text a photo's name may have bytes of no encoding."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(html, encoding="utf-8", errors="replace")
+
+
+def jpeg_url(picture: np.ndarray) -> str:
+    """A picture (H, W, 3) uint8 as the address of an image within a page."""
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "JPEG", quality=QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()
+
+
+_PAGES = Environment(
+    loader=PackageLoader("vig_app.report"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_PAGES.filters["url"] = jpeg_url

@@ -1,0 +1,97 @@
+"""What an explanation's page says in words."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vig.scene import Latents
+from vig.scene.light import srgb8_from_linear
+
+INTERVAL = 1.645
+"""Standard deviations to either side that hold 90 % of a Gaussian."""
+
+
+def view_words(latents: Latents, probability: float) -> str:
+    """A view (B = 1), and how likely it is, where that is no NaN."""
+    azimuth, elevation = (math.degrees(float(angle)) for angle in (latents.azimuth, latents.elevation))
+    likely = "" if math.isnan(probability) else f", {probability:.0%}"
+    return f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°{likely}"
+
+
+def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:
+    """Name and words of each line of the page's table."""
+    deviation, camera = described["deviation"], described["camera"]
+    hidden = described["hidden_fraction"]
+    rows = []
+    for name, key in (("azimuth of the eye", "azimuth_deg"), ("its elevation", "elevation_deg")):
+        interval = ""
+        if deviation[key] is not None:
+            width = INTERVAL * deviation[key]
+            interval = f", 90 % interval ±{width:.0f}°" if width < 90 else ", if this is the right view"
+        rows.append((name, f"{described[key]:.0f}°{interval}"))
+    return rows + [
+        ("roll of the photo", f"{round(described['roll_deg'])}°"),
+        ("hidden", "nothing of it is in the photo" if hidden is None else f"{hidden:.0%} of the object"),
+        ("kind", f"{described['class']}" + (f", {described['family']}" if described["family"] else "")),
+        ("light", _light(described["light"])),
+        ("focal length", f"{camera['K'][0][0]:.0f} pixels, {camera['focal_from']}"),
+        ("scale", camera["scale"]),
+    ]
+
+
+def badge(described: dict[str, Any]) -> str:
+    """The verdict, which is of the view, with what else of the answer can or cannot be trusted."""
+    verdict, mask = described["verdict"], "mask" in described["trusted"]
+    if described["mask_confidence"] is None or (verdict == "trusted") == mask:
+        return str(verdict)
+    return f"view {verdict}, mask {'trusted' if mask else 'not'}"
+
+
+def summary(described: dict[str, Any]) -> str:
+    """Class, what is trusted with which probability, and the share hidden."""
+    confidence, hidden = described["confidence"], described["hidden_fraction"]
+    if confidence is None:
+        confidences = "how sure was not learned"
+    else:
+        mask_right = described["mask_confidence"]
+        confidences = (
+            f"the view is right with a probability of {confidence:.0%}, the mask of {mask_right:.0%}"
+        )
+    view, mask = (part in described["trusted"] for part in ("view", "mask"))
+    trusted = {
+        (True, True): "its view and its mask are trusted",
+        (True, False): "its view is trusted, its mask is not",
+        (False, True): "its mask is trusted, its view is not",
+        (False, False): "neither its view nor its mask is trusted",
+    }[view, mask]
+    hidden_share = "" if hidden is None else f"; {hidden:.0%} of it is hidden"
+    return f"{described['class']}: {trusted} ({confidences}){hidden_share}"
+
+
+def views_note(described: dict[str, Any]) -> str:
+    """What to do with the views."""
+    if described["alternatives"]:
+        other = described["alternatives"][0]["azimuth_deg"]
+        return (
+            f"The search tried these. To take the second one: vig fit --azimuth {other:.0f}, or choose it in"
+            " vig view."
+        )
+    return "The search found no other view worth telling."
+
+
+def css_colour(colour: np.ndarray) -> str:
+    """Linear RGB (3,) as a style sheet has it."""
+    red, green, blue = srgb8_from_linear(np.asarray(colour, np.float32)).tolist()
+    return f"rgb({red}, {green}, {blue})"
+
+
+def _light(light: list[float]) -> str:
+    """Where most light comes from, by the first order of its SH coefficients, in the object's frame."""
+    y, z, x = light[1:4]
+    above = "from above" if z > 0.5 * float(np.hypot(x, y)) else "from the side"
+    directedness = float(np.linalg.norm([x, y, z])) / max(abs(light[0]), 1e-6)
+    kind = "soft" if directedness < 0.4 else "directed" if directedness < 0.9 else "strongly directed"
+    return f"{kind}, most of it {above}"

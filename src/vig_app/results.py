@@ -1,0 +1,104 @@
+"""The table of a run, and that of a track: written and read."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path, PurePath
+from typing import Any
+
+from vig.io.checks import reading
+from vig.io.files import atomic_write
+
+TABLE = "results"
+TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
+COLUMNS = (
+    "photo", "folder", "object", "class", "error", "verdict", "view_trusted", "mask_trusted", "confidence",
+    "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg",
+    "elevation_deviation_deg", "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x",
+    "box_y", "box_width", "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
+    *(POSE := [f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)]), "reason",
+    "seconds",
+)  # fmt: skip
+"""Of the table; docs/many.md describes them."""
+TRACK = "track"
+TRACK_COLUMNS = (
+    "photo", "folder", "frame", "lost", "refitted", "alone_azimuth_deg", "azimuth_deg",
+    "azimuth_deviation_deg", "alone_elevation_deg", "elevation_deg", "elevation_deviation_deg", "roll_deg",
+    "hidden_fraction", "focal_px", "center_x", "center_y", *POSE,
+)  # fmt: skip
+"""Of the table of a track, likewise."""
+
+TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
+
+
+def name_of(row: Mapping[str, Any]) -> str:
+    """The photo's name, and which of its objects a row is of where it has several."""
+    _, several, which = row["folder"].partition("/")
+    return PurePath(row["photo"]).name + (f" {which}" if several else "")
+
+
+def write_table(
+    out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Sequence[str] = COLUMNS
+) -> list[Path]:
+    """Write results.csv, and results.parquet where pyarrow is installed; returns what was written."""
+    rows = [{name: row.get(name) for name in columns} for row in rows]
+    with (
+        atomic_write(out / f"{table}.csv") as temporary,
+        open(temporary, "w", newline="", encoding="utf-8", errors="replace") as file,
+    ):
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
+    written = [out / f"{table}.csv"]
+    with suppress(ImportError):
+        import pyarrow
+        from pyarrow import parquet
+
+        arrays = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in columns}
+        with atomic_write(out / f"{table}.parquet") as temporary:
+            parquet.write_table(pyarrow.table(arrays), temporary)
+        written.append(out / f"{table}.parquet")
+    return written
+
+
+def read_results(folder: str | Path) -> list[dict[str, Any]]:
+    """The rows of results.csv with numbers, truth values and None, as `pandas.DataFrame` takes them.
+
+    Args:
+        folder: That of `vig fit` of several photos.
+
+    Raises:
+        UserError: There is no such table, or it is damaged.
+    """
+    path = Path(folder) / TABLES[0]
+    with reading(path, "the table of `vig fit` of several photos", "Name the folder of its results."):
+        with open(path, encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        return [{name: _value(name, row[name]) for name in COLUMNS} for row in rows]
+
+
+def _value(name: str, text: str) -> Any:
+    """What a cell of results.csv stands for."""
+    if text == "" or name in TEXTS:
+        return text or None
+    return text == "True" if name.endswith("_trusted") else float(text)
+
+
+def _text(value: Any) -> Any:
+    """Text as UTF-8 has it: file names may hold other bytes."""
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
+
+
+def _kind(name: str) -> Any:
+    """A column's type, the same whatever the rows are, so that tables of several runs can be joined."""
+    import pyarrow
+
+    if name in TEXTS:
+        return pyarrow.string()
+    return pyarrow.bool_() if _is_truth(name) else pyarrow.float64()
+
+
+def _is_truth(name: str) -> bool:
+    return name.endswith("_trusted") or name in ("lost", "refitted")
