@@ -14,6 +14,7 @@ import ast
 import contextlib
 import io
 import statistics
+import subprocess
 import sys
 import tempfile
 import threading
@@ -28,6 +29,8 @@ COLUMNS = (
     "package", "files", "lines", "native lines", "median file", "longest file", "most arguments",
     "longest function", "constants", "comments per 1000",
 )  # fmt: skip
+
+WAYS = ("the library", "vig fit")
 
 
 @dataclass(frozen=True)
@@ -147,19 +150,17 @@ def command_line() -> Callable[[list[str]], None]:
     return main
 
 
-def follow(photo: Path) -> None:
-    """Explain a photo by the library and by `vig fit`, and count the files that it passes."""
+def follow(photo: Path, by: str) -> None:
+    """Explain a photo by "the library" or by "vig fit", and count the files that it passes."""
     import vig
 
-    root = Path(vig.__file__).parents[1]
-    with entered_files(root) as files:
-        vig.Explainer().explain(photo).to_dict()
-    print(f"\n{photo.name} passes {len(files)} files in the library:")
-    print("\n".join(map(str, files)))
-    with tempfile.TemporaryDirectory() as folder, entered_files(root) as files:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-            command_line()(["fit", str(photo), "--out", f"{folder}/out"])
-    print(f"\nand {len(files)} files in `vig fit`:")
+    with tempfile.TemporaryDirectory() as folder, entered_files(Path(vig.__file__).parents[1]) as files:
+        if by == "the library":
+            vig.Explainer().explain(photo).to_dict()
+        else:
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+                command_line()(["fit", str(photo), "--out", f"{folder}/out"])
+    print(f"\n{photo.name} passes {len(files)} files in {by}:")
     print("\n".join(map(str, files)))
 
 
@@ -169,10 +170,17 @@ def main() -> None:
     )
     parser.add_argument("source", nargs="?", type=Path, default=Path("src"))
     parser.add_argument("--photo", type=Path)
+    parser.add_argument("--by", choices=WAYS, help="only follow the photo this way")
     settings = parser.parse_args()
+    if settings.by:
+        follow(settings.photo, settings.by)
+        return
     report(settings.source)
-    if settings.photo:
-        follow(settings.photo)
+    for way in (
+        WAYS if settings.photo else ()
+    ):  # in a process of its own: what one keeps the other would not enter
+        command = [sys.executable, __file__, "--photo", str(settings.photo), "--by", way]
+        print(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
 if __name__ == "__main__":
