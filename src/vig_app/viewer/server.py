@@ -47,11 +47,7 @@ BRUSH = 2.0
 """Radius of a mark at first, % of the photo's longer side."""
 LOOK = "nothing, look around"
 BOX = "a box round the object"
-MARKS = {
-    "here it is seen": Said.SEEN,
-    "something is in front": Said.IN_FRONT,
-    "it is not here": Said.NOTHING,
-}
+MARKS = {"here it is seen": Said.SEEN, "something is in front": Said.IN_FRONT, "it is not here": Said.NOTHING}
 MARK_COLOURS = {Said.SEEN: (0, 200, 0), Said.IN_FRONT: (220, 0, 0), Said.NOTHING: (0, 0, 220)}
 """Colours of marks, those of `--marks`."""
 AS_FOUND = "as found"
