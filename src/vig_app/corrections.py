@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -137,30 +137,14 @@ class State:
             remedy = f"Name one in it, such as '{inner[0]}'." if inner else "Name the photo itself."
             raise UserError(f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. {remedy}")
         with reading(path, "corrections of a photo", "Name the photo itself."):
-            content = decode(_Content, {"class_": None} | _renamed(read_json(path)))
-            if content.format != FORMAT:
-                raise ValueError(f"it is of format {content.format}, where this vig reads {FORMAT}")
-        return folder / content.photo, content.class_, content.state
+            content = decode(dict[str, Any], read_json(path))
+            if content["format"] != FORMAT:
+                raise ValueError(f"it is of format {content['format']}, where this vig reads {FORMAT}")
+            photo, object_class = (decode(str, content[name]) for name in ("photo", "class"))
+            return folder / photo, object_class, decode(State, content["state"])
 
 
 def result_in(folder: Path) -> Path:
     """The one folder of a result in that of a run; the folder itself where it is one or holds several."""
     inner = [] if (folder / CORRECTIONS).exists() else list(folder.glob(f"*/{CORRECTIONS}"))
     return inner[0].parent if len(inner) == 1 else folder
-
-
-@dataclass(frozen=True)
-class _Content:
-    """What the file holds; `class_` is its "class"."""
-
-    format: int
-    photo: str
-    class_: str
-    state: State
-
-
-def _renamed(content: Mapping[str, object]) -> dict[str, object]:
-    """The file's names as Python takes them."""
-    if not isinstance(content, dict):
-        raise ValueError("it must hold an object")
-    return {"class_" if name == "class" else name: value for name, value in content.items()}

@@ -31,6 +31,8 @@ TRACK_COLUMNS = (
 """Of the table of a track, likewise."""
 
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
+TRUTHS = {"view_trusted", "mask_trusted", "lost", "refitted"}
+"""Columns of text and of truth values; all others hold numbers."""
 
 
 def name_of(row: Mapping[str, Any]) -> str:
@@ -83,7 +85,7 @@ def _value(name: str, text: str) -> Any:
     """What a cell of results.csv stands for."""
     if text == "" or name in TEXTS:
         return text or None
-    return text == "True" if name.endswith("_trusted") else float(text)
+    return text == "True" if name in TRUTHS else float(text)
 
 
 def _text(value: Any) -> Any:
@@ -97,8 +99,4 @@ def _kind(name: str) -> Any:
 
     if name in TEXTS:
         return pyarrow.string()
-    return pyarrow.bool_() if _is_truth(name) else pyarrow.float64()
-
-
-def _is_truth(name: str) -> bool:
-    return name.endswith("_trusted") or name in ("lost", "refitted")
+    return pyarrow.bool_() if name in TRUTHS else pyarrow.float64()

@@ -66,15 +66,15 @@ def test_the_poses_of_a_run_are_read_by_a_reader_of_bop(
     """Ten lines after BOP's own description: scene_id,im_id,obj_id,score,R,t,time; R by rows, t in mm."""
     head, *lines = export_run(results, ["bop"], tmp_path, first_id=5)[0].read_text().splitlines()
     assert head == "scene_id,im_id,obj_id,score,R,t,time"
-    found = {}
+    poses = {}
     for line in lines:
         scene, image, thing, score, turn, place, seconds = line.split(",")
         rotation = np.array(turn.split(" "), float).reshape(3, 3)
         translation = np.array(place.split(" "), float)
-        found[int(scene), int(image), int(thing)] = rotation, translation, float(score), float(seconds)
-    assert list(found) == [(7, 3, 5), (7, 4, 5)]
+        poses[int(scene), int(image), int(thing)] = rotation, translation, float(score), float(seconds)
+    assert list(poses) == [(7, 3, 5), (7, 4, 5)]
     explainer = vig.Explainer()
-    answers = zip(found.values(), (None, FOCAL), rows[:2], strict=True)
+    answers = zip(poses.values(), (None, FOCAL), rows[:2], strict=True)
     for (rotation, translation, score, seconds), focal, row in answers:
         again = explainer.explain(str(row["photo"]), (20, 30, 150, 150), focal=focal)
         _, pose, _ = again.pinhole_pose()
@@ -84,16 +84,17 @@ def test_the_poses_of_a_run_are_read_by_a_reader_of_bop(
 
 
 def test_the_masks_of_a_run_are_a_coco_result_file(results: Path, tmp_path: Path) -> None:
-    found = json.loads(export_run(results, ["coco"], tmp_path)[0].read_text())
-    assert [(one["image_id"], one["file_name"]) for one in found] == [(3, "000003.png"), (4, "000004.png")]
-    for one in found:
-        seen = np.asarray(Image.open(results / Path(one["file_name"]).stem / "mask.png")) == 255
-        counts = one["segmentation"]["counts"]
+    detections = json.loads(export_run(results, ["coco"], tmp_path)[0].read_text())
+    images = [(result["image_id"], result["file_name"]) for result in detections]
+    assert images == [(3, "000003.png"), (4, "000004.png")]
+    for result in detections:
+        visible = np.asarray(Image.open(results / Path(result["file_name"]).stem / "mask.png")) == 255
+        counts = result["segmentation"]["counts"]
         flat = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
-        height, width = one["segmentation"]["size"]
-        np.testing.assert_array_equal(flat.reshape(width, height).T, seen)
-        x, y, wide, high = one["bbox"]
-        assert seen[y : y + high, x : x + wide].sum() == seen.sum() and 0 <= one["score"] <= 1
+        height, width = result["segmentation"]["size"]
+        np.testing.assert_array_equal(flat.reshape(width, height).T, visible)
+        x, y, wide, high = result["bbox"]
+        assert visible[y : y + high, x : x + wide].sum() == visible.sum() and 0 <= result["score"] <= 1
 
 
 def test_files_without_numbers_are_numbered_by_their_place(results: Path, tmp_path: Path) -> None:
@@ -120,6 +121,6 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
         with pytest.raises(SystemExit) as ended:
             main(["export", *arguments, "--to", "bop", "coco", "--out", str(tmp_path / "files")])
         assert (ended.value.code or 0) == code
-    told = capsys.readouterr()
-    assert told.out.split() == [str(tmp_path / "files" / name) for name in ("bop.csv", "coco.json")]
-    assert told.err.count("\n") == 1 and "Name the folder of its results" in told.err
+    output = capsys.readouterr()
+    assert output.out.split() == [str(tmp_path / "files" / name) for name in ("bop.csv", "coco.json")]
+    assert output.err.count("\n") == 1 and "Name the folder of its results" in output.err

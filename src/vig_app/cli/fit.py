@@ -5,8 +5,9 @@ from __future__ import annotations
 import glob
 import json
 import os
+import sys
 from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
@@ -20,6 +21,7 @@ from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.checks import read_json
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
@@ -29,7 +31,6 @@ from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.naming import in_one_line, listed, note
-from vig_app.cli.progress import progress_of
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
 from vig_app.report.html import write_page
@@ -84,7 +85,7 @@ def fit(settings: FitCommand) -> int:
 
     def take(row: dict[str, Any]) -> None:
         rows_of_photo.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
-        show(len(rows_of_photo))
+        meter.advance(len(rows_of_photo) - meter.done)
         line = in_one_line(_line(row))
         log(line)
         if row["error"] is not None:
@@ -92,22 +93,17 @@ def fit(settings: FitCommand) -> int:
         elif not settings.json and not settings.quiet:
             print(line, flush=True)
 
-    rows: list[dict[str, Any]] = []
-    line_shown = ExitStack()
-    show = line_shown.enter_context(progress_of(len(photos), settings.quiet))
+    show_progress = len(photos) > 1 and not settings.quiet and sys.stderr.isatty()
     try:
-        if settings.track:
-            frames = run_tracked(list(tasks), settings.out, run_settings, take).frames
-            if not settings.json and not settings.quiet:
-                lost = sum(frame.lost for frame in frames)
-                print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
-        else:
-            resume = len(photos) > 1
-            for row in run(tasks, settings.out, run_settings, settings.workers, resume, settings.cluster):
-                take(row)
+        with Meter(len(photos), 0, show_progress, "photos") as meter:
+            if settings.track:
+                frames = run_tracked(list(tasks), settings.out, run_settings, take).frames
+            else:
+                resume = len(photos) > 1
+                for row in run(tasks, settings.out, run_settings, settings.workers, resume, settings.cluster):
+                    take(row)
     finally:
-        line_shown.close()
-        rows += [row for folder in folders for row in rows_of_photo.get(folder.name, {}).values()]
+        rows = [row for folder in folders for row in rows_of_photo.get(folder.name, {}).values()]
         if len(photos) > 1 and rows:
             if not all(row.get("done_before") for row in rows):
                 for name in run_files():  # of the results before
@@ -115,8 +111,11 @@ def fit(settings: FitCommand) -> int:
             write_table(settings.out, rows)
             _write_page(settings.out, rows)
             write_sheets(settings.out, rows)
-    if len(photos) > 1:
-        export_run(settings.out, [name for name in settings.export if name in RUN_FORMATS])
+    if settings.track and not settings.json and not settings.quiet:
+        lost = sum(frame.lost for frame in frames)
+        print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
+    if len(photos) > 1 and (formats := [name for name in settings.export if name in RUN_FORMATS]):
+        export_run(settings.out, formats)
     failed = sum(row["error"] is not None for row in rows)
     if settings.json:
         print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))

@@ -51,14 +51,14 @@ def mask_of(settings: FitCommand, photos: list[Path]) -> Callable[[Path], Path |
             raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{path}'. Name one.")
         return lambda photo: path
     names = [mask_file(path, photo) for photo in photos]
-    for name in names:
-        if names.count(name) > 1 and len({photo.resolve() for photo in photos}) > 1:
-            owners = [photo for photo, other in zip(photos, names, strict=True) if other == name]
-            if len({photo.resolve() for photo in owners}) > 1:
-                raise UserError(
-                    f"expected a mask for each photo; got '{name}' for {owners[0]} and {owners[1]}."
-                    " Put the masks into folders named as the photos' folders are."
-                )
+    owners: dict[Path, Path] = {}
+    for photo, name in zip(photos, names, strict=True):
+        owner = owners.setdefault(name, photo)
+        if owner.resolve() != photo.resolve():
+            raise UserError(
+                f"expected a mask for each photo; got '{name}' for {owner} and {photo}."
+                " Put the masks into folders named as the photos' folders are."
+            )
     return dict(zip(photos, names, strict=True)).__getitem__
 
 

@@ -43,9 +43,8 @@ def view(settings: ViewCommand) -> int:
     )
     if not settings.no_open:
         webbrowser.open(f"http://{HOST}:{viewer.port}")
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a script's background jobs begin by ignoring it
+    # A script's background jobs begin by ignoring it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

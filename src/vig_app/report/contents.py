@@ -45,7 +45,9 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any]) -> 
     reduced_photo, part_albedo = reduced(coded(explanation.picture)), explanation.part_albedo
     hidden = reduced((explanation.amodal & ~explanation.mask).view(np.uint8) * np.uint8(255))
     part_names = explanation.object_class.shape_model.part_names
-    views = list(_views(explanation))
+    background = srgb_from_linear(explanation.window.crop(explanation.picture, VIEW_SIDE)[0])
+    views = list(_views(explanation, background))
+    steps = _steps(explanation, background)
     return filled(
         "page.html",
         name=photo,
@@ -62,7 +64,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any]) -> 
         views_note=words.views_note(described),
         data={
             "views": [{"azimuth": view.azimuth, "elevation": view.elevation} for view in views],
-            "steps": [vars(step) | {"picture": jpeg_url(step.picture)} for step in _steps(explanation)],
+            "steps": [vars(step) | {"picture": jpeg_url(step.picture)} for step in steps],
             "model": _model(explanation, part_albedo, described["light"]),
         },
     )
@@ -78,29 +80,30 @@ class ShownView:
     picture: np.ndarray
 
 
-def _views(explanation: Explanation) -> Iterable[ShownView]:
+def _views(explanation: Explanation, photo: np.ndarray) -> Iterable[ShownView]:
     """The fit and its alternatives."""
     fit = explanation.fit
     first = "this fit: " + words.view_words(fit.latents, fit.confidence)
-    yield _shown(explanation, first, fit.latents, fit.framing)
+    yield _shown(explanation, photo, first, fit.latents, fit.framing)
     for view in fit.alternatives:
         text = words.view_words(view.latents, view.probability)
-        yield _shown(explanation, text, view.latents, view.framing)
+        yield _shown(explanation, photo, text, view.latents, view.framing)
 
 
-def _steps(explanation: Explanation) -> Iterable[ShownView]:
+def _steps(explanation: Explanation, photo: np.ndarray) -> Iterable[ShownView]:
     """Some steps of the fit that moved, the first and the last among them."""
     path = explanation.fit.descent
     moved = torch.cat([torch.tensor([True]), (path[1:] != path[:-1]).any(1)]).nonzero()[:, 0]
     for number in moved[np.unique(np.linspace(0, len(moved) - 1, STEPS).round().astype(int))].tolist():
         latents = Latents.from_vector(path[number : number + 1, :-4])
         text = f"step {number} of {len(path) - 1}: {words.view_words(latents, math.nan)}"
-        yield _shown(explanation, text, latents, path[number, -4:])
+        yield _shown(explanation, photo, text, latents, path[number, -4:])
 
 
-def _shown(explanation: Explanation, text: str, latents: Latents, framing: torch.Tensor) -> ShownView:
-    """A view of latents (B = 1) and framing (4,) in front of the photo."""
-    photo = srgb_from_linear(explanation.window.crop(explanation.picture, VIEW_SIDE)[0])
+def _shown(
+    explanation: Explanation, photo: np.ndarray, text: str, latents: Latents, framing: torch.Tensor
+) -> ShownView:
+    """A view of latents (B = 1) and framing (4,) in front of the window's photo (h, w, 3) in [0, 1] sRGB."""
     standard = explanation.object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
     camera = standard.framed(*framing.tolist()).scaled(VIEW_SIDE / standard.width)
     drawn = on_one_core(partial(render_latents, latents, explanation.object_class, camera))

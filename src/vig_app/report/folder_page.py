@@ -25,8 +25,11 @@ WHOLE = 1200
 THUMBNAIL_FILE = "thumbnail.jpg"
 REVIEW_ORDER = ("failed", "absent", "reverted", "ambiguous", "trusted")
 """Verdicts in the order in which their photos should be looked at."""
-COLUMNS = ("photo", "verdict", "azimuth", "elevation", "hidden", "view right", "mask right")
-"""Of the table."""
+COLUMNS = {
+    "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",
+    "view right": "confidence", "mask right": "mask_confidence",
+}  # fmt: skip
+"""Of the table after the photo's name: heading, and what it shows of `Entry.described`."""
 
 
 @dataclass(frozen=True)
@@ -49,28 +52,6 @@ class Entry:
     def link(self) -> str:
         """Address of its own page."""
         return quote(os.fsencode(self.folder)) + "/report.html"
-
-    @property
-    def words(self) -> str:
-        """What stands under its picture, after the verdict."""
-        hidden, confidence = self.described["hidden_fraction"], self.described["confidence"]
-        words = [f"azimuth {self.described['azimuth_deg']:.0f}°"]
-        words += [] if hidden is None else [f"{hidden:.0%} hidden"]
-        words += [] if confidence is None else [f"right with {confidence:.0%}"]
-        return ", ".join(words)
-
-    @property
-    def values(self) -> list[Any]:
-        """Of the table's columns, by which it is sorted."""
-        keys = ("verdict", "azimuth_deg", "elevation_deg", "hidden_fraction", "confidence", "mask_confidence")
-        return [self.name, *(self.described[key] for key in keys)]
-
-    @property
-    def cells(self) -> list[str]:
-        """What the table shows of all columns but the first."""
-        _, verdict, azimuth, elevation, *shares = self.values
-        percentages = ("" if share is None else f"{share:.0%}" for share in shares)
-        return [verdict, f"{azimuth:.0f}°", f"{elevation:.0f}°", *percentages]
 
 
 def folder_html(
@@ -105,7 +86,7 @@ def folder_html(
         most_errors=MOST_ERRORS,
         picture=None if picture is None else reduced(picture, WHOLE),
         columns=COLUMNS,
-        data=[entry.values for entry in entries],
+        data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
     )
 
 

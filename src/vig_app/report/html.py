@@ -42,4 +42,4 @@ _PAGES = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
-_PAGES.filters["url"] = jpeg_url
+_PAGES.filters |= {"url": jpeg_url, "degrees": "{:.0f}°".format, "percent": "{:.0%}".format}

@@ -27,12 +27,7 @@ class Session:
     cannot be done it raises UserError and leaves all as it was.
     """
 
-    def __init__(
-        self,
-        explainer: Explainer,
-        photo: str | Path,
-        state: State | None = None,
-    ) -> None:
+    def __init__(self, explainer: Explainer, photo: str | Path, state: State | None = None) -> None:
         """Open a photo and explain it with the hints on it.
 
         Args:

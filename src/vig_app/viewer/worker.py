@@ -7,18 +7,13 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 from vig.io.errors import UserError
 from vig_app.viewer.session import Change, Session
 
 Work = Callable[[], None]
-
-
-class ShowMessage(Protocol):
-    """Shows the user what was done, or what cannot be."""
-
-    def __call__(self, words: str, refused: bool = False) -> None: ...
+ShowMessage = Callable[[str, bool], None]
+"""Shows the user some words, and whether they are of what cannot be done."""
 
 
 class Worker:
@@ -95,10 +90,10 @@ class Worker:
                     self._correct(changes)
             except Exception:  # a fault of ours must not leave the page without its thread
                 traceback.print_exc()
-                self.message("That went wrong; the terminal says more.", refused=True)
+                self.message("That went wrong; the terminal says more.", True)
 
     def _correct(self, changes: list[Change | None]) -> None:
-        self.message("fitting ...")
+        self.message("fitting ...", False)
         started = time.perf_counter()
         try:
             self.session.correct(*changes)

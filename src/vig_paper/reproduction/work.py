@@ -14,6 +14,7 @@ from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_paper.ablation import ablation_markdown, run_ablations, variants
@@ -33,7 +34,6 @@ from vig_train.training.calibration import MIN_IMAGES
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import complete_split, read_info
-from vig_world.generation.progress import Meter
 from vig_world.generation.show import contact_sheet
 from vig_world.generation.write import make_dataset
 

@@ -7,6 +7,7 @@ import shutil
 
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_train.calibration import (
@@ -17,7 +18,7 @@ from vig_train.calibration import (
     describe,
     fit_count,
 )
-from vig_train.cli.common import check_workers, check_writable, progress_bar
+from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import Calibrate
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.training.calibration import check_count
@@ -45,23 +46,20 @@ def calibrate(settings: Calibrate) -> int:
     calibrate_network(settings.weights, datasets, lines.append, studio_examples, object_class)
     recognizer = Recognizer.of_class(object_class, settings.weights)
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
-    with progress_bar(settings.json) as progress:
-        task = progress.add_task("fits", total=sum(map(fit_count, calibration_sets)))
+    with Meter(sum(map(fit_count, calibration_sets)), 0, not settings.json, "fits") as meter:
         calibration, samples = calibrate_fits(
             calibration_sets,
             object_class,
             recognizer,
             workers=settings.workers,
-            advance=lambda done: progress.advance(task, done),
+            advance=meter.advance,
             cache=fits,
             processes=True,
         )
-        positions = sum(
-            min(len(dataset), POSITION_PHOTOS) for dataset in datasets if dataset.world == "photo"
-        )
-        task = progress.add_task("positions", total=positions)
+    positions = sum(min(len(dataset), POSITION_PHOTOS) for dataset in datasets if dataset.world == "photo")
+    with Meter(positions, 0, not settings.json, "positions") as meter:
         calibration = calibrate_positions(
-            calibration, datasets, object_class, recognizer, advance=lambda done: progress.advance(task, done)
+            calibration, datasets, object_class, recognizer, advance=meter.advance
         )
     calibration.save(folder / FILE)
     shutil.rmtree(fits, ignore_errors=True)

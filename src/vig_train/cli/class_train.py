@@ -21,6 +21,7 @@ from vig.inference.calibration import FILE
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.machine import machine
+from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.recognition.network import RecognitionNetwork
 from vig.scene import ObjectClass, Symmetry
@@ -37,7 +38,6 @@ from vig_train.training.calibration import MIN_IMAGES
 from vig_train.training.training import TrainingSettings, load_start_weights
 from vig_world.dataset import read_dataset
 from vig_world.dataset.spec import Split
-from vig_world.generation.progress import Meter
 from vig_world.generation.show import contact_sheet
 from vig_world.generation.write import make_dataset, remove_split
 

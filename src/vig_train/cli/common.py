@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
-
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 
@@ -23,17 +20,3 @@ def check_workers(workers: int | None) -> None:
     """Refuse a number of workers that can do nothing."""
     if workers is not None and workers < 1:
         raise UserError(f"expected --workers of at least 1; got {workers}.")
-
-
-def progress_bar(quiet: bool) -> Progress:
-    """A bar on standard error, where that is a terminal."""
-    console = Console(stderr=True)
-    return Progress(
-        "{task.description}",
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=quiet or not console.is_terminal,
-    )

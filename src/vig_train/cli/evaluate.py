@@ -12,9 +12,10 @@ from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
-from vig_train.cli.common import check_workers, check_writable, progress_bar
+from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import Evaluate
 from vig_train.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
@@ -43,9 +44,8 @@ def evaluate(settings: Evaluate) -> int:
         calibration = FitCalibration.load(path) if path.exists() else None
         explain_settings = ExplainSettings(calibrated=calibration is not None, calibration=calibration)
     check_writable(settings.out)
-    with progress_bar(settings.json) as progress:
-        fits = len(dataset) * len(fitted_likelihoods(settings.methods))
-        task = progress.add_task("fits", total=fits)
+    fits = len(dataset) * len(fitted_likelihoods(settings.methods))
+    with Meter(fits, 0, not settings.json, "fits") as meter:
         results = run_methods(
             dataset,
             object_class,
@@ -53,7 +53,7 @@ def evaluate(settings: Evaluate) -> int:
             settings.methods,
             explain_settings,
             workers=settings.workers,
-            advance=lambda done: progress.advance(task, done),
+            advance=meter.advance,
             cache=settings.out / "fits",
             processes=True,
             cluster=settings.cluster,

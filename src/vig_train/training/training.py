@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig.recognition.network import (
     Heads,
     NetworkSettings,
@@ -31,7 +32,6 @@ from vig_train.training.drawing import Drawing, add_drawn_examples
 from vig_train.training.examples import Examples, hold_out
 from vig_train.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
-from vig_world.generation.progress import Meter
 
 AVERAGE_DECAY = 0.998
 """Decay of the exponential moving average of weights, per step."""

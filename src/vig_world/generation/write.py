@@ -21,6 +21,7 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.io.progress import Meter
 from vig.parallel import check_main_module
 from vig.parallel.cluster import require_ray
 from vig.scene import ObjectClass
@@ -34,7 +35,6 @@ from vig_world.generation.cluster import make_on_ray
 from vig_world.generation.files import sidecar_path, write_bytes, write_json
 from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_here, make_in_processes
-from vig_world.generation.progress import Meter
 from vig_world.library import OwnAssets
 
 with optional_import("world"):

@@ -36,19 +36,19 @@ def test_every_example_is_explained_and_the_folder_printed_last(capsys, tmp_path
             assert overlay.size == photo.size
     table = [line.split()[1] for line in lines if line.startswith("│")]
     assert table == names  # one line a photo, nothing cut off
-    told = [line.split()[:2] for line in lines[lines.index("Try next:") + 1 : -1]]
-    assert told == [["vig", "fit"], ["vig", "fit"], ["vig", "class"]]
+    commands = [line.split()[:2] for line in lines[lines.index("Try next:") + 1 : -1]]
+    assert commands == [["vig", "fit"], ["vig", "fit"], ["vig", "class"]]
 
-    before = (out / names[0] / "explanation.json").read_bytes()
-    said = json.loads(run(capsys, "--out", out, "--json"))  # again into the same folder
-    assert said["folder"] == str(out) and [row["photo"] for row in said["photos"]] == names
-    assert (out / names[0] / "explanation.json").read_bytes() == before
-    for row in said["photos"]:
+    first = (out / names[0] / "explanation.json").read_bytes()
+    report = json.loads(run(capsys, "--out", out, "--json"))  # again into the same folder
+    assert report["folder"] == str(out) and [row["photo"] for row in report["photos"]] == names
+    assert (out / names[0] / "explanation.json").read_bytes() == first
+    for row in report["photos"]:
         assert row["verdict"] in ("trusted", "reverted", "ambiguous", "failed")
         assert 0 <= row["segmentation_iou"] <= 1 and 0 <= row["azimuth_error_deg"] <= 180
-    found = sorted(row["azimuth_error_deg"] for row in said["photos"])
-    assert found[5] < 15  # six of the eight examples, path-traced and cluttered
-    masks = sorted(row["segmentation_iou"] for row in said["photos"])
+    errors = sorted(row["azimuth_error_deg"] for row in report["photos"])
+    assert errors[5] < 15  # six of the eight examples, path-traced and cluttered
+    masks = sorted(row["segmentation_iou"] for row in report["photos"])
     assert masks[2] > 0.8
 
 

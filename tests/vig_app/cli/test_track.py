@@ -53,8 +53,8 @@ def test_a_folder_of_frames_is_tracked(
     pose = np.array([float(rows[0][f"camera_from_object_{r}{c}"]) for r in range(3) for c in range(4)])
     turn = pose.reshape(3, 4)[:, :3]
     assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
-    told = json.loads((out / "track.json").read_text())
-    assert told["class"] == "teapot" and len(told["albedo"]) == 3
+    content = json.loads((out / "track.json").read_text())
+    assert content["class"] == "teapot" and len(content["albedo"]) == 3
     assert (out / "results.csv").exists() and (out / "report.html").exists()
 
 
@@ -95,5 +95,5 @@ def test_what_cannot_be_tracked_is_refused_in_one_line(
     Path("one").mkdir()
     Path("one/0.png").write_bytes((frames / "0.png").read_bytes())
     assert fitted(*arguments, "--track") == 2
-    said = capsys.readouterr().err
-    assert words in said and said.count("\n") == 1
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1

@@ -97,8 +97,8 @@ def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
     with pytest.raises(SystemExit) as caught:
         main(["fit", str(photo), "--box", "40,30,60,50", "--out", str(tmp_path / "out"), "--json"])
     assert caught.value.code == 0
-    said = json.loads(capsys.readouterr().out)
-    folder = Path(said["results"][str(photo)]["folder"])
+    printed = json.loads(capsys.readouterr().out)
+    folder = Path(printed["results"][str(photo)]["folder"])
     assert Image.open(folder / "overlay.png").size == (160, 120)
     assert Image.open(folder / "mask.png").size == (160, 120)
     stored = json.loads((folder / "explanation.json").read_text())
@@ -113,8 +113,8 @@ def fitted(capsys, out: Path, *options: str) -> tuple[dict[str, Any], np.ndarray
     with pytest.raises(SystemExit) as caught:
         main(["fit", str(photo), "--out", str(out), "--json", *options])
     assert caught.value.code == 0
-    said = json.loads(capsys.readouterr().out)["results"][str(photo)]
-    return said, np.asarray(Image.open(Path(said["folder"]) / "mask.png"))
+    described = json.loads(capsys.readouterr().out)["results"][str(photo)]
+    return described, np.asarray(Image.open(Path(described["folder"]) / "mask.png"))
 
 
 def test_options_of_a_fit_are_heeded(capsys, tmp_path):
@@ -168,12 +168,12 @@ def test_boxes_by_name_and_a_folder_of_photos(capsys, tmp_path):
     with pytest.raises(SystemExit, match="^1$"):
         boxes = str(tmp_path / "boxes.json")
         main(["fit", str(folder), "--boxes", boxes, "--out", str(tmp_path / "o"), "--json"])
-    said = capsys.readouterr()
-    results = json.loads(said.out)["results"]
+    output = capsys.readouterr()
+    results = json.loads(output.out)["results"]
     assert [Path(name).name for name in results] == ["a.png", "b.png"]
     x, y, w, h = results[str(folder / "b.png")]["box"]
     assert 80 < x < 150 and 20 < y < 90 and w < 170 and h < 160
-    passed_over, wrong = said.err.splitlines()
+    passed_over, wrong = output.err.splitlines()
     assert "c.png" in wrong and passed_over.endswith("not taken: notes.txt (no photo)")
 
 
@@ -226,13 +226,13 @@ def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path
         cameras_given(tmp_path, photos, cameras=file)
     with pytest.raises(vig.UserError, match="expected a camera of .*000004.png"):
         cameras_given(tmp_path, [tmp_path / "000004.png"], cameras=file)
-    for one in (
+    for camera in (
         [9.0, 9, 1, 1],
         {"fx": 9, "fy": 9, "cx": 1, "cy": 1},
         {"K": [[9, 0, 1]]},
     ):
-        file.write_text(json.dumps(one))
-        assert cameras_given(tmp_path, photos, cameras=file) == [one] * 4
+        file.write_text(json.dumps(camera))
+        assert cameras_given(tmp_path, photos, cameras=file) == [camera] * 4
     assert cameras_given(tmp_path, photos, intrinsics="9, 8,1,2.5") == [(9.0, 8.0, 1.0, 2.5)] * 4
     assert cameras_given(tmp_path, photos) == [None] * 4
 
@@ -253,17 +253,17 @@ def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) 
     shutil.copy(example_photos()[1].photo, photo)
     (tmp_path / "cameras.json").write_text(json.dumps({"7": {"cam_K": [300, 0, 90, 0, 310, 70, 0, 0, 1]}}))
     out = tmp_path / "out"
-    given = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
+    options = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
     with pytest.raises(SystemExit, match="^0$"):
-        main(["fit", str(photo), str(photo), *given])
-    said = json.loads((out / "7" / "explanation.json").read_text())
+        main(["fit", str(photo), str(photo), *options])
+    described = json.loads((out / "7" / "explanation.json").read_text())
     assert (
-        said["camera"]["K"] == [[300, 0, 90], [0, 310, 70], [0, 0, 1]]
-        and said["camera"]["focal_from"] == "given"
+        described["camera"]["K"] == [[300, 0, 90], [0, 310, 70], [0, 0, 1]]
+        and described["camera"]["focal_from"] == "given"
     )
-    assert said["pinhole"]["camera_from_object"] == said["camera"]["camera_from_object"]
+    assert described["pinhole"]["camera_from_object"] == described["camera"]["camera_from_object"]
     _, _, state = State.read(out / "7")
     assert state.camera == (300, 310, 90, 70)
     lines = export_run(out, ["bop"])[0].read_text().splitlines()
     place = [float(number) / 1000 for number in lines[1].split(",")[5].split()]
-    assert place == pytest.approx([row[3] for row in said["camera"]["camera_from_object"][:3]], abs=1e-6)
+    assert place == pytest.approx([row[3] for row in described["camera"]["camera_from_object"][:3]], abs=1e-6)

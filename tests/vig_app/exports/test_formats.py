@@ -32,14 +32,14 @@ def folder(explanation: vig.Explanation, tmp_path_factory: pytest.TempPathFactor
     return explanation.export(explanation.save(tmp_path_factory.mktemp("out")), FORMATS, "02_egg_cup.png")
 
 
-def told(path: Path) -> dict:
-    found: dict = json.loads(path.read_text())
-    return found
+def read_json(path: Path) -> dict:
+    content: dict = json.loads(path.read_text())
+    return content
 
 
 def projected(k: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
-    seen = k @ (pose[:3, :3] @ points.T + pose[:3, 3:])
-    return (seen[:2] / seen[2]).T
+    projection = k @ (pose[:3, :3] @ points.T + pose[:3, 3:])
+    return (projection[:2] / projection[2]).T
 
 
 def test_a_positions_deviations_are_across_the_ray_and_along_it(explanation: vig.Explanation) -> None:
@@ -51,8 +51,8 @@ def test_a_positions_deviations_are_across_the_ray_and_along_it(explanation: vig
     wide = replace(explanation, fit=replace(explanation.fit, position_deviation=widened))
     guessed = replace(wide, focal_from="assumed")
     length = np.ptp(explanation.vertices, axis=0).max()
-    for one, depth in ((wide, 0.05), (guessed, 1.0)):
-        _, pose, covariance = one.pinhole_pose()
+    for explained, depth in ((wide, 0.05), (guessed, 1.0)):
+        _, pose, covariance = explained.pinhole_pose()
         added = covariance - without.pinhole_pose()[2]
         distance, ray = np.linalg.norm(pose[:3, 3]), pose[:3, 3] / np.linalg.norm(pose[:3, 3])
         assert ray @ added[:3, :3] @ ray == pytest.approx((depth * distance) ** 2, rel=1e-6)
@@ -69,20 +69,20 @@ def test_a_positions_deviations_are_across_the_ray_and_along_it(explanation: vig
 def test_bops_model_pose_and_camera_put_the_object_on_the_photo(
     folder: Path, explanation: vig.Explanation
 ) -> None:
-    (one,) = told(folder / "bop/scene_gt.json")["0"]
+    (truth,) = read_json(folder / "bop/scene_gt.json")["0"]
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = np.reshape(one["cam_R_m2c"], (3, 3)), one["cam_t_m2c"]
-    k = np.reshape(told(folder / "bop/scene_camera.json")["0"]["cam_K"], (3, 3))
+    pose[:3, :3], pose[:3, 3] = np.reshape(truth["cam_R_m2c"], (3, 3)), truth["cam_t_m2c"]
+    k = np.reshape(read_json(folder / "bop/scene_camera.json")["0"]["cam_K"], (3, 3))
     model = trimesh.load(folder / "bop/models/obj_000001.ply", process=False)
     expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
     np.testing.assert_allclose(projected(k, pose, np.asarray(model.vertices)), expected, atol=1e-2)
-    (info,) = told(folder / "bop/scene_gt_info.json")["0"]
+    (info,) = read_json(folder / "bop/scene_gt_info.json")["0"]
     assert tuple(info["bbox_obj"]) == explanation.box
     assert info["visib_fract"] == pytest.approx(1 - explanation.hidden_fraction)
 
 
 def test_cocos_run_lengths_are_the_masks(folder: Path, explanation: vig.Explanation) -> None:
-    described = told(folder / "coco.json")
+    described = read_json(folder / "coco.json")
     (annotation,) = described["annotations"]
     for name, mask in (("segmentation", explanation.amodal), ("visible_segmentation", explanation.mask)):
         counts, size = annotation[name]["counts"], annotation[name]["size"]
@@ -92,29 +92,30 @@ def test_cocos_run_lengths_are_the_masks(folder: Path, explanation: vig.Explanat
 
 
 def test_nerfstudios_camera_is_that_of_the_photo(folder: Path, explanation: vig.Explanation) -> None:
-    said = told(folder / "transforms.json")
-    k = np.array([[said["fl_x"], 0, said["cx"]], [0, said["fl_y"], said["cy"]], [0, 0, 1]])
-    pose = np.linalg.inv(np.array(said["frames"][0]["transform_matrix"]) @ np.diag([1, -1, -1, 1]))
+    described = read_json(folder / "transforms.json")
+    fx, fy, cx, cy = (described[name] for name in ("fl_x", "fl_y", "cx", "cy"))
+    k = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    pose = np.linalg.inv(np.array(described["frames"][0]["transform_matrix"]) @ np.diag([1, -1, -1, 1]))
     expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
     np.testing.assert_allclose(projected(k, pose, explanation.vertices), expected, atol=1e-6)
-    assert (folder / said["frames"][0]["mask_path"]).is_file()
+    assert (folder / described["frames"][0]["mask_path"]).is_file()
 
 
 def test_a_robots_camera_sees_the_object_where_it_is(folder: Path, explanation: vig.Explanation) -> None:
     """With the true focal length and the principal point in the middle: within a few pixels of the fit's."""
-    said, info = told(folder / "pose.yaml"), told(folder / "camera_info.yaml")
+    estimate, info = read_json(folder / "pose.yaml"), read_json(folder / "camera_info.yaml")
     from scipy.spatial.transform import Rotation
 
-    place, turned = (said["pose"]["pose"][name] for name in ("position", "orientation"))
+    place, turned = (estimate["pose"]["pose"][name] for name in ("position", "orientation"))
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_quat([turned[axis] for axis in "xyzw"]).as_matrix()
     pose[:3, 3] = [place[axis] for axis in "xyz"]
     k = np.reshape(info["k"], (3, 3))
     assert k[0, 0] == pytest.approx(400) and tuple(k[:2, 2]) == (75, 75)
-    found = projected(k, pose, explanation.vertices)
+    pixels = projected(k, pose, explanation.vertices)
     expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
-    assert np.abs(found - expected).max() < 4 and np.abs((found - expected).mean(0)).max() < 1
-    covariance = np.reshape(said["pose"]["covariance"], (6, 6))
+    assert np.abs(pixels - expected).max() < 4 and np.abs((pixels - expected).mean(0)).max() < 1
+    covariance = np.reshape(estimate["pose"]["covariance"], (6, 6))
     np.testing.assert_allclose(covariance, covariance.T)
     assert (np.linalg.eigvalsh(covariance) > -1e-12).all() and covariance.any()
 
@@ -160,8 +161,8 @@ def test_usd_has_parts_materials_and_the_camera(folder: Path, explanation: vig.E
     )
     (eye,) = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Camera)]
     camera = UsdGeom.Camera(eye).GetCamera(Usd.TimeCode.Default())
-    seen = camera.frustum.ComputeViewMatrix() * camera.frustum.ComputeProjectionMatrix()
-    homogeneous = np.c_[explanation.vertices, np.ones(len(explanation.vertices))] @ np.array(seen)
+    projection = camera.frustum.ComputeViewMatrix() * camera.frustum.ComputeProjectionMatrix()
+    homogeneous = np.c_[explanation.vertices, np.ones(len(explanation.vertices))] @ np.array(projection)
     normalised = homogeneous[:, :2] / homogeneous[:, 3:]
     pixels = (normalised * [1, -1] + 1) / 2 * [explanation.camera.width, explanation.camera.height]
     expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)

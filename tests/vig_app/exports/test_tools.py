@@ -32,10 +32,10 @@ def run(explanation: vig.Explanation, tmp_path_factory: pytest.TempPathFactory) 
     out = tmp_path_factory.mktemp("run")
     absent = replace(explanation, fit=replace(explanation.fit, verdict=vig.Verdict.ABSENT, confidence=0.0))
     rows = []
-    for name, one in ((NAME, explanation), ("COCO_val2014_000000000285.png", absent)):
+    for name, saved in ((NAME, explanation), ("COCO_val2014_000000000285.png", absent)):
         task = Task(Path("photos") / name, out / Path(name).stem)
-        one.save(task.folder)
-        rows.append(row_of(task, one) | {"seconds": 0.5})
+        saved.save(task.folder)
+        rows.append(row_of(task, saved) | {"seconds": 0.5})
     write_table(out, rows)
     return out
 
@@ -48,10 +48,10 @@ def test_coco_tools_read_masks_and_results(explanation: vig.Explanation, run: Pa
     (annotation,) = truth.loadAnns(truth.getAnnIds(imgIds=[139]))
     np.testing.assert_array_equal(truth.annToMask(annotation).astype(bool), explanation.amodal)
     (written,) = export_run(run, ["coco"], tmp_path / "run")
-    found = truth.loadRes(str(written))
-    (result,) = found.loadAnns(found.getAnnIds())
+    loaded = truth.loadRes(str(written))
+    (result,) = loaded.loadAnns(loaded.getAnnIds())
     assert result["image_id"] == 139
-    np.testing.assert_array_equal(found.annToMask(result).astype(bool), explanation.mask)
+    np.testing.assert_array_equal(loaded.annToMask(result).astype(bool), explanation.mask)
 
 
 def test_opencv_projects_the_object_onto_the_photo_and_solves_for_its_pose(run: Path) -> None:
@@ -59,13 +59,13 @@ def test_opencv_projects_the_object_onto_the_photo_and_solves_for_its_pose(run: 
     import trimesh
 
     folder = run / Path(NAME).stem
-    said = json.loads((folder / "explanation.json").read_text())
+    described = json.loads((folder / "explanation.json").read_text())
     scene = trimesh.load_scene(folder / "object.glb", process=False)
     stored = np.concatenate([mesh.vertices for mesh in scene.geometry.values()]).astype(float)
-    matrix, pose = np.array(said["camera"]["K"]), np.array(said["camera"]["camera_from_object"])
+    matrix, pose = np.array(described["camera"]["K"]), np.array(described["camera"]["camera_from_object"])
     turn = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
     pixels, _ = cv2.projectPoints(stored, turn, pose[:3, 3], matrix, None)
-    x, y, w, h = said["box"]
+    x, y, w, h = described["box"]
     low, high = pixels[:, 0].min(0), pixels[:, 0].max(0)
     np.testing.assert_allclose([*low, *(high - low)], [x, y, w, h], atol=2.5)
     solved, found_turn, place = cv2.solvePnP(stored, pixels, matrix, None)

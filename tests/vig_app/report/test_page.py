@@ -27,9 +27,10 @@ HOSTILE = '</script><script>window.hacked=1</script><img src=x onerror="window.h
 @pytest.fixture(scope="module")
 def explanation() -> vig.Explanation:
     """A fit with another view beside it."""
-    found = vig.Explainer("teapot").explain(example_photos()[1].photo)
-    turned = replace(found.latents, azimuth=found.latents.azimuth + 1.0)
-    return replace(found, fit=replace(found.fit, alternatives=(OtherView(turned, found.fit.framing, 0.25),)))
+    explained = vig.Explainer("teapot").explain(example_photos()[1].photo)
+    turned = replace(explained.latents, azimuth=explained.latents.azimuth + 1.0)
+    alternative = OtherView(turned, explained.fit.framing, 0.25)
+    return replace(explained, fit=replace(explained.fit, alternatives=(alternative,)))
 
 
 def data_of(page: str) -> Any:
@@ -131,14 +132,14 @@ def test_a_browser_draws_it_without_errors_or_requests(
     canvas = shown.locator("#model")
 
     def colours() -> set[str]:
-        found: set[str] = set(canvas.evaluate(
+        values: set[str] = set(canvas.evaluate(
             """canvas => { const flat = document.createElement("canvas").getContext("2d");
             flat.canvas.width = flat.canvas.height = 64; flat.drawImage(canvas, 0, 0, 64, 64);
             const bytes = flat.getImageData(0, 0, 64, 64).data, found = [];
             for (let i = 0; i < bytes.length; i += 4) found.push(bytes.slice(i, i + 3).join());
             return found; }"""
         ))  # fmt: skip
-        return found
+        return values
 
     def picture() -> str:
         url: str = canvas.evaluate("canvas => canvas.toDataURL()")
@@ -239,7 +240,7 @@ def test_a_folders_page_lists_what_is_strangest_first(
 
 
 def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    photos = [str(each.photo) for each in example_photos()[:2]]
+    photos = [str(example.photo) for example in example_photos()[:2]]
     with pytest.raises(SystemExit):
         main(["fit", *photos, "--out", str(tmp_path)])
     links = re.findall('<li><a href="([^"]+)">', (tmp_path / "report.html").read_text())

@@ -22,9 +22,9 @@ def test_sheets_show_what_is_strangest_first(tmp_path: Path) -> None:
         row("t.png", "trusted", 0.9), row("a.png", "ambiguous", 0.5), row("l.png", "ambiguous", 0.2),
         row("e\n.png", None, None), row("f.png", "failed", 0.0), row("r.png", "reverted", None),
     ]  # fmt: skip
-    for one in few[:3]:
-        (tmp_path / str(one["folder"])).mkdir()
-        write_thumbnail(tmp_path / str(one["folder"]), np.full((300, 500, 3), 200, np.uint8))
+    for photo in few[:3]:
+        (tmp_path / str(photo["folder"])).mkdir()
+        write_thumbnail(tmp_path / str(photo["folder"]), np.full((300, 500, 3), 200, np.uint8))
     (tmp_path / "sheet-3.jpg").touch()
     assert write_sheets(tmp_path, few) == [tmp_path / "sheet.jpg"]
     sheet = np.asarray(Image.open(tmp_path / "sheet.jpg")).astype(int)

@@ -70,12 +70,12 @@ def test_a_photo_is_fitted_once_unless_it_or_what_is_said_changes(
     assert fitted(photos, "--out", out) == 0
     first = rows_of(out)
     assert capsys.readouterr().out.count("done before") == 0
-    kept = (out / "3" / "explanation.json").stat().st_mtime_ns
+    written_at = (out / "3" / "explanation.json").stat().st_mtime_ns
     (out / "5" / "explanation.json").unlink()  # a user threw the result away
     (photos / "6.png").write_bytes((photos / "7.png").read_bytes())
     assert fitted(photos, "--out", out) == 0
     assert capsys.readouterr().out.count("done before") == 6
-    assert (out / "3" / "explanation.json").stat().st_mtime_ns == kept
+    assert (out / "3" / "explanation.json").stat().st_mtime_ns == written_at
     again = rows_of(out)
     assert without_time(again[:6]) == without_time(first[:6]) and again[6] != first[6]
     assert fitted(photos, "--out", out, "--visible") == 0
@@ -154,8 +154,8 @@ def test_a_bad_mask_is_its_photos_error(
     assert list(bad) == ["1", "2", "6", "7"]
     assert all(error.startswith(f"{photos / name}.png: ") for name, error in bad.items())
     assert "expected mask of 150 x 150" in bad["1"] and "nothing of that name" in bad["7"]
-    said = json.loads((out / "0" / "explanation.json").read_text())
-    assert said["hints"] == {"mask": 150 * 150}
+    described = json.loads((out / "0" / "explanation.json").read_text())
+    assert described["hints"] == {"mask": 150 * 150}
     Image.new("L", (150, 150), 255).save(masks / "1.png")
     os.utime(masks / "0.png", (0, 0))
     capsys.readouterr()
@@ -192,22 +192,22 @@ def test_a_photo_that_vanishes_during_a_run_is_its_own_error(photos: Path, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("number", "told"), [(errno.ENOSPC, "No space left on device"), (errno.EROFS, "Read-only file system")]
+    ("number", "reason"), [(errno.ENOSPC, "No space left on device"), (errno.EROFS, "Read-only file system")]
 )
 def test_a_folder_that_cannot_be_written_is_its_photos_error(
-    number: int, told: str, photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    number: int, reason: str, photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rename, out = os.rename, tmp_path / "out"
 
-    def refusing(before: str | Path, after: str | Path) -> None:
-        if Path(after).name == "1":
+    def refusing(source: str | Path, target: str | Path) -> None:
+        if Path(target).name == "1":
             raise OSError(number, os.strerror(number))
-        rename(before, after)
+        rename(source, target)
 
     monkeypatch.setattr("vig_app.runs.work.os.rename", refusing)
     rows = list(run([Task(photos / f"{name}.png", out / name) for name in "012"], out, RunSettings()))
     assert [row["error"] is None for row in rows] == [True, False, True]
-    assert told in rows[1]["error"] and "choose another --out" in rows[1]["error"]
+    assert reason in rows[1]["error"] and "choose another --out" in rows[1]["error"]
     assert sorted(path.name for path in out.iterdir()) == ["0", "2", "results.jsonl"]
 
 
@@ -308,16 +308,16 @@ def test_bad_files_of_all_kinds_are_rows_with_a_reason(
 
 def test_the_table_has_the_pose_and_types_whatever_is_in_it(photos: Path, tmp_path: Path) -> None:
     (row,) = run([Task(photos / "0.png", tmp_path / "out" / "0")], tmp_path / "out", RunSettings())
-    said = json.loads((tmp_path / "out" / "0" / "explanation.json").read_text())
+    described = json.loads((tmp_path / "out" / "0" / "explanation.json").read_text())
     pose = [[row[f"camera_from_object_{i}{j}"] for j in range(4)] for i in range(3)]
-    assert pose == said["camera"]["camera_from_object"][:3]
-    assert (row["focal_px"], row["verdict"]) == (said["camera"]["K"][0][0], said["verdict"])
+    assert pose == described["camera"]["camera_from_object"][:3]
+    assert (row["focal_px"], row["verdict"]) == (described["camera"]["K"][0][0], described["verdict"])
     assert tuple(row) == COLUMNS
-    one, none = tmp_path / "one", tmp_path / "none"
-    for folder, rows in ((one, [row]), (none, [])):
+    full, empty = tmp_path / "full", tmp_path / "empty"
+    for folder, rows in ((full, [row]), (empty, [])):
         folder.mkdir()
         assert [path.name for path in write_table(folder, rows)] == ["results.csv", "results.parquet"]
-    schemas = [parquet.read_schema(folder / "results.parquet") for folder in (one, none)]
+    schemas = [parquet.read_schema(folder / "results.parquet") for folder in (full, empty)]
     assert schemas[0].equals(schemas[1])
 
 

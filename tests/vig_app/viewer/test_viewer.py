@@ -49,15 +49,15 @@ def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
 
 def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) -> None:
     arguments = ["fit", str(session.path), "--box", "100,60,190,180", "--points", "spout=150,140"]
-    for further, kept in (
+    for further, resumable in (
         (["--focal", "900", "--roll", "3"], True),
         (["--pose", str(tmp_path / "p.json")], False),
     ):
         (tmp_path / "p.json").write_text(json.dumps(np.eye(4).tolist()))
         with pytest.raises(SystemExit):
-            main([*arguments, *further, "--out", str(tmp_path / f"out{kept}")])
-        folder = tmp_path / f"out{kept}" / "photo"
-        assert (folder / "corrections.json").exists() == kept
+            main([*arguments, *further, "--out", str(tmp_path / f"out{resumable}")])
+        folder = tmp_path / f"out{resumable}" / "photo"
+        assert (folder / "corrections.json").exists() == resumable
     with pytest.raises(SystemExit):  # into the folder of the first
         main([*arguments, "--pose", str(tmp_path / "p.json"), "--out", str(tmp_path / "outAgain")])
     assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
@@ -87,12 +87,12 @@ def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) ->
 def test_a_box_is_cut_at_the_photos_edges_and_a_bad_one_loses_nothing(session: Session) -> None:
     session.draw_box(90.0, -20.0, 200.0, 900.0)
     assert session.state.box == (90.0, 0.0, 200.0, 300.0)
-    before = session.explanation
+    previous = session.explanation
     with pytest.raises(UserError, match="at least 8 pixels a side"):
         session.draw_box(10.0, 10.0, 2.0, 2.0)
     with pytest.raises(UserError, match="names"):
         session.place("nose", 1.0, 1.0)
-    assert session.explanation is before and len(session.states) == 2
+    assert session.explanation is previous and len(session.states) == 2
 
 
 def test_what_is_saved_is_what_vig_fit_saves_and_can_be_resumed(
@@ -119,7 +119,7 @@ WRITTEN = {"format": 1, "photo": "photo.png", "class": "teapot", "state": {"box"
 
 
 @pytest.mark.parametrize(
-    "told",
+    "content",
     [
         "{",
         "[]",
@@ -138,15 +138,15 @@ WRITTEN = {"format": 1, "photo": "photo.png", "class": "teapot", "state": {"box"
     ],
     ids=str,
 )
-def test_corrections_of_other_types_are_refused(tmp_path: Path, told: Any) -> None:
-    text = told if isinstance(told, str) else json.dumps(WRITTEN | told)
+def test_corrections_of_other_types_are_refused(tmp_path: Path, content: Any) -> None:
+    text = content if isinstance(content, str) else json.dumps(WRITTEN | content)
     (tmp_path / "corrections.json").write_text(text)
     with pytest.raises(UserError, match="expected corrections of a photo at .*Name the photo itself"):
         State.read(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("state", "said"),
+    ("state", "message"),
     [
         (State(box=(10, 10, 2, 2)), "at least 8 pixels a side"),
         (State(points={"spout": (1e300, 1)}), "on the photo or near it"),
@@ -161,12 +161,12 @@ def test_corrections_of_other_types_are_refused(tmp_path: Path, told: Any) -> No
     ],
 )
 def test_what_does_not_suit_the_photo_is_refused_before_it_is_a_state(
-    session: Session, state: State, said: str
+    session: Session, state: State, message: str
 ) -> None:
-    before = session.explanation
-    with pytest.raises(UserError, match=said):
+    previous = session.explanation
+    with pytest.raises(UserError, match=message):
         session.correct(lambda _: state, lambda _: State(visible=True))
-    assert session.explanation is before and session.states == [State()]
+    assert session.explanation is previous and session.states == [State()]
 
 
 def test_what_changes_nothing_is_no_step_back(session: Session) -> None:
@@ -267,39 +267,39 @@ SCREENS = {"phone": (390, 844), "laptop": (1300, 800)}
 def test_a_box_two_points_another_view_and_saving_in_a_browser(
     browser: Any, viewer: Any, tmp_path: Path, screen: str
 ) -> None:
-    seen, session = Page(browser, viewer, *SCREENS[screen]), viewer.session
-    mouse = seen.page.mouse
+    shown, session = Page(browser, viewer, *SCREENS[screen]), viewer.session
+    mouse = shown.page.mouse
     try:
-        seen.choose("a click says", "a box round the object")
-        seen.drag((130, 75), (265, 215), lambda: session.state.box is not None and not viewer.worker.busy)
+        shown.choose("a click says", "a box round the object")
+        shown.drag((130, 75), (265, 215), lambda: session.state.box is not None and not viewer.worker.busy)
         assert session.state.box == pytest.approx((130, 75, 135, 140), abs=3)
         for name, place in (("spout", (150.0, 140.0)), ("handle", (250.0, 150.0))):
-            seen.choose("a click says", name)
-            mouse.click(*seen.at(*place))
-            waited(seen.page, lambda name=name: name in session.state.points and not viewer.worker.busy)  # type: ignore[misc]
+            shown.choose("a click says", name)
+            mouse.click(*shown.at(*place))
+            waited(shown.page, lambda name=name: name in session.state.points and not viewer.worker.busy)  # type: ignore[misc]
             assert session.state.points[name] == pytest.approx(place, abs=3)
-        seen.choose("view", next(words for words in viewer.choices if words != "as found"))
-        waited(seen.page, lambda: session.state.azimuth_deg is not None and not viewer.worker.busy)
+        shown.choose("view", next(words for words in viewer.choices if words != "as found"))
+        waited(shown.page, lambda: session.state.azimuth_deg is not None and not viewer.worker.busy)
         mouse.move(300, 200)
         mouse.down()
         mouse.move(330, 260, steps=3)
         mouse.up()
-        seen.page.get_by_role("button", name="look straight").click()
-        seen.page.get_by_role("button", name="save").click()
-        waited(seen.page, lambda: viewer.saved)
-        said = json.loads((tmp_path / "saved" / "explanation.json").read_text())
-        assert said["hints"].keys() == {"points", "azimuth_deg"}
-        seen.page.get_by_role("button", name="undo").click()
-        waited(seen.page, lambda: session.state.azimuth_deg is None)
+        shown.page.get_by_role("button", name="look straight").click()
+        shown.page.get_by_role("button", name="save").click()
+        waited(shown.page, lambda: viewer.saved)
+        described = json.loads((tmp_path / "saved" / "explanation.json").read_text())
+        assert described["hints"].keys() == {"points", "azimuth_deg"}
+        shown.page.get_by_role("button", name="undo").click()
+        waited(shown.page, lambda: session.state.azimuth_deg is None)
         for dark in (True, False):
-            seen.page.get_by_role("checkbox").last.set_checked(dark)
-            waited(seen.page, lambda dark=dark: viewer.dark.value == dark)  # type: ignore[misc]
-            seen.page.wait_for_timeout(500)
-            assert seen.page.evaluate(LOW_CONTRAST) == []
+            shown.page.get_by_role("checkbox").last.set_checked(dark)
+            waited(shown.page, lambda dark=dark: viewer.dark.value == dark)  # type: ignore[misc]
+            shown.page.wait_for_timeout(500)
+            assert shown.page.evaluate(LOW_CONTRAST) == []
         own = (f"http://127.0.0.1:{viewer.port}", f"ws://127.0.0.1:{viewer.port}", "data:", "blob:")
-        assert not seen.errors and [url for url in seen.asked if not url.startswith(own)] == []
+        assert not shown.errors and [url for url in shown.asked if not url.startswith(own)] == []
     finally:
-        seen.page.close()
+        shown.page.close()
 
 
 HOSTILE = (
@@ -317,16 +317,16 @@ def test_a_photos_name_is_shown_as_it_is(
     path = tmp_path / HOSTILE
     shutil.copy(session.path, path)
     served = Viewer(Session(explainer, path), tmp_path / HOSTILE.replace(".png", ""), port=8431)
-    seen = Page(browser, served, *SCREENS["laptop"])
+    shown = Page(browser, served, *SCREENS["laptop"])
     try:
         served.worker.correct(lambda state: replace(state, box=(10.0, 10.0, 2.0, 2.0)))
-        waited(seen.page, lambda: not served.worker.busy)
+        waited(shown.page, lambda: not served.worker.busy)
         served._message(f"Saved in {HOSTILE}", refused=True)
-        seen.page.get_by_text(f"Saved in {HOSTILE}").wait_for()
-        assert "PWN" not in seen.page.title() and seen.page.locator("iframe").count() == 0
-        assert not seen.errors
+        shown.page.get_by_text(f"Saved in {HOSTILE}").wait_for()
+        assert "PWN" not in shown.page.title() and shown.page.locator("iframe").count() == 0
+        assert not shown.errors
     finally:
-        seen.page.close()
+        shown.page.close()
         served.stop()
 
 
@@ -358,31 +358,31 @@ def test_the_next_free_port_is_taken_and_none_is_told() -> None:
 
 def test_the_keyboard_alone(browser: Any, viewer: Any) -> None:
     """A place can be typed; what cannot be used is told, and loses nothing."""
-    seen, session = Page(browser, viewer, *SCREENS["laptop"]), viewer.session
-    place = seen.page.locator(".mantine-TextInput-input").filter(visible=True).first
-    say = seen.page.get_by_role("button", name="say it there")
+    shown, session = Page(browser, viewer, *SCREENS["laptop"]), viewer.session
+    place = shown.page.locator(".mantine-TextInput-input").filter(visible=True).first
+    say = shown.page.get_by_role("button", name="say it there")
 
     def typed(text: str) -> None:
         place.fill(text)
-        waited(seen.page, lambda: viewer.place.value == text)
+        waited(shown.page, lambda: viewer.place.value == text)
         say.press("Enter")
 
     try:
         typed("150, 140")
-        seen.page.get_by_text("Choose first what a click says").wait_for()
-        seen.choose("a click says", "spout")
+        shown.page.get_by_text("Choose first what a click says").wait_for()
+        shown.choose("a click says", "spout")
         typed("150")
-        seen.page.get_by_text("Type x, y.").wait_for()
+        shown.page.get_by_text("Type x, y.").wait_for()
         typed("150, 140")
-        waited(seen.page, lambda: session.state.points == {"spout": (150.0, 140.0)})
-        seen.choose("a click says", "a box round the object")
+        waited(shown.page, lambda: session.state.points == {"spout": (150.0, 140.0)})
+        shown.choose("a click says", "a box round the object")
         typed("10 10 2 2")
-        seen.page.get_by_text("at least 8 pixels a side").wait_for()
+        shown.page.get_by_text("at least 8 pixels a side").wait_for()
         typed("100 60 190 180")
-        waited(seen.page, lambda: session.state.box == (100.0, 60.0, 190.0, 180.0))
-        assert session.state.points == {"spout": (150.0, 140.0)} and not seen.errors
+        waited(shown.page, lambda: session.state.box == (100.0, 60.0, 190.0, 180.0))
+        assert session.state.points == {"spout": (150.0, 140.0)} and not shown.errors
     finally:
-        seen.page.close()
+        shown.page.close()
 
 
 def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Path) -> None:
@@ -419,7 +419,7 @@ def test_the_folder_of_a_run_of_one_photo_is_that_of_its_result(session: Session
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["nowhere.jpg"], "nothing of that name"),
         (["."], "holds no corrections.json"),
@@ -432,7 +432,7 @@ def test_the_folder_of_a_run_of_one_photo_is_that_of_its_result(session: Session
 def test_what_vig_view_refuses(
     session: Session,
     arguments: list[str],
-    said: str,
+    message: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -440,4 +440,4 @@ def test_what_vig_view_refuses(
     Path("result").mkdir()
     with pytest.raises(SystemExit) as ended:
         main(["view", *arguments])
-    assert ended.value.code == 2 and said in capsys.readouterr().err
+    assert ended.value.code == 2 and message in capsys.readouterr().err

@@ -42,16 +42,16 @@ def elevated(degrees: float) -> Change:
 @pytest.fixture
 def begun() -> tuple[CorrectionWorker, Fitting, list[str]]:
     """A worker that has begun with one correction and waits within it."""
-    session, told, started = Fitting(), list[str](), threading.Event()
+    session, messages, started = Fitting(), list[str](), threading.Event()
 
     def tell(words: str, refused: bool = False) -> None:
-        told.append(f"no: {words}" if refused else words)
+        messages.append(f"no: {words}" if refused else words)
         started.set()
 
     worker = CorrectionWorker(session, lambda: None, tell)  # type: ignore[arg-type]
     worker.correct(elevated(10.0))
     assert started.wait(10) and worker.busy
-    return worker, session, told
+    return worker, session, messages
 
 
 def finished(worker: CorrectionWorker, session: Fitting) -> None:
@@ -62,7 +62,7 @@ def finished(worker: CorrectionWorker, session: Fitting) -> None:
 
 
 def test_what_came_during_a_fit_is_fitted_at_once(begun: tuple[CorrectionWorker, Fitting, list[str]]) -> None:
-    worker, session, told = begun
+    worker, session, messages = begun
     for degrees in (20.0, 30.0, 40.0):
         worker.correct(elevated(degrees))
     worker.correct(None)
@@ -70,7 +70,7 @@ def test_what_came_during_a_fit_is_fitted_at_once(begun: tuple[CorrectionWorker,
     finished(worker, session)
     assert [state.elevation_deg for state in session.fitted] == [10.0, 30.0]
     assert [state.elevation_deg for state in session.states] == [None, 10.0, 20.0, 30.0]
-    assert told[-1].startswith("fitted in")
+    assert messages[-1].startswith("fitted in")
     worker.stop()
     assert not worker._thread.is_alive()
 
@@ -78,12 +78,12 @@ def test_what_came_during_a_fit_is_fitted_at_once(begun: tuple[CorrectionWorker,
 def test_of_several_only_what_cannot_be_made_is_left_out(
     begun: tuple[CorrectionWorker, Fitting, list[str]],
 ) -> None:
-    worker, session, told = begun
+    worker, session, messages = begun
     worker.correct(placed("spout", 1.0, 2.0))
     worker.correct(elevated(100.0))
     finished(worker, session)
     assert session.states[-1] == State(points={"spout": (1.0, 2.0)}, elevation_deg=10.0)
-    assert told[-1] == "no: expected an elevation of at most 90"
+    assert messages[-1] == "no: expected an elevation of at most 90"
     worker.stop()
 
 
@@ -104,10 +104,10 @@ def test_taking_back_what_was_refused_meanwhile_takes_nothing_else_back(
 def test_a_fault_is_told_and_the_thread_goes_on(
     begun: tuple[CorrectionWorker, Fitting, list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    worker, session, told = begun
+    worker, session, messages = begun
     worker.correct(lambda state: replace(state, roll_deg=7.0))
     finished(worker, session)
-    assert "went wrong" in told[-1] and "ZeroDivisionError" in capsys.readouterr().err
+    assert "went wrong" in messages[-1] and "ZeroDivisionError" in capsys.readouterr().err
     worker.correct(elevated(50.0))
     finished(worker, session)
     assert session.states[-1].elevation_deg == 50.0

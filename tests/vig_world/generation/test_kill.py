@@ -22,12 +22,12 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig.parallel import processes
 from vig.scene import ObjectClass
 from vig_world.generation import pool
 from vig_world.generation.files import sidecar_path
 from vig_world.generation.job import Job
-from vig_world.generation.progress import Meter
 from vig_world.generation.write import make_dataset
 
 COUNT, SEED, HELD = 6, 3, 2

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from vig_world.generation.progress import Meter
+from vig.io.progress import Meter
 
 
 def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:

@@ -1,28 +1,29 @@
-"""Progress of a run: a bar on a terminal, occasional lines in a log, or nothing."""
+"""Progress of a long command: a bar on a terminal, occasional lines in a log, or nothing."""
 
 from __future__ import annotations
 
 import sys
 import time
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
-SECONDS, SHARE = 30.0, 0.1
-"""A log gets a line after this many seconds or this share of the run, whichever comes first."""
-
-
+SECONDS = 30.0
+"""After which a log gets a line, where `SHARE` does not come first."""
+SHARE = 0.1
+"""Of the run after which a log gets a line."""
 BETWEEN_MARKS = 1.0
 """Seconds between the times that a meter remembers, at least."""
 
 
 class Meter:
-    """Counts the samples of a run and reports on standard error; a context manager.
+    """Counts what a run has done, samples by default, and reports on standard error; a context manager.
 
     Args:
-        total: Samples of the whole run.
-        done: Samples that exist at its start.
+        total: Of the whole run.
+        done: What exists at its start.
         show: Whether to report anything.
         unit: What is counted.
         seconds: Between lines in a log, at most.
@@ -31,17 +32,27 @@ class Meter:
     def __init__(
         self, total: int, done: int, show: bool = True, unit: str = "samples", seconds: float = SECONDS
     ) -> None:
-        self.unit, self.seconds = unit, seconds
-        self.total, self.done, self.before = total, done, done
+        self.unit = unit
+        self.seconds = seconds
+        self.total = total
+        self.done = self.done_at_start = self.reported = done
         self.started = self.reported_at = time.monotonic()
-        self.reported = done
-        # Times and counts since the first samples came: what begins a run is not its rate.
+        # Times and counts since the first samples were done: what begins a run is not its rate.
         self.marks: list[tuple[float, int]] = []
         self.bar: Progress | None = None
         self.show = show
         if show and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn
+
             columns = (TextColumn(unit), BarColumn(), MofNCompleteColumn(), TaskProgressColumn())
-            self.bar = Progress(*columns, TextColumn("{task.fields[pace]}"), console=Console(stderr=True))
+            self.bar = Progress(
+                *columns,
+                TextColumn("{task.fields[pace]}"),
+                console=Console(stderr=True, soft_wrap=True),
+                transient=True,
+                redirect_stdout=sys.stdout.isatty(),  # what is printed to a file meanwhile goes there
+            )
             self.task = self.bar.add_task("", total=total, completed=done, pace="")
 
     def __enter__(self) -> Meter:
@@ -73,11 +84,12 @@ class Meter:
     def pace(self) -> str:
         """Rate in the later half of this run so far, and the time left at that rate."""
         now = time.monotonic()
-        since, then = self.started, self.before
-        for when, done in self.marks:
-            if (when - self.started <= (now - self.started) / 2 or then == self.before) and done < self.done:
-                since, then = when, done
-        rate = (self.done - then) / (now - since) if now > since else 0.0
+        start, done_then = self.started, self.done_at_start
+        for marked_at, done in self.marks:
+            early = marked_at - self.started <= (now - self.started) / 2
+            if (early or done_then == self.done_at_start) and done < self.done:
+                start, done_then = marked_at, done
+        rate = (self.done - done_then) / (now - start) if now > start else 0.0
         if rate == 0:
             return ""
         speed = f"{rate:.1f}/s" if rate >= 1 else f"{1 / rate:.1f} s each"
