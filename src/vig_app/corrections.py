@@ -108,12 +108,7 @@ class State:
         self.hints(width, height).checked(width, height, object_class)
 
     def write(self, folder: Path, photo: Path, object_class: ObjectClass) -> None:
-        """Write what `read` reads into a folder that exists; the photo is named from there.
-
-        Args:
-            folder: Of the results.
-            photo: A file.
-            object_class: Of the object, from a pack.
+        """Write what `read` reads into a folder of results, from which the photo is named.
 
         Raises:
             UserError: It cannot be written.

@@ -156,8 +156,7 @@ class Verb:
     def run(self, settings: Any) -> int:
         """Do the work with these settings; returns the exit code."""
         module, _, function = self.work.partition(":")
-        code: int = getattr(import_module(module), function)(settings)
-        return code
+        return int(getattr(import_module(module), function)(settings))
 
 
 def verbs_of_packages() -> tuple[Verb, ...]:

@@ -255,8 +255,9 @@ def _line(row: dict[str, Any]) -> str:
     """What is printed of a row."""
     if row["error"] is not None:
         return f"error: {row['error']}"
+    when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
     if row["verdict"] == "absent":
-        return f"absent: {name_of(row)}; {row['reason']} ({_when(row)})"
+        return f"absent: {name_of(row)}; {row['reason']} ({when})"
     hidden, mask_confidence = row["hidden_fraction"], row["mask_confidence"]
     trust = ", trusted" if row["mask_trusted"] else ", not trusted"
     trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # as the verdict says of the view
@@ -267,12 +268,8 @@ def _line(row: dict[str, Any]) -> str:
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
     return (
         f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
-        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {visible}; {row['reason']} ({_when(row)})"
+        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {visible}; {row['reason']} ({when})"
     )
-
-
-def _when(row: dict[str, Any]) -> str:
-    return "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"
 
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:

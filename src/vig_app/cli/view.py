@@ -36,13 +36,11 @@ def view(settings: ViewCommand) -> int:
     viewer = Viewer(session, folder, port)
     if viewer.port != settings.port:
         print(f"port {settings.port} is taken; this page has another:", flush=True)
-    print(f"http://{HOST}:{viewer.port}", flush=True)
-    print(
-        f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{HOST}:{viewer.port} and this machine's name",
-        flush=True,
-    )
+    address = f"{HOST}:{viewer.port}"
+    print(f"http://{address}", flush=True)
+    print(f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{address} and this machine's name", flush=True)
     if not settings.no_open:
-        webbrowser.open(f"http://{HOST}:{viewer.port}")
+        webbrowser.open(f"http://{address}")
     # A script's background jobs begin by ignoring it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

@@ -80,11 +80,10 @@ def run_files() -> tuple[str, ...]:
 
 def _check(formats: Sequence[str], known: Sequence[str]) -> None:
     """UserError for a text in place of a list, or what is no format."""
-    for name in [formats] if isinstance(formats, str) else formats:
-        if name not in known or isinstance(formats, str):
-            raise UserError(
-                f"expected a list of formats out of {', '.join(known)}; got '{name}'. Name these."
-            )
+    wrong = [formats] if isinstance(formats, str) else [name for name in formats if name not in known]
+    if wrong:
+        options = ", ".join(known)
+        raise UserError(f"expected a list of formats out of {options}; got '{wrong[0]}'. Name these.")
 
 
 def _module(package: str, name: str) -> ModuleType:

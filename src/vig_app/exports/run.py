@@ -23,7 +23,8 @@ class ExportedRun:
     Attributes:
         folder: Of the run.
         photos: Paths of all photos, each once.
-        objects: Rows of results.csv of the objects that were found.
+        objects: Rows of results.csv of the objects that were found, with a "score": the confidence, 1 where
+            none was learned.
         class_ids: Number of each class.
     """
 
@@ -37,7 +38,11 @@ class ExportedRun:
         """The run in a folder, classes numbered by name from `first_id`; UserError as `read_results`."""
         rows = read_results(folder)
         photos = tuple(dict.fromkeys(row["photo"] for row in rows))
-        objects = tuple(row for row in rows if row["error"] is None and row["verdict"] != "absent")
+        objects = tuple(
+            row | {"score": 1.0 if row["confidence"] is None else row["confidence"]}
+            for row in rows
+            if row["error"] is None and row["verdict"] != "absent"
+        )
         classes = sorted({row["class"] for row in rows if row["class"] is not None})
         return ExportedRun(folder, photos, objects, {name: first_id + i for i, name in enumerate(classes)})
 
@@ -53,8 +58,3 @@ class ExportedRun:
             if len(set(numbers)) == len(self.photos):
                 return dict(zip(self.photos, numbers, strict=True))
         return {photo: (0, place) for place, photo in enumerate(self.photos)}
-
-
-def score_of(row: dict[str, Any]) -> float:
-    """The confidence of a row, 1 where none was learned."""
-    return 1.0 if row["confidence"] is None else row["confidence"]

@@ -83,7 +83,6 @@ def _write_numbers(path: Path, numbers: np.ndarray) -> None:
 
 def _remove_stale_exports(folder: Path, described: dict[str, Any]) -> None:
     """Remove the exports in a folder whose explanation.json is not what is described."""
-    path = folder / "explanation.json"
     with suppress(OSError, ValueError):
-        if path.exists() and json.loads(path.read_text()) != json.loads(json.dumps(described)):
+        if json.loads((folder / "explanation.json").read_text()) != json.loads(json.dumps(described)):
             remove_exports(folder)

@@ -153,8 +153,7 @@ class Viewer:
     @property
     def port(self) -> int:
         """The port that was free."""
-        port: int = self.server.get_port()
-        return port
+        return int(self.server.get_port())
 
     def stop(self) -> None:
         """End serving."""

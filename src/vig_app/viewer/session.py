@@ -28,12 +28,7 @@ class Session:
     """
 
     def __init__(self, explainer: Explainer, photo: str | Path, state: State | None = None) -> None:
-        """Open a photo and explain it with the hints on it.
-
-        Args:
-            explainer: Of the class.
-            photo: A file.
-            state: The hints at first.
+        """Open a photo and explain it with the hints of a state.
 
         Raises:
             UserError: As `Explainer.explain` does.

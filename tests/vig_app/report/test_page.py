@@ -214,6 +214,7 @@ def test_a_folders_page_lists_what_is_strangest_first(
 ) -> None:
     described, picture = explanation.to_dict(), reduced(explanation.overlay())
     doubtful = described | {"verdict": "ambiguous", "confidence": 0.4, "azimuth_deg": 350.0}
+    doubtful |= {"hidden_fraction": None, "mask_confidence": None}
     entries = [Entry("sure.png", "sure", described, picture), Entry(HOSTILE, "a b", doubtful, picture)]
     (tmp_path / "report.html").write_text(folder_html(entries, 3, [HOSTILE]), encoding="utf-8")
     shown = browser.new_page()
@@ -226,6 +227,8 @@ def test_a_folders_page_lists_what_is_strangest_first(
     shown.get_by_text("as a table").click()
     shown.get_by_role("button", name="azimuth").click()
     assert shown.locator("#table td:first-child").all_inner_texts() == ["sure.png", HOSTILE]
+    cells = shown.locator("#table tr:last-child td").all_inner_texts()
+    assert cells[1:3] == ["ambiguous", "350°"] and cells[4:] == ["", "40%", ""]
     shown.get_by_role("button", name="azimuth").click()
     assert shown.locator("#table td:first-child").all_inner_texts() == [HOSTILE, "sure.png"]
     shown.get_by_text("1 could not be explained").click()

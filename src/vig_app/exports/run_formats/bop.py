@@ -15,7 +15,7 @@ import numpy as np
 from vig.io.checks import read_json, reading
 from vig.io.files import atomic_write
 from vig_app.exports.formats.bop import MILLIMETRES
-from vig_app.exports.run import SCENE_NUMBERS, ExportedRun, score_of
+from vig_app.exports.run import SCENE_NUMBERS, ExportedRun
 
 FILE = "bop.csv"
 
@@ -30,7 +30,7 @@ def write(path: Path, run: ExportedRun) -> None:
             rotation = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
             translation = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
             scene, image = numbers[row["photo"]]
-            fields = scene, image, run.class_ids[row["class"]], score_of(row), rotation, translation
+            fields = scene, image, run.class_ids[row["class"]], row["score"], rotation, translation
             print(*fields, row["seconds"], sep=",", file=file)
 
 

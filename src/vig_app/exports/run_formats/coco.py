@@ -17,7 +17,7 @@ from vig.io.checks import reading
 from vig.io.files import atomic_write
 from vig_app.exports.formats.bop import bop_box
 from vig_app.exports.formats.coco import run_lengths
-from vig_app.exports.run import FILE_NUMBERS, ExportedRun, score_of
+from vig_app.exports.run import FILE_NUMBERS, ExportedRun
 
 FILE = "coco.json"
 
@@ -37,7 +37,7 @@ def write(path: Path, run: ExportedRun) -> None:
                     "category_id": run.class_ids[row["class"]],
                     "segmentation": run_lengths(visible),
                     "bbox": bop_box(visible),
-                    "score": score_of(row),
+                    "score": row["score"],
                     "file_name": PurePath(row["photo"]).name,
                 }
                 print(separator, json.dumps(result), end="", file=file)
