@@ -24,7 +24,7 @@ LEAST_PROBABILITY = 1e-3
 MUCH_HIDDEN = 0.3
 """Hidden share from which that is given as the reason for doubt."""
 UNTRUSTED_FACTOR = 0.99
-"""Share of the threshold that a confidence has at most which must not reach it."""
+"""A verdict below trusted has at most this share of the threshold as its confidence."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 

@@ -231,10 +231,10 @@ class ExplainSettings(_Settings):
         prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
             independent, which they are not.
         azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
-        view_weight: Nats for each nat of the network's view log-probability when ends are compared, for the
-            same reason.
+        view_weight: Weight of the network's view log-probability against evidence when ends are compared,
+            for the same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
-        free_framing: Also fit shift, magnification and roll, for photos cropped by hand.
+        free_framing: Also fit shift, magnification and roll: boxes are drawn by hand.
         camera_distance_ratio: Distance of the eye and focal length, of the standard camera's.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.

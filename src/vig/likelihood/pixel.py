@@ -99,8 +99,7 @@ GAUSSIAN = PixelModel(sigma=0.05, alpha=1.0)
 
 ROBUST = PixelModel(sigma=0.03, alpha=0.55)
 """The paper's robust pixel model, Eq. 3. alpha is learned, as the paper proposes: the mean share of the
-teapot that is visible in the training images. The paper's code has 0.9, under which fits end farther from the
-truth (docs/objective.md)."""
+teapot that is visible in the training images. The paper's code has 0.9."""
 
 
 SPATIAL = replace(ROBUST, mask=SpatialMask())

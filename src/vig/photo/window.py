@@ -28,7 +28,8 @@ SMALLEST_BOX = 8
 LEAST_IN_PHOTO = 0.25
 """Share of a box that must be in the photo."""
 PREFILTER_PIXELS = 4
-"""Pixels of a half over those of the window cut from it: with 2, fits turn by a degree or two."""
+"""Pixels of the halved photo for each pixel of the window cut from it, at least: with 2, fits turn by a
+degree or two."""
 LINES = 256
 """Lines of a photo that are drawn at a time."""
 STRIP = 32

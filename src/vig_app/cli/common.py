@@ -18,7 +18,7 @@ class FitCommand:
     """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
 
     images: tyro.conf.Positional[tuple[Path, ...]]
-    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, any format that pillow reads;
+    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, JPEG, PNG, TIFF, WebP, AVIF ...;
     videos, taken as their frames."""
     track: bool = False
     """The photos are one folder or video of one object: follow it from frame to frame and smooth its views;

@@ -10,7 +10,7 @@ import pytest
 from vig.io.errors import UserError
 from vig_app.corrections import State
 from vig_app.viewer.session import Change, placed
-from vig_app.viewer.worker import CorrectionWorker
+from vig_app.viewer.worker import Worker
 
 
 class Fitting:
@@ -40,7 +40,7 @@ def elevated(degrees: float) -> Change:
 
 
 @pytest.fixture
-def begun() -> tuple[CorrectionWorker, Fitting, list[str]]:
+def begun() -> tuple[Worker, Fitting, list[str]]:
     """A worker that has begun with one correction and waits within it."""
     session, messages, started = Fitting(), list[str](), threading.Event()
 
@@ -48,20 +48,20 @@ def begun() -> tuple[CorrectionWorker, Fitting, list[str]]:
         messages.append(f"no: {words}" if refused else words)
         started.set()
 
-    worker = CorrectionWorker(session, lambda: None, tell)  # type: ignore[arg-type]
+    worker = Worker(session, lambda: None, tell)  # type: ignore[arg-type]
     worker.correct(elevated(10.0))
     assert started.wait(10) and worker.busy
     return worker, session, messages
 
 
-def finished(worker: CorrectionWorker, session: Fitting) -> None:
+def finished(worker: Worker, session: Fitting) -> None:
     done = threading.Event()
     worker.do(done.set)
     session.may.set()
     assert done.wait(10)
 
 
-def test_what_came_during_a_fit_is_fitted_at_once(begun: tuple[CorrectionWorker, Fitting, list[str]]) -> None:
+def test_what_came_during_a_fit_is_fitted_at_once(begun: tuple[Worker, Fitting, list[str]]) -> None:
     worker, session, messages = begun
     for degrees in (20.0, 30.0, 40.0):
         worker.correct(elevated(degrees))
@@ -76,7 +76,7 @@ def test_what_came_during_a_fit_is_fitted_at_once(begun: tuple[CorrectionWorker,
 
 
 def test_of_several_only_what_cannot_be_made_is_left_out(
-    begun: tuple[CorrectionWorker, Fitting, list[str]],
+    begun: tuple[Worker, Fitting, list[str]],
 ) -> None:
     worker, session, messages = begun
     worker.correct(placed("spout", 1.0, 2.0))
@@ -88,7 +88,7 @@ def test_of_several_only_what_cannot_be_made_is_left_out(
 
 
 def test_taking_back_what_was_refused_meanwhile_takes_nothing_else_back(
-    begun: tuple[CorrectionWorker, Fitting, list[str]],
+    begun: tuple[Worker, Fitting, list[str]],
 ) -> None:
     worker, session, _ = begun
     for change in (placed("spout", 1.0, 2.0), elevated(100.0), elevated(200.0), None, None):
@@ -102,7 +102,7 @@ def test_taking_back_what_was_refused_meanwhile_takes_nothing_else_back(
 
 
 def test_a_fault_is_told_and_the_thread_goes_on(
-    begun: tuple[CorrectionWorker, Fitting, list[str]], capsys: pytest.CaptureFixture[str]
+    begun: tuple[Worker, Fitting, list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     worker, session, messages = begun
     worker.correct(lambda state: replace(state, roll_deg=7.0))

@@ -1,8 +1,8 @@
 """Rows: the derivative of one number with respect to every latent but albedo.
 
-A row has a shape part and the rest, each a padded Warp vector. The rest is azimuth, elevation, 9 light
-coefficients, the irradiance itself (with it albedo's derivative is made, as the colour is albedo times
-irradiance), then the four framing numbers.
+A row has a shape part and the rest, each a padded Warp vector. The rest has the blocks of `REST`
+(likelihood/kernels/layout.py): a point's, with the irradiance itself in place of albedo (with it albedo's
+derivative is made, as the colour is albedo times irradiance).
 """
 
 import warp as wp
