@@ -213,9 +213,9 @@ def test_killed_and_renewed_workers_are_replaced_and_the_run_goes_on(
     """The second sample's worker is killed as soon as the sample is there, and each makes two at most."""
     monkeypatch.setattr(processes, "AHEAD", 1)
     monkeypatch.setattr(processes, "RENEWED_AFTER", 2)
-    started, start, advance = [], processes._Worker.__init__, Meter.advance
+    started, start, advance = [], processes._WorkerProcess.__init__, Meter.advance
 
-    def counted(self: processes._Worker, *given: object) -> None:
+    def counted(self: processes._WorkerProcess, *given: object) -> None:
         start(self, *given)
         started.append(self.process)
 
@@ -226,7 +226,7 @@ def test_killed_and_renewed_workers_are_replaced_and_the_run_goes_on(
             killed.append(started[0])
 
     killed: list[object] = []
-    monkeypatch.setattr(processes._Worker, "__init__", counted)
+    monkeypatch.setattr(processes._WorkerProcess, "__init__", counted)
     monkeypatch.setattr(Meter, "advance", killing)
     out = make_dataset(tmp_path / "out", COUNT, SEED, workers=2, progress=False, object_class=teapot)
     assert killed
