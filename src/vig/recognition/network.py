@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import torch
@@ -12,7 +15,7 @@ from torch import nn
 from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from vig.io.checks import check_number
+from vig.io.checks import check_number, read_tensors, reading
 from vig.parallel.internals import has_bfloat16
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
@@ -62,6 +65,11 @@ FORMAT = "4"
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
 
+
+TRUNK_FILE = Path(__file__).with_name("trunk.safetensors")
+"""The trunk that weights files of classes leave out, as all share it."""
+TRUNK_PREFIXES = ("stem.", "stages.")
+"""What the names of the trunk's weights begin with."""
 
 STRIDES = (1, 2, 2, 2, 1)
 """Of the first convolution of each of the trunk's stages."""
@@ -226,6 +234,33 @@ def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> Non
         if not value.isfinite().all() or (name.endswith("running_var") and (value < 0).any()):
             raise ValueError(f"'{name}' has numbers that are infinite, or variances below 0")
     network.load_state_dict(own, assign=True)
+
+
+@functools.lru_cache(maxsize=1)
+def shared_trunk() -> tuple[dict[str, torch.Tensor], str]:
+    """Tensors of the trunk that all classes share, by the network's names; and their fingerprint."""
+    with reading(TRUNK_FILE, "the shared trunk", "Install vig again."):
+        tensors, _ = read_tensors(TRUNK_FILE, "pt")
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        digest.update(name.encode() + tensors[name].numpy().tobytes())
+    return tensors, digest.hexdigest()[:16]
+
+
+def with_shared_trunk(
+    tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str]
+) -> dict[str, torch.Tensor]:
+    """The tensors of a weights file, the shared trunk among them where it names its fingerprint.
+
+    Raises:
+        ValueError: It was trained on another trunk.
+    """
+    if "trunk" not in metadata:
+        return dict(tensors)
+    trunk, fingerprint = shared_trunk()
+    if metadata["trunk"] != fingerprint:
+        raise ValueError(f"it goes with trunk {metadata['trunk'][:16]}, where this vig has {fingerprint}")
+    return {**tensors, **{f"network.{name}": value for name, value in trunk.items()}}
 
 
 def fold_normalisation(network: nn.Module) -> None:

@@ -25,6 +25,7 @@ from vig.recognition.network import (
     layout_of_numbers,
     load_network,
     mask_at_pixels,
+    with_shared_trunk,
 )
 from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
 
@@ -139,6 +140,8 @@ class Recognizer:
     network: Any
     symmetry, mirror = Symmetry.NONE, True
     """Of the class; without mirror symmetry photos are not flipped."""
+    quick = False
+    """Whether the weights are those that `vig class build` made within two minutes."""
 
     def __init__(self, path: Path):
         pack = path.parent
@@ -151,6 +154,8 @@ class Recognizer:
                 raise ValueError(f"it is of a network of kind '{kind[:40]}', where '{self.kind}' is read")
             if (version := metadata.get("format", "1")) != FORMAT:
                 raise ValueError(f"it is of format {version[:40]}, where this vig reads {FORMAT}")
+            tensors = with_shared_trunk(tensors, metadata)
+            self.quick = metadata.get("quick") == "yes"
             self._read(settings, tensors)
             numbers = regressed_layout(self.network.settings.modes).size
             self.calibration = NetworkCalibration.of(tensors, numbers)

@@ -50,7 +50,11 @@ from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projectio
 from vig_train.building.template import TEMPLATE_VERTICES, closed_template
 from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
+from vig_train.training.source_meshes import FILE as SOURCE_MESHES_FILE
+from vig_train.training.source_meshes import SourceMesh
+from vig_train.training.source_meshes import save as save_source_meshes
 from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.own.load import load
 from vig_world.assets.props.families import ZONE_NAMES
 from vig_world.dataset.spec import Split
 from vig_world.rotations import about_z
@@ -420,7 +424,8 @@ class Builder:
             mirrored = mirror_map(template, faces)
             shapes = np.stack([(shape + (mirrored @ shape) * MIRROR_Y) / 2 for shape in shapes])
         shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
-        shapes = shapes * self.settings.length / np.ptp(shapes.mean(0), axis=0).max()
+        scale = self.settings.length / np.ptp(shapes.mean(0), axis=0).max()
+        shapes = shapes * scale
         splits = splits_of(accepted)
         trained = [index for index, number in enumerate(accepted) if splits[number] == "train"]
         areas = vertex_areas(template, faces)
@@ -468,6 +473,7 @@ class Builder:
         if refused:
             pairs = [pair for n in refused for pair in (self.mesh_in_frame(n), (registered[n], faces))]
             pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
+        self._save_source_meshes(registered, splits, scale)
         pictures.save_component_sheet(sheets / "6-components.png", components, faces)
         pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
         result = BuildResult(
@@ -487,6 +493,24 @@ class Builder:
             file.replace(self.out / file.name)
         shutil.rmtree(staged)
         return result
+
+    def _save_source_meshes(self, registered: np.ndarray, splits: dict[int, Split], scale: float) -> None:
+        """Write the meshes with their materials, in metres, for the studio; refused ones are for training."""
+        meshes = []
+        for number in self.used:
+            linear, offset = self._frame(number)
+            low = [0, 0, registered[number][:, 2].min()]
+            pieces = load(self.folder, self.folder / self.scans[number].name).pieces
+            meshes.append(
+                SourceMesh.of(
+                    pieces,
+                    scale * linear,
+                    scale * (offset - low),
+                    scale * (registered[number] - low),
+                    splits.get(number, "train"),
+                )
+            )
+        save_source_meshes(self.out / "build" / SOURCE_MESHES_FILE, meshes)
 
     def _put_aside_weights(self, staged: Path) -> None:
         """Move weights that were trained on other shapes, and their calibration, to build/outdated."""

@@ -6,12 +6,16 @@ import json
 import re
 
 from vig.io.errors import UserError
+from vig_train.cli.common import check_workers
 from vig_train.cli.settings import Build
 
 
 def build(settings: Build) -> int:
     """`vig class build`."""
     from vig_train.building import Builder, BuildSettings
+    from vig_train.class_training import QUICK, WEIGHTS_FILE, ClassTraining
+
+    check_workers(settings.workers)
 
     turns = [_turn(turn) for turn in settings.turn]
     if len(dict(turns)) < len(turns):
@@ -30,6 +34,8 @@ def build(settings: Build) -> int:
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
     result = Builder(settings.folder, settings.out, build_settings, say).build()
+    if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
+        ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
     if settings.json:
         errors = result.components.errors
         print(

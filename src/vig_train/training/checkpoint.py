@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from safetensors.torch import save_file
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.recognition.network import FORMAT, RecognitionNetwork
+from vig.recognition import network as network_module
+from vig.recognition.network import FORMAT, TRUNK_PREFIXES, RecognitionNetwork
 
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 """What AdamW keeps of each weight."""
@@ -22,17 +24,31 @@ Scale = dict[str, torch.Tensor]
 """`mean` and `deviation` (M,) of the regressed numbers over the training images."""
 
 
-def save_weights(network: RecognitionNetwork, scale: Scale, path: Path) -> None:
-    """Write a network in half precision with its settings and the targets' scale."""
+def save_weights(
+    network: RecognitionNetwork,
+    scale: Scale,
+    path: Path,
+    shared_trunk: bool = False,
+    more: Mapping[str, str] | None = None,
+) -> None:
+    """Write a network in half precision with its settings and the targets' scale.
+
+    With `shared_trunk` the trunk is named in place of written; `more` goes into the file's metadata.
+    """
     tensors = {
-        f"network.{k}": v.half() if v.is_floating_point() else v for k, v in network.state_dict().items()
+        f"network.{k}": v.half() if v.is_floating_point() else v
+        for k, v in network.state_dict().items()
+        if not (shared_trunk and k.startswith(TRUNK_PREFIXES))
     }
     tensors |= {f"scale.{k}": v for k, v in scale.items()}
+    metadata = {"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))}
+    if shared_trunk:
+        metadata["trunk"] = network_module.shared_trunk()[1]
     with atomic_write(path) as temporary:
         save_file(
             {k: v.contiguous().cpu() for k, v in tensors.items()},
             temporary,
-            metadata={"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))},
+            metadata=metadata | dict(more or {}),
         )
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from vig.scene import Camera, linear_from_srgb, srgb_from_linear
 from vig_world import SPLITS, Split
+from vig_world.asset_cache import asset_cache
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 from vig_world.assets.props import FAMILIES, Material, Prop, is_of_class
 from vig_world.assets.props.material import material, plain, prop
@@ -54,7 +57,20 @@ def draw_vessel(rng: np.random.Generator, split: Split, name: str) -> Image.Imag
 
 @functools.lru_cache(maxsize=2 * CUTOUTS_PER_SPLIT)
 def _numbered_cutout(number: int, lookalike: bool) -> Image.Image:
-    """The cut-out of a number: a prop in a random pose under a random light."""
+    """The cut-out of a number, made at most once on a machine: it takes a hundredth of a second."""
+    name = f"{_code()}/{'lookalike' if lookalike else 'any'}/{number}"
+    made = asset_cache().arrays(name, lambda: {"rgba": np.asarray(_make_cutout(number, lookalike))})
+    return Image.fromarray(made["rgba"])
+
+
+@functools.cache
+def _code() -> str:
+    """Under what name this file's cut-outs are kept."""
+    return f"cutouts-{hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]}"
+
+
+def _make_cutout(number: int, lookalike: bool) -> Image.Image:
+    """A prop in a random pose under a random light."""
     rng = np.random.default_rng(np.random.SeedSequence([number, 33, int(lookalike)]))
     kind = rng.random()
     if lookalike:

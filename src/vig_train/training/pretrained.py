@@ -13,8 +13,7 @@ import torch
 from safetensors.torch import save_file
 
 from vig.io.files import atomic_write
-from vig.recognition.network import NetworkSettings, RecognitionNetwork
-from vig_train.training.training import TRUNK_PREFIXES
+from vig.recognition.network import TRUNK_PREFIXES, NetworkSettings, RecognitionNetwork
 from vig_world.extras import optional_import
 
 

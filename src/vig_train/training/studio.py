@@ -19,6 +19,7 @@ from vig.renderer.explained import vertex_irradiance
 from vig.scene import (
     EXPOSURE_L00,
     IMAGE_SIZE,
+    SHAPE_LIMIT,
     Camera,
     Latents,
     ObjectClass,
@@ -28,9 +29,10 @@ from vig_train.training.environment import Environment
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Layer, place_of
 from vig_train.training.snapshots import continue_border, photograph
+from vig_train.training.source_meshes import SourceMesh, appearance, draw_paint, source_meshes_of
 from vig_train.training.things import draw_lookalike, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat
-from vig_world.assets.target import draw_shape, shape_vertices
+from vig_world.assets.target import DESIGN_SPREAD, draw_shape, nearest_coefficients, shape_vertices
 from vig_world.dataset.spec import Coat, Split
 from vig_world.mesh import vertex_normals
 from vig_world.raster.view import View
@@ -80,6 +82,8 @@ class StudioSettings:
     most_roll: float = 0.65
     continued: float = 0.2
     warp: float = 0.02
+    source: float = 0.8
+    own_colours: float = 0.4
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,7 @@ class Studio:
         self.size = float(np.ptp(model.mean, axis=0).max())
         self.height = float(model.mean[:, 2].max())
         self._body_parts, self._detachable_parts = separate_parts(model)
+        self.source_meshes = [mesh for mesh in source_meshes_of(object_class) if mesh.split == split]
         self._light_factor = np.linalg.cholesky(
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )
@@ -136,7 +141,8 @@ class Studio:
 
     def _draw_once(self, rng: np.random.Generator) -> StudioImage:
         settings = self.settings
-        latents, vertices = self._shape(rng)
+        mesh = self._source_mesh(rng)
+        latents, vertices = self._shape(rng, mesh)
         camera = self._camera(rng, vertices, latents)
         parts = len(self.object_class.shape_model.part_names)
         kinds = WHOLE if self._detachable_parts else PART
@@ -149,7 +155,10 @@ class Studio:
         albedo = np.mean(coat.colours, axis=0)
         if shown >= PART:
             faces = self._part(rng) if shown == PART else self.object_class.shape_model.faces
-            layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
+            if shown == WHOLE and mesh is not None:
+                layer, albedo = self._source_object(rng, latents, mesh, vertices, camera, environment)
+            else:
+                layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
         elif shown == OTHER_VESSEL:
             layer = draw_lookalike(rng, self.split, self.object_class.name)
@@ -199,10 +208,26 @@ class Studio:
                 break
         return picture, visible
 
-    def _shape(self, rng: np.random.Generator) -> tuple[Latents, np.ndarray]:
-        """Latents but for the albedo, and vertices, a little off the model."""
+    def _source_mesh(self, rng: np.random.Generator) -> SourceMesh | None:
+        """One of the user's meshes, where the image is to show one."""
+        if not self.source_meshes or rng.random() >= self.settings.source:
+            return None
+        return self.source_meshes[int(rng.integers(len(self.source_meshes)))]
+
+    def _shape(self, rng: np.random.Generator, mesh: SourceMesh | None) -> tuple[Latents, np.ndarray]:
+        """Latents but for the albedo, and vertices, a little off the model, or off one of the meshes."""
         settings = self.settings
-        shape, design = draw_shape(rng, self.object_class, self.split)
+        model = self.object_class.shape_model
+        if mesh is None:
+            shape, design = draw_shape(rng, self.object_class, self.split)
+            vertices = shape_vertices(shape, design, self.object_class)
+        else:
+            nearest = nearest_coefficients(model, mesh.registered[None])[0]
+            shape = np.clip(
+                nearest + DESIGN_SPREAD * rng.standard_normal(model.modes), -SHAPE_LIMIT, SHAPE_LIMIT
+            )
+            both = model.vertices(torch.from_numpy(np.stack([shape, nearest]).astype(np.float32))).numpy()
+            vertices = mesh.registered + both[0] - both[1]
         kind = rng.random()
         if kind < settings.level:
             elevation = math.radians(rng.uniform(-4, 15))
@@ -215,7 +240,6 @@ class Studio:
         numbers = (shape, [rng.uniform(0, 2 * math.pi)], [elevation], np.full(3, 0.5), light)
         tensors = [torch.from_numpy(np.asarray(values, np.float32))[None] for values in numbers]
         latents = Latents(tensors[0], tensors[1][0], tensors[2][0], tensors[3], tensors[4])
-        vertices = shape_vertices(shape, design, self.object_class)
         # Long waves move shapes off the model, as real objects are; they keep the mirror plane y = 0.
         warp = settings.warp * rng.random()
         for _ in range(2):
@@ -269,6 +293,24 @@ class Studio:
         model = self.object_class.shape_model
         kept_parts = [*self._body_parts, self._detachable_parts[rng.integers(len(self._detachable_parts))]]
         return model.faces[np.isin(model.parts[model.faces[:, 0]], kept_parts)]
+
+    def _source_object(
+        self,
+        rng: np.random.Generator,
+        latents: Latents,
+        mesh: SourceMesh,
+        vertices: np.ndarray,
+        camera: Camera,
+        environment: Environment,
+    ) -> tuple[Layer, np.ndarray]:
+        """One of the user's meshes, lit, and the mean albedo (3,) of what is seen of it."""
+        matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+        view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
+        paint = draw_paint(rng, mesh, self.settings.own_colours)
+        light = latents.light[0].numpy()
+        look = appearance(mesh, mesh.moved(vertices), paint, light, view, environment.radiance_from)
+        mean = look.albedo.mean(0) if len(look.albedo) else np.full(3, 0.5)
+        return Layer(*look.averaged(SUPERSAMPLING)), mean
 
     def _object(
         self,

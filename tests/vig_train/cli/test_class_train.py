@@ -4,25 +4,39 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from tests.toys import toy
 from vig import Explainer
+from vig.io.checks import read_tensors
 from vig.io.errors import UserError
+from vig.recognition.network import TRUNK_PREFIXES, shared_trunk
 from vig.scene import ObjectClass
-from vig_train.cli import class_train
-from vig_train.cli.class_train import STEP_SETTINGS, ClassTraining, train_class
+from vig_train import class_training
+from vig_train.calibration import StudioPhotos
+from vig_train.class_training import HEADING, STEPS, WEIGHTS_FILE, ClassTraining, Plan
+from vig_train.cli.class_train import train_class
 from vig_train.cli.settings import TrainClass
-from vig_world.dataset import read_dataset
-from vig_world.dataset.format import read_info
+from vig_train.training import class_network
+
+MOST_BYTES = 2_000_000
+"""Of a pack's weights."""
 
 
-def settings(pack: Path, **chosen: int) -> TrainClass:
-    small = {"images": 80, "epochs": 1, "studio": 2, "photos": 30, "workers": 1}
-    return TrainClass(pack, **small | chosen)
+@pytest.fixture(scope="module", autouse=True)
+def tiny() -> object:
+    """Two files of images, two steps of each kind, fifty photos."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ClassTraining, "plan", lambda self: Plan(2, 2, 2))
+        patch.setattr(class_training, "PHOTOS", 110)
+        yield
+
+
+def settings(pack: Path, **chosen: float) -> TrainClass:
+    return TrainClass(pack, **{"workers": 2} | chosen)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +53,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(ClassTraining, "_calibrate", stop)
         with pytest.raises(KeyboardInterrupt):
             train_class(settings(folder))
-        assert not (folder / "recognition.safetensors").exists(), "no weights that are not calibrated"
+        assert not (folder / WEIGHTS_FILE).exists(), "no weights that are not calibrated"
         patch.undo()
         patch.setattr(ClassTraining, "_train", stop)  # what is done is not done again
         train_class(settings(folder))
@@ -47,75 +61,88 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_pack_explains_photos(pack: Path) -> None:
-    photos = read_dataset(pack / "training" / "photos", "test")
+    photos, _ = StudioPhotos.draw(ObjectClass.load(pack), "test", 4, 3)
     explanation = Explainer(pack).explain(photos.images[0], box=(30, 30, 90, 90))
     assert 0 <= explanation.confidence <= 1
 
 
+def test_the_weights_are_small_and_hold_no_trunk(pack: Path) -> None:
+    tensors, metadata = read_tensors(pack / WEIGHTS_FILE, "pt")
+    assert (pack / WEIGHTS_FILE).stat().st_size <= MOST_BYTES
+    assert not [name for name in tensors if name.removeprefix("network.").startswith(TRUNK_PREFIXES)]
+    assert metadata["trunk"] == shared_trunk()[1] and "quick" not in metadata
+
+
+def test_weights_of_another_trunk_are_refused_in_one_line(
+    pack: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trunk, _ = shared_trunk()
+    monkeypatch.setattr("vig.recognition.network.shared_trunk", lambda: (trunk, "0123456789abcdef"))
+    with pytest.raises(UserError, match="goes with trunk .*, where this vig has 0123456789abcdef"):
+        Explainer(pack)
+
+
 def test_the_card_has_the_errors_that_were_measured(pack: Path) -> None:
-    found = json.loads((pack / "training" / "test.json").read_text())
+    errors = json.loads((pack / "training" / "run" / "test.json").read_text())
     text = (pack / "card.md").read_text()
-    assert found["photos"] == 30 and set(found["methods"]) == {"network", "fit"}
-    assert f"{found['methods']['fit']['azimuth_deg']:.1f} degrees" in text
-    assert "rooms, lights and views that the training never saw" in text
-    for picture in ("build/8-photos.png", "reliability.png"):
-        assert (pack / picture).exists() and picture in text
+    assert 40 <= errors["photos"] <= 80 and set(errors["methods"]) == {"network", "fit"}
+    assert f"{errors['methods']['fit']['azimuth_deg']:.1f} degrees" in text
+    assert "of the meshes that it was trained on" in text and "256 images" in text
+    assert (pack / "reliability.png").exists() and "reliability.png" in text
 
 
 def test_what_is_done_is_not_done_again(
     pack: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = (pack / "card.md").read_bytes()
-    monkeypatch.setattr(class_train, "make_dataset", None)
+    before = (pack / WEIGHTS_FILE).read_bytes()
+    monkeypatch.setattr(class_training, "draw_chunks", None)
     train_class(settings(pack))
-    assert capsys.readouterr().out.count("done in") == 6
-    assert (pack / "card.md").read_bytes() == before
+    assert capsys.readouterr().out.count("done in") == len(STEPS)
+    assert (pack / WEIGHTS_FILE).read_bytes() == before
 
 
 @pytest.mark.slow
-def test_other_settings_do_only_what_depends_on_them_anew(
-    pack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With fewer photos, too few of them to calibrate on, neither training photos nor training."""
-    other = shutil.copytree(pack, tmp_path / "fin")
-    monkeypatch.setattr(ClassTraining, "_train", None)
-    train_class(settings(other, photos=3))
-    said = capsys.readouterr().out
-    anew = "validation photos, test photos, calibration, test"
-    assert said.splitlines()[0] == f"other photos than before; done anew: {anew}"
-    assert "1/6 training photos: done in" in said and "4/6 training: done in" in said
-    assert said.count("done in") == 2
-    photos = Path("training/photos/train/files.sha256")
-    assert (other / photos).read_bytes() == (pack / photos).read_bytes()
-    assert [len(read_dataset(other / "training/photos", split)) for split in ("validation", "test")] == [3, 3]
-    assert json.loads((other / "training/test.json").read_text())["photos"] == 3
-    assert (other / "calibration.json").read_bytes() != (pack / "calibration.json").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("changed", "kept"),
-    [
-        ({"epochs": 2}, {"training photos", "validation photos", "test photos"}),
-        ({"images": 90}, {"validation photos", "test photos"}),
-        ({"photos": 31, "level": 0.5}, {"training photos"}),
-        ({"seed": 1}, set()),
-    ],
-)
-def test_a_change_keeps_the_steps_that_do_not_depend_on_it(
-    changed: dict[str, int], kept: set[str], pack: Path, tmp_path: Path
+def test_more_minutes_begin_with_the_images_that_are_there_and_the_card_tells_both(
+    pack: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = shutil.copytree(pack, tmp_path / "fin")
-    record = ClassTraining(settings(other, **changed), ObjectClass.load(other)).record
-    assert {step for step in STEP_SETTINGS if record.complete(step)} == kept
-    splits = {"training photos": "train", "validation photos": "validation", "test photos": "test"}
-    assert read_info(other / "training/photos")["splits"].keys() == {splits[step] for step in kept}
-    assert not (other / "training/run").exists()
+    first = (other / "training/images/00000.safetensors").stat().st_mtime_ns
+    monkeypatch.setattr(ClassTraining, "plan", lambda self: Plan(3, 2, 2))
+    train_class(settings(other, minutes=20.0))
+    assert (other / "training/images/00000.safetensors").stat().st_mtime_ns == first
+    assert len(list((other / "training/images").glob("*.safetensors"))) == 3
+    text = (other / "card.md").read_text()
+    assert text.count(HEADING) == 1 and "| 256 |" in text and "| 384 |" in text
 
 
-def test_weights_to_begin_with_are_checked_before_the_work(pack: Path, tmp_path: Path) -> None:
-    (tmp_path / "no_weights").write_text("none")
-    with pytest.raises(UserError, match="expected recognition weights at '.*no_weights'"):
-        train_class(replace(settings(pack), start=tmp_path / "no_weights"))
+@pytest.mark.slow
+def test_a_killed_decoder_goes_on_to_the_same_weights(
+    pack: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    object_class = ObjectClass.load(pack)
+    examples = class_network.read_images(pack / "training" / "images", range(1))
+    monkeypatch.setattr(class_network, "CHECKPOINT_STEPS", 1)
+
+    def trained(checkpoint: Path | None, stops: int | None) -> dict[str, torch.Tensor]:
+        torch.manual_seed(0)
+        training = class_network.DecoderTraining(class_network.new_network(object_class), examples, True, 0)
+        done = 0
+
+        def stop(steps: int) -> None:
+            nonlocal done
+            done += steps
+            if done == stops:
+                raise KeyboardInterrupt
+
+        training.run(3, checkpoint, stop)
+        return training.network.state_dict()
+
+    with pytest.raises(KeyboardInterrupt):
+        trained(tmp_path / "checkpoint.safetensors", 2)
+    whole, resumed = trained(None, None), trained(tmp_path / "checkpoint.safetensors", None)
+    for name in class_network.DECODER_PARTS:
+        for key in (key for key in whole if key.startswith(f"{name}.")):
+            assert torch.equal(whole[key], resumed[key]), key
 
 
 def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
@@ -127,15 +154,13 @@ def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "chosen, said",
     [
-        ({"images": 79}, "--images of at least 80; got 79"),
-        ({"epochs": 0}, "--epochs of at least 1; got 0"),
-        ({"photos": 0}, "--photos of at least 1; got 0"),
+        ({"minutes": 0.0}, "--minutes from 1 to 10000; got 0"),
+        ({"minutes": float("nan")}, "--minutes from 1 to 10000; got nan"),
         ({"workers": 0}, "--workers of at least 1; got 0"),
-        ({"studio": -1}, "at least 0"),
-        ({"level": 35}, "--level as a share from 0 to 1; got 35"),
+        ({"seed": -1}, "--seed of at least 0"),
     ],
 )
-def test_wrong_settings_get_one_line(pack: Path, chosen: dict[str, int], said: str) -> None:
+def test_wrong_settings_get_one_line(pack: Path, chosen: dict[str, float], said: str) -> None:
     with pytest.raises(UserError, match=said):
         train_class(settings(pack, **chosen))
 

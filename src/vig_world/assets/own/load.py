@@ -24,7 +24,7 @@ from vig.io.checks import read_bytes
 from vig.io.errors import UserError
 from vig_world.assets.own.counting import MOST_BYTES, refuse_huge
 from vig_world.assets.own.meshes import plain_gltf, plain_obj, read_off, read_ply, read_stl
-from vig_world.assets.own.surfaces import MOST_PIXELS, painted
+from vig_world.assets.own.surfaces import MOST_PIXELS, opacity_of, painted
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
@@ -35,13 +35,14 @@ class MeshPiece:
     """Triangles with one texture.
 
     vertices (V, 3) float64 in the file's units and axes; faces (F, 3); uv (V, 2), (0, 0) at the texture's
-    bottom left; texture (h, w, 3) float32 linear albedo.
+    bottom left; texture (h, w, 3) float32 linear albedo; opacity below 1 where the file says glass.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     uv: np.ndarray
     texture: np.ndarray
+    opacity: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,9 @@ def _pieces(path: Path, scene: Any, nodes: tuple[str, ...], gltf: bool) -> list[
             faces = faces[:, ::-1]
         points = points @ transform[:3, :3].T + transform[:3, 3]
         points, faces, uv, texture = painted(points, faces, geometry.visual, gltf)
-        key = (texture.shape, texture.tobytes())
-        groups.setdefault(key, []).append(MeshPiece(points, faces, uv, texture))
+        opacity = opacity_of(geometry.visual, gltf)
+        key = (texture.shape, texture.tobytes(), opacity)
+        groups.setdefault(key, []).append(MeshPiece(points, faces, uv, texture, opacity))
     return [_joined(group) for group in groups.values()]
 
 
@@ -199,4 +201,4 @@ def _joined(group: list[MeshPiece]) -> MeshPiece:
     starts = np.cumsum([0] + [len(piece.vertices) for piece in group[:-1]])
     faces = [piece.faces + start for piece, start in zip(group, starts, strict=True)]
     vertices, uv = (np.concatenate([getattr(p, key) for p in group]) for key in ("vertices", "uv"))
-    return MeshPiece(vertices, np.concatenate(faces), uv, group[0].texture)
+    return MeshPiece(vertices, np.concatenate(faces), uv, group[0].texture, group[0].opacity)

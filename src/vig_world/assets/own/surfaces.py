@@ -42,6 +42,24 @@ def painted(vertices: np.ndarray, faces: np.ndarray, visual: Any, gltf: bool) ->
     return vertices, faces, blank, _albedo(np.full((1, 1, 3), GREY))
 
 
+def opacity_of(visual: Any, gltf: bool) -> float:
+    """Of a mesh with trimesh's visual, from 0 to 1: a glTF's factor where it blends, MTL's d or 1 - Tr."""
+    material = getattr(visual, "material", None)
+    try:
+        if gltf:
+            blends = getattr(material, "alphaMode", None) == "BLEND"
+            colour = getattr(material, "baseColorFactor", None)
+            if not blends or colour is None:
+                return 1.0
+            opacity = np.asarray(colour).ravel()[3] / (255 if np.asarray(colour).dtype.kind in "iu" else 1)
+        else:
+            stated = getattr(material, "kwargs", {})
+            opacity = float(stated["d"][0]) if "d" in stated else 1 - float(stated["tr"][0])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return 1.0
+    return float(np.clip(opacity, 0.0, 1.0)) if np.isfinite(opacity) else 1.0
+
+
 def _albedo(values: np.ndarray) -> np.ndarray:
     return np.clip(values, DARKEST, BRIGHTEST).astype(np.float32)
 

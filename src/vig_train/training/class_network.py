@@ -1,0 +1,331 @@
+"""A class's recognition network within minutes: on the trunk that all classes share, only heads are trained.
+
+Images of the studio go through the trunk once, each in a few augmentations; the dense heads are trained on
+these features, in memory; then the mask's decoder on the images. Each step resumes, and is a pure function of
+its seed and its plan.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from torch import nn
+from torch.nn.utils.fusion import fuse_linear_bn_eval
+
+from vig.io.checks import read_tensors, reading
+from vig.io.files import atomic_write
+from vig.parallel import map_in_processes
+from vig.recognition.network import (
+    NetworkSettings,
+    RecognitionNetwork,
+    bfloat16,
+    shared_trunk,
+)
+from vig.scene import ObjectClass, Symmetry
+from vig.scene.object_class import PACKAGED
+from vig_train.training.augmentation import Augmentation
+from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint
+from vig_train.training.drawing import studio_examples
+from vig_train.training.examples import Examples
+from vig_train.training.studio import Studio, StudioSettings
+from vig_train.training.training import (
+    LOSS_WEIGHTS,
+    Schedule,
+    Targets,
+    dense_losses,
+    load_start_weights,
+    mask_loss,
+)
+
+SIZES = NetworkSettings(recalled=8, squeezed=28, features=224, dropout=0.5)
+"""Of a class's heads: with the decoder 0.95 million weights, 2 MB in half precision."""
+CHUNK = 128
+"""Images of a file."""
+PASSES = 2
+"""Augmentations of each image whose features are kept."""
+PIXEL_CHUNKS = 128
+"""Files that keep their images, for the decoder; the others keep features alone."""
+EPOCHS = 20
+"""Passes over the features."""
+FEATURE_BATCH = 256
+FEATURE_DECAY = 5e-2
+"""Weight decay of the dense heads."""
+LEARNING_RATE = 2e-3
+"""The highest, of heads and decoder alike."""
+DECODER_BATCH = 48
+DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
+CHECKPOINT_STEPS = 50
+"""Steps of the decoder between checkpoints."""
+STUDIO = StudioSettings(level=0.35)
+"""Views from the horizon up to above: a user's photos may be from anywhere."""
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the trunk makes of N augmented images, and what they show.
+
+    Attributes:
+        coarse: (N, C, 10, 10) float16, of its last stage.
+        targets: Of these, on the host.
+    """
+
+    coarse: torch.Tensor
+    targets: Targets
+
+
+def new_network(object_class: ObjectClass) -> RecognitionNetwork:
+    """Untrained heads on the shared trunk; the decoder begins as the packaged teapot's, where that fits."""
+    network = RecognitionNetwork(replace(SIZES, modes=object_class.shape_model.modes))
+    load_start_weights(network, PACKAGED / "teapot" / "recognition.safetensors", trunk_only=False)
+    trunk, _ = shared_trunk()
+    network.load_state_dict({name: value.float() for name, value in trunk.items()}, strict=False)
+    return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+# -- images -----------------------------------------------------------------------------------------------
+
+
+def draw_chunks(
+    object_class: ObjectClass,
+    folder: Path,
+    chunks: Sequence[int],
+    seed: int,
+    workers: int,
+    advance: Callable[[int], None] = lambda count: None,
+) -> None:
+    """Write files of images with their features; those that are there stay.
+
+    advance: is called with the number of images newly there.
+    """
+    missing = [chunk for chunk in chunks if not chunk_path(folder, chunk).exists()]
+    advance(CHUNK * (len(chunks) - len(missing)))
+    if object_class.folder is None:
+        raise ValueError("the class must be a pack's")
+    shared = (str(object_class.folder), str(folder), seed)
+    for _ in map_in_processes(_prepare, shared, missing, min(workers, max(1, len(missing)))):
+        advance(CHUNK)
+
+
+def chunk_path(folder: Path, chunk: int) -> Path:
+    """Of a file of images."""
+    return folder / f"{chunk:05d}.safetensors"
+
+
+def _prepare(shared: tuple[str, str, int]) -> Callable[[int], None]:
+    pack, folder, seed = shared
+    object_class = ObjectClass.load(pack)
+    studio = Studio(object_class, STUDIO)
+    network = new_network(object_class).eval()
+    augment = Augmentation() if object_class.mirror else replace(Augmentation(), flip=0.0)
+
+    def work(chunk: int) -> None:
+        examples = studio_examples(studio, seed, range(chunk * CHUNK, (chunk + 1) * CHUNK))
+        kept: dict[str, torch.Tensor] = dict(vars(examples)) if chunk < PIXEL_CHUNKS else {}
+        torch.manual_seed(seed * 2**20 + chunk)
+        features = []
+        for number in range(PASSES):
+            batch = augment(examples, np.random.default_rng([seed, chunk, number]))
+            coarse = torch.cat([coarse_features(network, part) for part in batch.images.split(32)])
+            features.append({"coarse": coarse, **vars(Targets.of(batch))})
+        for name in features[0]:
+            kept[f"features.{name}"] = torch.cat([each[name] for each in features])
+        with atomic_write(chunk_path(Path(folder), chunk)) as temporary:
+            save_file({name: value.contiguous() for name, value in kept.items()}, temporary)
+
+    return work
+
+
+@torch.inference_mode()
+def coarse_features(network: RecognitionNetwork, images: torch.Tensor) -> torch.Tensor:
+    """Of the trunk's last stage, (N, C, 10, 10) float16, for images (N, 3, 150, 150)."""
+    with bfloat16(images.device):
+        maps = network.stem(images * 2 - 1)
+        for stage in network.stages:
+            maps = stage(maps)
+    features: torch.Tensor = maps.half()
+    return features
+
+
+def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:
+    path = chunk_path(folder, chunk)
+    with reading(path, "images of a training", "Remove it: it is made again."):
+        tensors, _ = read_tensors(path, "pt")
+    return tensors
+
+
+def read_features(folder: Path, chunks: Sequence[int]) -> Features:
+    """The features of files of images."""
+    columns: dict[str, list[torch.Tensor]] = {}
+    for chunk in chunks:
+        for name, value in _read(folder, chunk).items():
+            if name.startswith("features."):
+                columns.setdefault(name.removeprefix("features."), []).append(value)
+    joined = {name: torch.cat(values) for name, values in columns.items()}
+    return Features(joined.pop("coarse"), Targets(**joined))
+
+
+def read_images(folder: Path, chunks: Sequence[int]) -> Examples:
+    """The images of files that keep them."""
+    parts = []
+    for chunk in chunks:
+        tensors = _read(folder, chunk)
+        parts.append(Examples(**{k: v for k, v in tensors.items() if not k.startswith("features.")}))
+    return Examples.joined(parts)
+
+
+# -- heads ------------------------------------------------------------------------------------------------
+
+
+DenseOutputs = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
+
+
+class _DenseHeads(nn.Module):
+    """The network's dense layer and heads, with normalisation that becomes part of the layer at the end."""
+
+    def __init__(self, network: RecognitionNetwork):
+        super().__init__()
+        self.squeeze, self.dropout = network.dense[0], network.dense[4]
+        self.linear: nn.Linear = network.dense[2]  # type: ignore[assignment]
+        self.normalise = nn.BatchNorm1d(network.settings.features)
+        self.azimuth, self.numbers, self.others = network.azimuth, network.numbers, network.others
+
+    def forward(self, coarse: torch.Tensor) -> DenseOutputs:
+        """azimuth logits, mean, log variance, roll and presence; see `vig.recognition.network.Heads`."""
+        read = self.dropout(self.squeeze(coarse).flatten(1))
+        features = self.dropout(torch.relu(self.normalise(self.linear(read))))
+        mean, log_variance = self.numbers(features).chunk(2, dim=1)
+        roll, presence = self.others(features).unbind(1)
+        return self.azimuth(features), mean, log_variance.clamp(-8.0, 4.0), roll, presence
+
+
+def train_dense(
+    network: RecognitionNetwork,
+    features: Features,
+    symmetry: Symmetry,
+    seed: int,
+    epochs: int = EPOCHS,
+    advance: Callable[[int], None] = lambda steps: None,
+) -> Scale:
+    """Train the dense heads on features, in place; returns the targets' scale.
+
+    advance: is called with 1 for each step.
+    """
+    targets, count = features.targets, len(features.coarse)
+    numbers = targets.numbers[targets.present > 0]
+    scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
+    torch.manual_seed(seed)
+    for layer in (network.dense[2], network.azimuth, network.numbers, network.others):
+        assert isinstance(layer, nn.Linear)
+        layer.reset_parameters()
+    heads = _DenseHeads(network).train()
+    optimizer = torch.optim.AdamW(heads.parameters(), LEARNING_RATE, weight_decay=FEATURE_DECAY, fused=True)
+    batch = min(FEATURE_BATCH, count)
+    steps = count // batch
+    rate = Schedule(LEARNING_RATE, epochs * steps)
+    for epoch in range(epochs):
+        order = torch.from_numpy(np.random.default_rng([seed, epoch, 3]).permutation(count))
+        for step, chosen in enumerate(order[: steps * batch].split(batch)):
+            part = targets[chosen]
+            part = replace(part, numbers=(part.numbers - scale["mean"]) / scale["deviation"])
+            outputs: DenseOutputs = heads(features.coarse[chosen].float())
+            parts = dense_losses(*outputs, part, symmetry)
+            optimizer.zero_grad()
+            torch.stack([LOSS_WEIGHTS[name] * loss for name, loss in parts.items()]).sum().backward()
+            for group in optimizer.param_groups:
+                group["lr"] = rate(epoch * steps + step)
+            optimizer.step()
+            advance(1)
+    heads.eval()
+    network.dense[2] = fuse_linear_bn_eval(heads.linear, heads.normalise)
+    return scale
+
+
+def dense_step_count(images: int, epochs: int = EPOCHS) -> int:
+    """Steps that `train_dense` takes on so many images."""
+    rows = PASSES * images
+    return epochs * (rows // min(FEATURE_BATCH, rows))
+
+
+# -- the mask's decoder -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DecoderTraining:
+    """Steps of training the mask's decoder on images, all else staying as it is.
+
+    Attributes:
+        network: It is trained in place.
+        examples: Images.
+        mirror: Whether images may be mirrored.
+        seed: Of order and augmentation.
+    """
+
+    network: RecognitionNetwork
+    examples: Examples
+    mirror: bool
+    seed: int
+
+    def run(
+        self,
+        steps: int,
+        checkpoint: Path | None = None,
+        advance: Callable[[int], None] = lambda steps: None,
+    ) -> None:
+        """Train for so many steps; those that a checkpoint has are not done again."""
+        network = self.network.eval()
+        parts = [getattr(network, name) for name in DECODER_PARTS]
+        network.requires_grad_(False)
+        for part in parts:
+            part.train().requires_grad_(True)
+        optimizer = torch.optim.AdamW(
+            [parameter for part in parts for parameter in part.parameters()],
+            LEARNING_RATE,
+            weight_decay=2e-2,
+            fused=True,
+        )
+        run, done = f"decoder {steps} {self.seed} {len(self.examples)}", 0
+        if checkpoint is not None and checkpoint.exists():
+            done = int(load_checkpoint(checkpoint, {"network": network}, optimizer, run)["step"])
+        advance(done)
+        rate = Schedule(LEARNING_RATE, steps)
+        for step in range(done, steps):
+            for group in optimizer.param_groups:
+                group["lr"] = rate(step)
+            self._step(step, optimizer)
+            advance(1)
+            if checkpoint is not None and (step + 1) % CHECKPOINT_STEPS == 0:
+                state = {"run": run, "step": str(step + 1)}
+                save_checkpoint(checkpoint, {"network": network}, optimizer, state)
+        network.eval().requires_grad_(True)
+
+    def seconds_per_step(self) -> float:
+        """Measured on a copy's three steps."""
+        trial = replace(self, network=_copy(self.network))
+        trial.run(1)
+        begin = time.perf_counter()
+        trial.run(2)
+        return (time.perf_counter() - begin) / 2
+
+    def _step(self, step: int, optimizer: torch.optim.Optimizer) -> None:
+        rng = np.random.default_rng([self.seed, step, 4])
+        chosen = rng.choice(len(self.examples), min(DECODER_BATCH, len(self.examples)), replace=False)
+        torch.manual_seed(int(rng.integers(2**31)))
+        augment = Augmentation() if self.mirror else replace(Augmentation(), flip=0.0)
+        batch = augment(self.examples[torch.from_numpy(chosen)], rng)
+        with bfloat16(torch.device("cpu")):
+            logits = self.network(batch.images).mask
+        optimizer.zero_grad()
+        mask_loss(logits, batch.mask).backward()
+        optimizer.step()
+
+
+def _copy(network: RecognitionNetwork) -> RecognitionNetwork:
+    copied = RecognitionNetwork(network.settings)
+    copied.load_state_dict(network.state_dict())
+    return copied.to(memory_format=torch.channels_last)  # type: ignore[call-overload]

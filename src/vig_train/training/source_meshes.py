@@ -1,0 +1,264 @@
+"""The user's own meshes of a class, with their materials, as the studio draws them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import save_file
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+from vig.io.checks import check_indices, read_tensors, reading
+from vig.io.files import atomic_write
+from vig.scene import ObjectClass
+from vig.scene.light import COSINE_LOBE, sh_basis
+from vig_world.assets.coats import DIELECTRIC, TEXTURES, any_colour, stock_texture
+from vig_world.assets.own.load import MeshPiece
+from vig_world.assets.own.simplify import simplified
+from vig_world.mesh import face_normals
+from vig_world.raster.rasterize import rasterize
+from vig_world.raster.view import View
+from vig_world.renderers.coated import Appearance, Mirrored
+
+FILE = "meshes.safetensors"
+"""Of a pack's build folder."""
+MOST_FACES = 20_000
+"""Of a mesh; one of more is simplified."""
+CREASE_COSINE = 0.77
+"""Faces that meet at a sharper angle, 40 degrees, keep an edge in their shading."""
+NEIGHBOURS = 4
+"""Vertices of the template by which a vertex of a mesh is moved."""
+DARK = 0.06
+"""Albedo up to which a material counts as dark, such as tyres and windows: it mostly stays dark."""
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMesh:
+    """A mesh as its file has it, in the class's frame.
+
+    Attributes:
+        vertices: (V, 3) float32, metres.
+        faces: (F, 3) int32.
+        uv: (V, 2) float32.
+        material: (F,) int32, into textures.
+        textures: (h, w, 3) float32 linear albedo each.
+        opacity: Of each texture; below 1 for glass.
+        registered: (T, 3) float32, the class's template as it lies on the mesh.
+        split: The only split that shows it.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    material: np.ndarray
+    textures: tuple[np.ndarray, ...]
+    opacity: tuple[float, ...]
+    registered: np.ndarray
+    split: str
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normals (F, 3, 3) of the faces' corners; see `corner_normals`."""
+        return corner_normals(self.vertices, self.faces).astype(np.float32)
+
+    @cached_property
+    def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, NEIGHBOURS) of the template near each vertex, and their weights, which add up to 1."""
+        distance, index = cKDTree(self.registered).query(self.vertices, NEIGHBOURS)
+        weight = 1 / (distance + 1e-3 * np.ptp(self.registered, axis=0).max()) ** 2
+        return index, (weight / weight.sum(1, keepdims=True)).astype(np.float32)
+
+    def moved(self, template: np.ndarray) -> np.ndarray:
+        """Vertices (V, 3) as the template moves from where it lies on the mesh to `template` (T, 3)."""
+        index, weight = self._neighbours
+        move = (template - self.registered).astype(np.float32)
+        return self.vertices + np.einsum("vk,vkd->vd", weight, move[index])
+
+    @staticmethod
+    def of(
+        pieces: Sequence[MeshPiece],
+        linear: np.ndarray,
+        offset: np.ndarray,
+        registered: np.ndarray,
+        split: str,
+    ) -> SourceMesh:
+        """Of a file's pieces, moved by a linear map (3, 3) and an offset (3,)."""
+        pieces = simplified(list(pieces), MOST_FACES)
+        starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces])
+        return SourceMesh(
+            np.concatenate([p.vertices @ linear.T + offset for p in pieces]).astype(np.float32),
+            np.concatenate([p.faces + s for p, s in zip(pieces, starts, strict=False)]).astype(np.int32),
+            np.concatenate([p.uv for p in pieces]).astype(np.float32),
+            np.repeat(np.arange(len(pieces)), [len(p.faces) for p in pieces]).astype(np.int32),
+            tuple(piece.texture for piece in pieces),
+            tuple(piece.opacity for piece in pieces),
+            registered.astype(np.float32),
+            split,
+        )
+
+
+def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals (F, 3, 3) of the faces' corners, smooth but across creases, whatever the winding.
+
+    The mean of the normals, weighted by area, of all faces at a corner that meet the corner's own face at
+    less than the crease angle; a face that is wound the other way counts with its normal turned round.
+    """
+    _, place = np.unique(
+        np.round(vertices / np.ptp(vertices, axis=0).max() * 1e5).astype(np.int64),
+        axis=0,
+        return_inverse=True,
+    )
+    own = face_normals(vertices.astype(np.float64), faces)
+    unit = own / np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300)
+    corner = place.ravel()[faces].ravel()
+    count = len(corner)
+    incidence = csr_matrix((np.ones(count), (np.arange(count), corner)), (count, int(corner.max()) + 1))
+    pairs = (incidence @ incidence.T).tocoo()
+    mine, other = pairs.row // 3, pairs.col // 3
+    cosine = np.einsum("nk,nk->n", unit[mine], unit[other])
+    smooth = np.abs(cosine) > CREASE_COSINE
+    weight = np.sign(cosine[smooth])
+    sums = csr_matrix((weight, (pairs.row[smooth], other[smooth])), (count, len(faces))) @ own
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.where(length > 0, sums / np.maximum(length, 1e-300), np.repeat(unit, 3, axis=0)).reshape(
+        -1, 3, 3
+    )
+
+
+@dataclass(frozen=True)
+class Paint:
+    """The materials of a mesh as one image shows them: textures, gloss of each, and whether it is drawn."""
+
+    textures: list[np.ndarray]
+    gloss: np.ndarray
+    roughness: np.ndarray
+    drawn: np.ndarray
+
+
+def draw_paint(rng: np.random.Generator, mesh: SourceMesh, own: float) -> Paint:
+    """Materials of a mesh, a share `own` of the time as the file has them, else in other colours."""
+    count = len(mesh.textures)
+    textures, gloss, drawn = [], np.zeros(count), np.ones(count, bool)
+    keep = rng.random() < own
+    changed = 0.0 if keep else rng.choice([0.3, 0.6, 0.9])
+    tint = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.1, 3))
+    clear = rng.random() < 0.3
+    shiny = rng.random()
+    for number, texture in enumerate(mesh.textures):
+        mean = texture.mean((0, 1))
+        dark = mean.max() < DARK
+        flat = texture.size == 3
+        texture = texture * tint
+        if mesh.opacity[number] < 0.9:
+            drawn[number] = not clear
+            texture = np.full((1, 1, 3), np.exp(rng.uniform(np.log(0.01), np.log(0.15))), np.float32)
+            gloss[number] = rng.uniform(0.5, 2.0)
+        else:
+            if rng.random() < (0.15 * (changed > 0) if dark else changed):
+                if flat:
+                    colour = (
+                        any_colour(rng) if rng.random() < 0.9 else stock_texture(int(rng.integers(TEXTURES)))
+                    )
+                    texture = np.broadcast_to(colour, (1, 1, 3)) if colour.ndim == 1 else colour
+                else:
+                    texture = texture[..., rng.permutation(3)] * np.exp(rng.normal(0, 0.3, 3))
+            gloss[number] = rng.choice([0.0, 0.5, 1.0]) if rng.random() < 0.5 else shiny
+        textures.append(np.clip(texture, 0.004, 0.95).astype(np.float32))
+    if not drawn.any():
+        drawn[:] = True
+    return Paint(textures, gloss, np.exp(rng.uniform(np.log(0.02), np.log(0.4), count)), drawn)
+
+
+def appearance(
+    mesh: SourceMesh, vertices: np.ndarray, paint: Paint, light: np.ndarray, view: View, mirrored: Mirrored
+) -> Appearance:
+    """How a mesh looks at vertices (V, 3), lit by spherical harmonics (9,) in the world's frame."""
+    shown = paint.drawn[mesh.material]
+    faces, material = mesh.faces[shown], mesh.material[shown]
+    fragments = rasterize(vertices, faces, view.rotation, view.translation, view.camera)
+    on = fragments.face >= 0
+    face, weights = fragments.face[on], fragments.barycentric[on]
+    corners = faces[face]
+    point = np.einsum("nk,nkd->nd", weights, vertices[corners])
+    normal = np.einsum("nk,nkd->nd", weights, mesh.normals[shown][face])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    towards = view.eye - point
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    facing = np.einsum("nk,nk->n", normal, towards)
+    normal = np.where(facing[:, None] < 0, -normal, normal)
+    facing = np.abs(facing)
+    uv = np.einsum("nk,nkd->nd", weights, mesh.uv[corners])
+    albedo = np.empty((len(face), 3), np.float32)
+    of_face = material[face]
+    for number, texture in enumerate(paint.textures):
+        mine = of_face == number
+        height, width = texture.shape[:2]
+        u, v = uv[mine, 0], 1 - uv[mine, 1]
+        albedo[mine] = texture[
+            np.floor(v * height).astype(int) % height, np.floor(u * width).astype(int) % width
+        ]
+    import torch
+
+    lobes = sh_basis(torch.from_numpy(normal)).numpy() * np.asarray(COSINE_LOBE)
+    colour = albedo * np.maximum(lobes @ light, 0)[:, None]
+    radiance = np.empty_like(colour)
+    for number in np.unique(of_face):
+        mine = of_face == number
+        radiance[mine] = mirrored(
+            2 * facing[mine, None] * normal[mine] - towards[mine], float(paint.roughness[number])
+        )
+    graze = 1 - facing[:, None]
+    fresnel = DIELECTRIC + (1 - DIELECTRIC) * graze**5
+    gloss = paint.gloss[of_face][:, None]
+    colour = colour * (1 - 0.5 * fresnel * (gloss > 0)) + gloss * fresnel * radiance
+    return Appearance(on, colour, normal, albedo)
+
+
+def save(path: Path, meshes: Sequence[SourceMesh]) -> None:
+    """Write meshes."""
+    tensors: dict[str, np.ndarray] = {}
+    for number, mesh in enumerate(meshes):
+        for name in _ARRAYS:
+            tensors[f"{number}.{name}"] = getattr(mesh, name)
+        tensors[f"{number}.opacity"] = np.array(mesh.opacity, np.float32)
+        for index, texture in enumerate(mesh.textures):
+            tensors[f"{number}.texture.{index}"] = np.ascontiguousarray(texture, np.float16)
+    metadata = {"splits": json.dumps([mesh.split for mesh in meshes])}
+    with atomic_write(path) as temporary:
+        save_file({n: np.ascontiguousarray(value) for n, value in tensors.items()}, temporary, metadata)
+
+
+_ARRAYS = ("vertices", "faces", "uv", "material", "registered")
+
+
+@lru_cache(maxsize=4)
+def source_meshes_of(object_class: ObjectClass) -> tuple[SourceMesh, ...]:
+    """Read the meshes of a pack; none where it has none.
+
+    Raises:
+        UserError: They are damaged.
+    """
+    path = None if object_class.folder is None else object_class.folder / "build" / FILE
+    if path is None or not path.exists():
+        return ()
+    meshes = []
+    with reading(path, "the meshes of a class", "Build it again."):
+        tensors, metadata = read_tensors(path)
+        for number, split in enumerate(json.loads(metadata["splits"])):
+            own = {n.split(".", 1)[1]: v for n, v in tensors.items() if n.startswith(f"{number}.")}
+            check_indices("faces", own["faces"], len(own["vertices"]))
+            count = len(own["opacity"])
+            check_indices("material", own["material"], count)
+            textures = tuple(own[f"texture.{index}"].astype(np.float32) for index in range(count))
+            vertices, faces, uv, material, registered = (own[name] for name in _ARRAYS)
+            meshes.append(
+                SourceMesh(
+                    vertices, faces, uv, material, textures, tuple(own["opacity"].tolist()), registered, split
+                )
+            )
+    return tuple(meshes)

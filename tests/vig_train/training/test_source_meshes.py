@@ -1,0 +1,147 @@
+"""Tests of the user's own meshes as the studio draws them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.toys import toy
+from vig.io.errors import UserError
+from vig.scene import ObjectClass
+from vig_train.training.source_meshes import (
+    DARK,
+    FILE,
+    SourceMesh,
+    corner_normals,
+    draw_paint,
+    save,
+    source_meshes_of,
+)
+from vig_train.training.studio import Studio, StudioSettings
+from vig_world.assets.own.load import MeshPiece
+
+RED, BLACK = (0.7, 0.05, 0.05), (0.01, 0.01, 0.01)
+
+
+def piece(mesh: trimesh.Trimesh, colour: tuple[float, float, float], opacity: float = 1.0) -> MeshPiece:
+    uv = np.zeros((len(mesh.vertices), 2), np.float32)
+    texture = np.array(colour, np.float32)[None, None]
+    return MeshPiece(np.array(mesh.vertices), np.array(mesh.faces), uv, texture, opacity)
+
+
+def box(extents: tuple[float, float, float], at: tuple[float, float, float]) -> trimesh.Trimesh:
+    made = trimesh.creation.box(extents)
+    made.apply_translation(at)
+    return made
+
+
+def two_boxes(template: np.ndarray, split: str = "train") -> SourceMesh:
+    """A red box with a black one as its front."""
+    pieces = [
+        piece(box((0.3, 0.2, 0.2), (-0.05, 0, 0.1)), RED),
+        piece(box((0.1, 0.2, 0.2), (0.15, 0, 0.1)), BLACK),
+    ]
+    return SourceMesh.of(pieces, np.eye(3), np.zeros(3), template, split)
+
+
+def test_normals_are_smooth_on_a_sphere_and_sharp_on_a_box() -> None:
+    sphere = trimesh.creation.icosphere(3)
+    vertices, faces = np.array(sphere.vertices), np.array(sphere.faces)
+    normals = corner_normals(vertices, faces)
+    assert np.abs(normals - vertices[faces]).max() < 0.03
+    cube = trimesh.creation.box()
+    flat = corner_normals(np.array(cube.vertices), np.array(cube.faces))
+    np.testing.assert_allclose(np.abs(flat).max(2), 1, atol=1e-9)
+    np.testing.assert_allclose(flat, np.repeat(cube.face_normals[:, None], 3, 1), atol=1e-9)
+
+
+def test_a_face_that_is_wound_the_other_way_does_not_turn_its_neighbours_normals() -> None:
+    sphere = trimesh.creation.icosphere(3)
+    vertices, faces = np.array(sphere.vertices), np.array(sphere.faces)
+    faces[::3] = faces[::3, ::-1]
+    normals = corner_normals(vertices, faces)
+    cosine = np.abs((normals * vertices[faces]).sum(2))
+    assert cosine.min() > 0.99
+
+
+def test_vertices_move_with_the_template() -> None:
+    template = np.array(box((0.4, 0.2, 0.2), (0, 0, 0.1)).vertices, np.float32)
+    mesh = two_boxes(template)
+    np.testing.assert_allclose(mesh.moved(template), mesh.vertices, atol=1e-7)
+    np.testing.assert_allclose(mesh.moved(template + [0.1, 0, 0]), mesh.vertices + [0.1, 0, 0], atol=1e-6)
+    higher = mesh.moved(template * [1, 1, 1.5])
+    assert np.ptp(higher[:, 2]) == pytest.approx(0.3, rel=0.02)
+
+
+def test_dark_materials_mostly_stay_dark_and_others_change() -> None:
+    mesh = two_boxes(np.zeros((4, 3), np.float32) + np.eye(4, 3, dtype=np.float32))
+    paints = [draw_paint(np.random.default_rng(seed), mesh, own=0.0) for seed in range(200)]
+    dark = np.mean([paint.textures[1].max() < 2 * DARK for paint in paints])
+    hues = np.array([paint.textures[0].mean((0, 1)) for paint in paints])
+    assert 0.8 < dark < 0.99
+    assert (hues[:, 1] > hues[:, 0]).mean() > 0.15, "not red in many"
+    own = [
+        draw_paint(np.random.default_rng(seed), mesh, own=1.0).textures[0].mean((0, 1)) for seed in range(50)
+    ]
+    assert all(colour[0] > 3 * colour[1] for colour in own)
+
+
+def test_glass_is_dark_or_lets_the_inside_be_seen() -> None:
+    pieces = [piece(box((1, 1, 1), (0, 0, 0)), RED), piece(box((2, 2, 2), (0, 0, 0)), (0.5, 0.5, 0.5), 0.3)]
+    mesh = SourceMesh.of(pieces, np.eye(3), np.zeros(3), np.eye(4, 3), "train")
+    paints = [draw_paint(np.random.default_rng(seed), mesh, own=0.5) for seed in range(100)]
+    drawn = np.array([paint.drawn for paint in paints])
+    assert drawn[:, 0].all() and 0.5 < drawn[:, 1].mean() < 0.9
+    assert all(paint.textures[1].max() <= 0.15 for paint in paints)
+
+
+@pytest.fixture
+def pack(tmp_path: Path) -> ObjectClass:
+    """A pack of boxes whose front is black, and of a mesh that is for the test."""
+    object_class = toy("fin")
+    object_class.save(tmp_path)
+    template = object_class.shape_model.mean
+    save(tmp_path / "build" / FILE, [two_boxes(template), two_boxes(template, "test")])
+    return ObjectClass.load(tmp_path)
+
+
+def test_a_pack_gives_its_meshes_back(pack: ObjectClass) -> None:
+    first, second = source_meshes_of(pack)
+    expected = two_boxes(pack.shape_model.mean)
+    for name in ("vertices", "faces", "uv", "material", "registered"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(expected, name))
+    np.testing.assert_allclose(first.textures[0], expected.textures[0], rtol=1e-3)
+    assert (first.split, second.split) == ("train", "test")
+    assert source_meshes_of(replace(pack, folder=None)) == ()
+
+
+def test_damaged_meshes_are_refused_in_one_line(pack: ObjectClass) -> None:
+    assert pack.folder is not None
+    (pack.folder / "build" / FILE).write_bytes(b"none")
+    source_meshes_of.cache_clear()
+    with pytest.raises(UserError, match="expected the meshes of a class"):
+        source_meshes_of(pack)
+
+
+def test_the_studio_draws_the_meshes_of_its_split_with_their_colours(pack: ObjectClass) -> None:
+    """Seen from the front all is black, seen from behind red."""
+    settings = StudioSettings(
+        source=1.0, own_colours=1.0, occluded=0.0, absent=0.0, small=0.0, rolled=0.0, level=1.0
+    )
+    studio = Studio(pack, settings)
+    assert len(studio.source_meshes) == 1 and len(Studio(pack, settings, "validation").source_meshes) == 0
+    sides: dict[bool, list[float]] = {True: [], False: []}
+    for index in range(60):
+        drawn = studio.draw(0, index)
+        azimuth = float(drawn.latents[pack.shape_model.modes])
+        seen = drawn.image[drawn.visible > 250].astype(float)
+        towards = np.cos(azimuth + np.pi / 2)  # +X towards the eye at azimuth 270 degrees
+        if abs(towards) > 0.95 and len(seen):
+            sides[bool(towards > 0)].append(float(np.median(seen[:, 0] - seen[:, 1])))
+    assert sides[True] and sides[False]
+    near, away = np.median(sides[True]), np.median(sides[False])
+    assert abs(near - away) > 20
