@@ -140,8 +140,6 @@ class Recognizer:
     network: Any
     symmetry, mirror = Symmetry.NONE, True
     """Of the class; without mirror symmetry photos are not flipped."""
-    quick = False
-    """Whether the weights are those that `vig class build` made within two minutes."""
 
     def __init__(self, path: Path):
         pack = path.parent
@@ -155,7 +153,6 @@ class Recognizer:
             if (version := metadata.get("format", "1")) != FORMAT:
                 raise ValueError(f"it is of format {version[:40]}, where this vig reads {FORMAT}")
             tensors = with_shared_trunk(tensors, metadata)
-            self.quick = metadata.get("quick") == "yes"
             self._read(settings, tensors)
             numbers = regressed_layout(self.network.settings.modes).size
             self.calibration = NetworkCalibration.of(tensors, numbers)

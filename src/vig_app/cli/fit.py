@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from safetensors import SafetensorError, safe_open
 
 from vig import __version__
 from vig.inference import ExplainSettings
@@ -63,6 +64,9 @@ def fit(settings: FitCommand) -> int:
         photos = photos_of(settings.images, settings.out)
     boxes = boxes_of(settings, photos)
     object_class, further_classes = classes_of(settings)
+    for name in (object_class, *further_classes):
+        if not settings.quiet and is_quick(Path(name)):
+            note(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)
@@ -125,6 +129,15 @@ def fit(settings: FitCommand) -> int:
             print(f"to look at: {page}")
         print(settings.out)
     return 0 if not failed else 1 if failed < len(rows) else 2
+
+
+def is_quick(pack: Path) -> bool:
+    """Whether the weights of a class pack are those that `vig class build` made within two minutes."""
+    try:
+        with safe_open(pack / "recognition.safetensors", "np") as weights:
+            return (weights.metadata() or {}).get("quick") == "yes"
+    except (OSError, SafetensorError):  # missing or damaged, which is said where they are read
+        return False
 
 
 def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:

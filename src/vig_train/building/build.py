@@ -87,6 +87,7 @@ class BuildSettings:
         drops: Numbers of meshes that are left out.
         vertices: Number of vertices of the template, about.
         places: Zones of rooms where such things stand, with relative frequencies.
+        materials: Whether colours and textures of the files are kept, for training.
     """
 
     name: str
@@ -99,6 +100,7 @@ class BuildSettings:
     drops: tuple[int, ...] = ()
     vertices: int = TEMPLATE_VERTICES
     places: dict[str, float] = field(default_factory=dict)
+    materials: bool = True
 
     def check(self) -> None:
         """Raise UserError when a setting is out of its range."""
@@ -473,7 +475,9 @@ class Builder:
         if refused:
             pairs = [pair for n in refused for pair in (self.mesh_in_frame(n), (registered[n], faces))]
             pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
-        self._save_source_meshes(registered, splits, scale)
+        (sheets / SOURCE_MESHES_FILE).unlink(missing_ok=True)
+        if self.settings.materials:
+            self._save_source_meshes(registered, splits, scale)
         pictures.save_component_sheet(sheets / "6-components.png", components, faces)
         pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
         result = BuildResult(
@@ -495,12 +499,18 @@ class Builder:
         return result
 
     def _save_source_meshes(self, registered: np.ndarray, splits: dict[int, Split], scale: float) -> None:
-        """Write the meshes with their materials, in metres, for the studio; refused ones are for training."""
+        """Write the meshes that have materials, in metres, for the studio; refused ones are for training."""
         meshes = []
         for number in self.used:
             linear, offset = self._frame(number)
             low = [0, 0, registered[number][:, 2].min()]
-            pieces = load(self.folder, self.folder / self.scans[number].name).pieces
+            loaded = load(self.folder, self.folder / self.scans[number].name)
+            pieces = loaded.pieces
+            if loaded.missing:
+                names = ", ".join(loaded.missing)
+                self.say(f"{self.scans[number].name}: {names} missing or unreadable; grey instead")
+            if len(pieces) == 1 and pieces[0].texture.size == 3:
+                continue  # of one colour, as of a format without any
             meshes.append(
                 SourceMesh.of(
                     pieces,
@@ -510,7 +520,9 @@ class Builder:
                     splits.get(number, "train"),
                 )
             )
-        save_source_meshes(self.out / "build" / SOURCE_MESHES_FILE, meshes)
+        if meshes:
+            self.say(f"{_counted(len(meshes), 'mesh')} with materials, which training shows")
+            save_source_meshes(self.out / "build" / SOURCE_MESHES_FILE, meshes)
 
     def _put_aside_weights(self, staged: Path) -> None:
         """Move weights that were trained on other shapes, and their calibration, to build/outdated."""

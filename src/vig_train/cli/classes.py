@@ -31,6 +31,7 @@ def build(settings: Build) -> int:
         settings.drop,
         settings.vertices,
         dict.fromkeys(settings.places, 1.0),
+        settings.materials,
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
     result = Builder(settings.folder, settings.out, build_settings, say).build()

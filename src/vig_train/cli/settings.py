@@ -45,6 +45,8 @@ class Build:
     places: tuple[str, ...] = ()
     """Zones of the generator's rooms where such things stand, such as floor for chairs; by default where
     tableware does."""
+    materials: bool = True
+    """Train with the colours and textures of the files: they tell front from back."""
     recognizer: bool = True
     """Train a quick recognizer at once, in two minutes, so that `vig fit --class PACK` works."""
     workers: int | None = None
@@ -96,6 +98,31 @@ class TrainClass:
     """Processes and threads; one per CPU by default."""
     json: bool = False
     """Print one JSON object at the end."""
+
+
+@dataclass(frozen=True)
+class CheckClass:
+    """Measure a class on your own labelled photos, and put the table on the pack's card.
+
+    labels.json is a list of objects: {"photo": "a.jpg", "box": [x, y, w, h], "azimuth_deg": 30,
+    "elevation_deg": 10, "silhouette": "a_outline.png", "shape": "estate"}, of which silhouette, shape, which
+    groups photos, and box may be left out. Azimuth 0 shows the front to the right, 90 to the eye.
+    """
+
+    pack: tyro.conf.Positional[str]
+    """A class pack's folder, or a packaged class."""
+    photos: tyro.conf.Positional[Path]
+    """Folder of the photos."""
+    labels: tyro.conf.Positional[Path | None] = None
+    """labels.json; by default that in the folder."""
+    find: bool = False
+    """Leave the boxes out: the object is to be found."""
+    tolerance: float = 15.0
+    """Error of azimuth, degrees, up to which a trusted view counts as right."""
+    workers: int | None = None
+    """Processes; one by default."""
+    json: bool = False
+    """Print one JSON object in place of the table."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,245 @@
+"""`vig class check`: a class on the user's own labelled photos."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from vig import Explainer
+from vig.explanation import Explanation
+from vig.io.checks import decode, read_json, reading
+from vig.io.errors import UserError
+from vig.io.files import atomic_write
+from vig.io.progress import Meter
+from vig.photo.masks import read_mask
+from vig.scene import ObjectClass, angle_difference
+from vig_train.cli.common import check_workers, check_writable
+from vig_train.cli.settings import CheckClass
+
+HEADING = "## On photographs"
+"""Heading of the card's section, which is replaced."""
+SIDE = 30.0
+"""Degrees about azimuths 0 and 180 that count as views from the right and the left."""
+
+
+class PhotoLabel(msgspec.Struct, frozen=True):
+    """What is true of a photo, as labels.json has it.
+
+    Attributes:
+        photo: File name within the folder.
+        azimuth_deg: Of the view, as elevation_deg.
+        box: x, y, width, height round the whole object, pixels; None where it is to be found.
+        silhouette: File of the object's whole outline, None where there is none.
+        shape: Group of photos that gets a row of its own.
+    """
+
+    photo: str
+    azimuth_deg: float
+    elevation_deg: float
+    box: tuple[float, float, float, float] | None = None
+    silhouette: str | None = None
+    shape: str = ""
+
+
+@dataclass(frozen=True)
+class PhotoErrors:
+    """Of one photo: degrees, IoU of the whole outline and of the visible pixels, the verdict; NaN where
+    nothing is labelled.
+    """
+
+    photo: str
+    shape: str
+    side: str
+    azimuth_deg: float
+    elevation_deg: float
+    outline_iou: float
+    visible_iou: float
+    verdict: str
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """A row of the table, of N photos. Balanced shares count views from each side alike."""
+
+    photos: str
+    count: int
+    azimuth_deg: float
+    within_15: float
+    within_30: float
+    balanced_15: float
+    balanced_30: float
+    turned: float
+    elevation_deg: float
+    outline_iou: float
+    visible_iou: float
+    trusted: int
+    trusted_right: float
+
+
+def check_class(settings: CheckClass) -> int:
+    """`vig class check`."""
+    object_class = ObjectClass.load(settings.pack)
+    labels = read_labels(settings.photos, settings.labels or settings.photos / "labels.json")
+    check_workers(settings.workers)
+    if not 0 < settings.tolerance <= 180:
+        raise UserError(f"expected --tolerance from 0 to 180 degrees; got {settings.tolerance:g}.")
+    if object_class.folder is None or object_class.folder.parent.name == "classes":
+        card = None  # a packaged class's is not the user's
+    else:
+        check_writable(object_class.folder)
+        card = object_class.folder / "card.md"
+    with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
+        errors = _errors(settings, object_class, labels)
+    groups = sorted({error.shape for error in errors if error.shape})
+    rows = [row_of("all", errors, settings.tolerance)]
+    rows += [row_of(g, [e for e in errors if e.shape == g], settings.tolerance) for g in groups]
+    table = table_of(rows, settings)
+    if card is not None:
+        old = card.read_text(encoding="utf-8") if card.exists() else f"# Class {object_class.name}\n"
+        with atomic_write(card) as temporary:
+            text = old.split(HEADING)[0].rstrip() + f"\n\n{HEADING}\n\n{table}\n"
+            temporary.write_text(text, encoding="utf-8")
+    print(json.dumps({"rows": [asdict(row) for row in rows]}, indent=2) if settings.json else table)
+    return 0
+
+
+def read_labels(folder: Path, path: Path) -> list[PhotoLabel]:
+    """Labels of photos in a folder. UserError when they are damaged, or name files that are not there."""
+    if not folder.is_dir():
+        raise UserError(f"expected a folder of photos; got '{folder}'.")
+    with reading(path, "labels of photos", "See `vig class check --help`."):
+        labels: list[PhotoLabel] = decode(list[PhotoLabel], read_json(path))
+    if not labels:
+        raise UserError(f"expected labels of one photo or more; '{path}' has none.")
+    for label in labels:
+        for name in (label.photo, label.silhouette):
+            if name is not None and not (folder / name).is_file():
+                raise UserError(f"expected '{name}' of '{path}' in '{folder}'; it is not there.")
+        if not -90 <= label.elevation_deg <= 90 or not np.isfinite(label.azimuth_deg):
+            raise UserError(
+                f"expected an elevation from -90 to 90 degrees and a finite azimuth of '{label.photo}' in"
+                f" '{path}'; got {label.elevation_deg:g} and {label.azimuth_deg:g}."
+            )
+    return labels
+
+
+def _errors(
+    settings: CheckClass, object_class: ObjectClass, labels: Sequence[PhotoLabel]
+) -> list[PhotoErrors]:
+    explainer = Explainer(object_class)
+    skipped: dict[int, UserError] = {}
+    boxes = [None if settings.find else label.box for label in labels]
+    errors = []
+    with Meter(len(labels), 0, unit="photos") as meter:
+        explanations = explainer.explain_many(
+            [settings.photos / label.photo for label in labels],
+            boxes,
+            workers=settings.workers or 1,
+            skip=skipped.__setitem__,
+        )
+        remaining = iter(enumerate(labels))
+        for explanation in explanations:
+            number, label = next(remaining)
+            while number in skipped:
+                number, label = next(remaining)
+            errors.append(errors_of(explanation, label, settings.photos, object_class))
+            meter.advance(1)
+    for number, error in skipped.items():
+        print(f"left out {labels[number].photo}: {error}", file=sys.stderr)
+    if not errors:
+        raise UserError(f"expected photos that can be explained in '{settings.photos}'; none can.")
+    return errors
+
+
+def errors_of(
+    explanation: Explanation, label: PhotoLabel, folder: Path, object_class: ObjectClass
+) -> PhotoErrors:
+    """How far an explanation is off."""
+    fold = object_class.symmetry.fold
+    turn = np.radians(explanation.azimuth_deg - label.azimuth_deg)
+    azimuth = np.degrees(abs(angle_difference(turn * fold, 0.0))) / fold if fold else np.nan
+    outline = visible = np.nan
+    if label.silhouette is not None:
+        truth = read_mask(folder / label.silhouette)
+        if truth.shape != explanation.mask.shape:
+            raise UserError(f"expected a silhouette as large as '{label.photo}'; got '{label.silhouette}'.")
+        outline = _iou(explanation.amodal | explanation.mask, truth)
+        visible = _iou(explanation.mask, truth)
+    side = "other"
+    for name, middle in (("right", 0.0), ("left", 180.0)):
+        if abs((label.azimuth_deg - middle + 180) % 360 - 180) <= SIDE:
+            side = name
+    return PhotoErrors(
+        label.photo,
+        label.shape,
+        side,
+        float(azimuth),
+        abs(explanation.elevation_deg - label.elevation_deg),
+        outline,
+        visible,
+        str(explanation.verdict),
+    )
+
+
+def _iou(a: np.ndarray, b: np.ndarray) -> float:
+    return float((a & b).sum() / max((a | b).sum(), 1))
+
+
+def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckRow:
+    """A row of the table. Where any turn looks the same a view is right by its elevation."""
+    azimuth = np.array([error.azimuth_deg for error in errors])
+    elevation = np.array([error.elevation_deg for error in errors])
+    view = np.where(np.isnan(azimuth), elevation, azimuth)
+    sides = np.array([error.side for error in errors])
+
+    def balanced(most: float) -> float:
+        return float(np.mean([(view[sides == side] <= most).mean() for side in np.unique(sides)]))
+
+    trusted = np.array([error.verdict == "trusted" for error in errors])
+    return CheckRow(
+        name,
+        len(errors),
+        float(np.median(azimuth)),
+        float((view <= 15).mean()),
+        float((view <= 30).mean()),
+        balanced(15),
+        balanced(30),
+        float((view > 150).mean()),
+        float(np.median(elevation)),
+        _median([error.outline_iou for error in errors]),
+        _median([error.visible_iou for error in errors]),
+        int(trusted.sum()),
+        float((view[trusted] <= tolerance).mean()) if trusted.any() else float("nan"),
+    )
+
+
+def _median(values: Sequence[float]) -> float:
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.median(known)) if known else float("nan")
+
+
+def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
+    """The table in Markdown, with a line on what it says."""
+    lines = [
+        f"Labelled photos, {'found by vig' if settings.find else 'with their boxes'}; a trusted view is right"
+        f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike.",
+        "",
+        "| photos | count | azimuth, median | within 15 / 30 | balanced | turned by more than 150 |"
+        " elevation | outline IoU | visible IoU | trusted | right |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        lines.append(
+            f"| {row.photos} | {row.count} | {row.azimuth_deg:.1f} | {row.within_15:.2f} /"
+            f" {row.within_30:.2f} | {row.balanced_15:.2f} / {row.balanced_30:.2f} | {row.turned:.2f} |"
+            f" {row.elevation_deg:.1f} | {row.outline_iou:.2f} | {row.visible_iou:.2f} | {row.trusted} |"
+            f" {row.trusted_right:.2f} |"
+        )
+    return "\n".join(lines).replace("nan", "-")

@@ -1,0 +1,144 @@
+"""`vig class check`: errors on labelled photos."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import vig
+from vig.io.errors import UserError
+from vig.scene.object_class import PACKAGED
+from vig_train.cli.class_check import (
+    HEADING,
+    PhotoErrors,
+    check_class,
+    read_labels,
+    row_of,
+)
+from vig_train.cli.settings import CheckClass
+
+
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, object]]]:
+    """A packaged example twice, labelled as vig explains it, but for a view that is turned round."""
+    folder = tmp_path_factory.mktemp("photos")
+    example = sorted((Path(vig.__file__).parents[1] / "vig_app" / "examples").glob("*.jpg"))[0]
+    Image.open(example).save(folder / "a.png")
+    Image.open(example).save(folder / "b.png")
+    height, width = np.asarray(Image.open(example)).shape[:2]
+    found = vig.Explainer("teapot").explain(folder / "a.png", box=(0, 0, width, height))
+    Image.fromarray((found.amodal | found.mask).astype(np.uint8) * 255).save(folder / "outline.png")
+    label: dict[str, object] = {
+        "photo": "a.png",
+        "box": [0, 0, width, height],
+        "azimuth_deg": found.azimuth_deg,
+        "elevation_deg": found.elevation_deg,
+        "silhouette": "outline.png",
+        "shape": "plain",
+        "object": 7,
+    }
+    turned = label | {"photo": "b.png", "azimuth_deg": found.azimuth_deg + 170, "shape": "turned"}
+    (folder / "labels.json").write_text(json.dumps([label, turned]))
+    return folder, [label, turned]
+
+
+def test_errors_are_those_of_the_labels(
+    labelled: tuple[Path, list[dict[str, object]]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (PACKAGED / "teapot" / "card.md").read_bytes()
+    assert check_class(CheckClass("teapot", labelled[0], json=True)) == 0
+    rows = {row["photos"]: row for row in json.loads(capsys.readouterr().out)["rows"]}
+    assert rows["plain"]["azimuth_deg"] == pytest.approx(0, abs=1e-3)
+    assert rows["plain"]["outline_iou"] == 1 and rows["plain"]["elevation_deg"] == pytest.approx(0, abs=1e-3)
+    assert rows["turned"]["azimuth_deg"] == pytest.approx(170, abs=1e-3)
+    assert (rows["all"]["count"], rows["all"]["within_15"], rows["all"]["turned"]) == (2, 0.5, 0.5)
+    assert (PACKAGED / "teapot" / "card.md").read_bytes() == before, "a packaged card is not the user's"
+
+
+def test_the_card_of_a_pack_gets_the_table_once(
+    labelled: tuple[Path, list[dict[str, object]]],
+    small_pack: Callable[[], Path],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pack = small_pack()
+    for _ in range(2):
+        check_class(CheckClass(str(pack), labelled[0]))
+    text = (pack / "card.md").read_text()
+    assert text.count(HEADING) == 1 and "| all | 2 |" in text
+    assert "| all | 2 |" in capsys.readouterr().out
+
+
+@pytest.fixture
+def small_pack(tmp_path: Path) -> Callable[[], Path]:
+    def made() -> Path:
+        pack = tmp_path / "pack"
+        pack.mkdir()
+        for file in (PACKAGED / "teapot").iterdir():
+            (pack / file.name).write_bytes(file.read_bytes())
+        return pack
+
+    return made
+
+
+def photo_errors(azimuth: float, side: str, verdict: str = "ambiguous") -> PhotoErrors:
+    return PhotoErrors("a", "", side, azimuth, 1.0, 0.9, 0.8, verdict)
+
+
+def test_balanced_shares_count_each_side_alike() -> None:
+    errors = [photo_errors(5, "right")] * 8 + [
+        photo_errors(40, "left"),
+        photo_errors(160, "other", "trusted"),
+    ]
+    row = row_of("all", errors, 15)
+    assert (row.within_15, row.within_30, row.turned) == (0.8, 0.8, 0.1)
+    assert row.balanced_15 == pytest.approx(1 / 3)
+    assert (row.trusted, row.trusted_right) == (1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"photo": "no.png"}, "expected 'no.png' of"),
+        ({"silhouette": "no.png"}, "expected 'no.png' of"),
+        ({"elevation_deg": 100}, "elevation from -90 to 90"),
+        ({"azimuth_deg": "left"}, "azimuth_deg"),
+        ({"box": [1, 2, 3]}, "box"),
+    ],
+)
+def test_labels_that_do_not_fit_get_one_line(
+    labelled: tuple[Path, list[dict[str, object]]], change: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    folder, labels = labelled
+    path = tmp_path / "labels.json"
+    path.write_text(json.dumps([labels[0] | change]))
+    with pytest.raises(UserError, match=said):
+        read_labels(folder, path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("[]", "one photo or more"), ("{", "labels of photos"), ("{}", "labels")]
+)
+def test_a_file_without_labels_gets_one_line(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "labels.json"
+    path.write_text(text)
+    with pytest.raises(UserError, match=said):
+        read_labels(tmp_path, path)
+    with pytest.raises(UserError, match="expected a folder of photos"):
+        read_labels(tmp_path / "none", path)
+
+
+def test_a_silhouette_of_another_size_gets_one_line(
+    labelled: tuple[Path, list[dict[str, object]]], tmp_path: Path
+) -> None:
+    folder, labels = labelled
+    for name in ("a.png",):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    Image.new("L", (10, 10), 255).save(tmp_path / "small.png")
+    (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}]))
+    with pytest.raises(UserError, match="a silhouette as large as 'a.png'"):
+        check_class(CheckClass("teapot", tmp_path))
