@@ -13,10 +13,11 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from vig import __version__
@@ -26,13 +27,15 @@ from vig.io.checks import decode, read_json, reading
 from vig.io.files import atomic_write
 from vig.io.machine import machine
 from vig.io.progress import Meter
+from vig.parallel import map_in_processes
 from vig.recognition import Recognizer
-from vig.recognition.network import shared_trunk
+from vig.recognition.network import Heads, shared_trunk
 from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
 from vig_train.evaluation.studio import studio_errors
-from vig_train.plots import calibrate_and_plot
+from vig_train.plots import describe_calibration, plot_reliability
 from vig_train.record import Record, read_record
+from vig_train.training.calibration import learn_calibration, write_calibration
 from vig_train.training.checkpoint import save_weights
 from vig_train.training.class_network import (
     CHUNK,
@@ -46,6 +49,9 @@ from vig_train.training.class_network import (
     read_images,
     train_dense,
 )
+from vig_train.training.examples import Examples
+from vig_train.training.studio import Studio
+from vig_world.dataset.spec import Split
 
 WEIGHTS_FILE = "recognition.safetensors"
 RELIABILITY_FILE = "reliability.png"
@@ -57,12 +63,17 @@ QUICK_CHUNKS = 16
 QUICK_DECODER_STEPS = 60
 QUICK_PHOTOS = 160
 """Photos on which the quick recognizer is calibrated; it is not tested."""
-PHOTOS = 400
-"""Photos of the studio to calibrate on, about half of them without the object, and half as many again to
-measure errors on."""
-IMAGE_SHARE = 0.5
+PHOTOS = 640
+"""Photos of the studio to calibrate on, about half of them without the object."""
+TEST_PHOTOS = 400
+"""Photos, likewise, to measure errors on."""
+FOLDS = 4
+"""Of cross-validation: as many networks, each trained without every fourth mesh, calibrate and test."""
+FOLD_EPOCHS = 10
+"""Passes over the features for each of these."""
+IMAGE_SHARE = 0.55
 """Of the time, for drawing images."""
-DECODER_SHARE = 0.17
+DECODER_SHARE = 0.15
 """Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
 MOST_CHUNKS = 480
 """61,440 images: their features take 2.7 GB of memory."""
@@ -206,37 +217,71 @@ class ClassTraining:
         with Meter(CHUNK * len(chunks), 0, unit="images") as meter:
             draw_chunks(self.object_class, self.images, chunks, self.seed, self.workers, meter.advance)
 
+    @property
+    def folds(self) -> int:
+        """Of cross-validation; 1, none, where objects are drawn after fewer than two meshes or designs."""
+        models = len(Studio(self.object_class).models)
+        return 1 if models < 2 else min(FOLDS, models)
+
+    def _weights(self, fold: int | None = None) -> Path:
+        """Of the network, or of that of a fold."""
+        return self.run_folder / (WEIGHTS_FILE if fold is None else f"fold-{fold}.safetensors")
+
     def _train(self) -> None:
-        plan, object_class = self.plan(), self.object_class
-        chunks = range(plan.chunks)
-        images = CHUNK * len(chunks)
-        network = new_network(object_class)
-        with (
-            self._threads(),
-            Meter(dense_step_count(images, plan.epochs) + plan.decoder_steps, 0, unit="steps") as meter,
-        ):
-            features = read_features(self.images, chunks)
-            scale = train_dense(
-                network, features, object_class.symmetry, self.seed, plan.epochs, meter.advance
-            )
+        plan, symmetry, folds = self.plan(), self.object_class.symmetry, self.folds
+        images = CHUNK * plan.chunks
+        fold_epochs = min(FOLD_EPOCHS, plan.epochs) if folds > 1 else 0
+        steps = dense_step_count(images, plan.epochs + fold_epochs * (folds - 1)) + plan.decoder_steps
+        with self._threads(), Meter(steps, 0, unit="steps") as meter:
+            features = read_features(self.images, range(plan.chunks))
+            network = new_network(self.object_class)
+            scale = train_dense(network, features, symmetry, self.seed, plan.epochs, meter.advance)
+            for fold in range(folds) if folds > 1 else ():
+                of_others = features[torch.nonzero(features.model % folds != fold)[:, 0]]
+                part = new_network(self.object_class)
+                scale_of_part = train_dense(part, of_others, symmetry, self.seed, fold_epochs, meter.advance)
+                save_weights(part, scale_of_part, self._weights(fold), shared_trunk=True)
             del features
             examples = read_images(self.images, range(min(plan.chunks, PIXEL_CHUNKS)))
-            decoder = DecoderTraining(network, examples, object_class.mirror, self.seed)
+            decoder = DecoderTraining(network, examples, self.object_class.mirror, self.seed)
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
         quick = {"quick": "yes"} if self.quick else {}
-        save_weights(network, scale, self.run_folder / WEIGHTS_FILE, shared_trunk=True, more=quick)
+        save_weights(network, scale, self._weights(), shared_trunk=True, more=quick)
+
+    def _recognizers(self) -> list[Recognizer]:
+        """One for each fold, which has not seen its meshes; the network itself where there are no folds."""
+        whole = Recognizer.of_class(self.object_class, self._weights())
+        if self.folds == 1:
+            return [whole]
+        parts = [FoldRecognizer.of_class(self.object_class, self._weights(k)) for k in range(self.folds)]
+        for part in parts:
+            part.whole = whole
+        return list(parts)
+
+    def _photos(self, split: Split, count: int, seed: int) -> list[tuple[StudioPhotos, Examples]]:
+        """Photos of each fold of the training's meshes, or of a split of held-out designs."""
+        folds = self.folds if split == "train" else 1
+        items = [(split, count // folds, seed, (k, folds) if folds > 1 else None) for k in range(folds)]
+        drawn = map_in_processes(_photo_drawer, self.pack, items, min(self.workers, folds))
+        return [
+            (photos, Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}))
+            for photos, arrays in drawn
+        ]
 
     def _calibrate(self) -> None:
-        count = QUICK_PHOTOS if self.quick else PHOTOS
-        weights = self.run_folder / WEIGHTS_FILE
-        photos, examples = StudioPhotos.draw(self.object_class, "validation", count, CALIBRATION_SEED)
-        calibrate_and_plot(weights, [], self.say, [examples], self.object_class)
-        recognizer = Recognizer.of_class(self.object_class, weights)
-        with Meter(fit_count(photos), 0, unit="fits") as meter:
+        drawn = self._photos("train", QUICK_PHOTOS if self.quick else PHOTOS, CALIBRATION_SEED)
+        photos = [each for each, _ in drawn]
+        parts = zip(self._recognizers(), (examples for _, examples in drawn), strict=True)
+        result = learn_calibration(list(parts))
+        self.say(describe_calibration(result))
+        plot_reliability(self.run_folder / RELIABILITY_FILE, result)
+        for path in [self._weights(), *(self._weights(k) for k in range(self.folds) if self.folds > 1)]:
+            write_calibration(path, result.calibration)
+        with Meter(sum(map(fit_count, photos)), 0, unit="fits") as meter:
             calibration, _ = calibrate_fits(
-                [photos],
+                photos,
                 self.object_class,
-                recognizer,
+                self._recognizers(),
                 workers=self.workers,
                 advance=meter.advance,
                 cache=self.folder / "calibration_fits",
@@ -246,14 +291,16 @@ class ClassTraining:
         shutil.rmtree(self.folder / "calibration_fits", ignore_errors=True)
 
     def _test(self) -> None:
-        weights = self.run_folder / WEIGHTS_FILE
-        photos, _ = StudioPhotos.draw(self.object_class, "test", PHOTOS, TEST_SEED)
+        held_out = self._held_out
+        parts = self._photos("test" if held_out else "train", TEST_PHOTOS, TEST_SEED)
+        recognizers = self._recognizers()
+        if held_out:
+            recognizers = [Recognizer.of_class(self.object_class, self._weights())]
         settings = ExplainSettings(calibration=FitCalibration.load(self.run_folder / CALIBRATION_FILE))
-        with Meter(len(photos), 0, unit="fits") as meter:
+        with Meter(sum(len(photos) for photos, _ in parts), 0, unit="fits") as meter:
             errors = studio_errors(
-                photos,
+                [(photos, recognizer) for (photos, _), recognizer in zip(parts, recognizers, strict=True)],
                 self.object_class,
-                Recognizer.of_class(self.object_class, weights),
                 settings,
                 self.workers,
                 meter.advance,
@@ -262,6 +309,12 @@ class ClassTraining:
         shutil.rmtree(self.folder / "test_fits", ignore_errors=True)
         with atomic_write(self.run_folder / "test.json") as temporary:
             temporary.write_text(json.dumps(errors, indent=2) + "\n")
+
+    @property
+    def _held_out(self) -> bool:
+        """Whether the pack has designs that are for the test alone."""
+        description = json.loads((self.pack / "class.json").read_text())
+        return any(design["split"] == "test" for design in description.get("held_out_designs", []))
 
     # -- the pack -----------------------------------------------------------------------------------------
 
@@ -318,10 +371,14 @@ class ClassTraining:
             )
         seconds = {name: self.record.seconds(name) for name in STEPS}
         unseen = "views, lights, surfaces and things before it that the training never saw"
-        if "test" in held_out_splits(self.pack):
+        if self._held_out:
             unseen = f"meshes, {unseen}"
+        elif self.folds > 1:
+            unseen = (
+                f"by {self.folds} networks trained as it was, each on meshes that it has not seen: {unseen}"
+            )
         else:
-            unseen += ", of the meshes that it was trained on (of ten or more some are held out)"
+            unseen += ", of the shapes that it was trained on"
         lines = [
             HEADING,
             "",
@@ -354,10 +411,29 @@ class ClassTraining:
         return "\n".join([*lines, "![reliability](reliability.png)", ""])
 
 
-def held_out_splits(pack: Path) -> set[str]:
-    """Splits for which a pack's designs are held out."""
-    description = json.loads((pack / "class.json").read_text())
-    return {design["split"] for design in description.get("held_out_designs", [])}
+class FoldRecognizer(Recognizer):
+    """A network of a fold, with the whole network's mask: a decoder is not trained for each fold."""
+
+    whole: Recognizer
+
+    def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:
+        """See `Recognizer.heads`."""
+        return replace(super().heads(pixels, twice), mask=self.whole.heads(pixels, twice).mask)
+
+
+def _photo_drawer(
+    pack: Path,
+) -> Callable[[tuple[Split, int, int, tuple[int, int] | None]], tuple[StudioPhotos, dict[str, np.ndarray]]]:
+    """The work of a process: photos, and their examples as arrays."""
+    object_class = ObjectClass.load(pack)
+
+    def draw(
+        item: tuple[Split, int, int, tuple[int, int] | None],
+    ) -> tuple[StudioPhotos, dict[str, np.ndarray]]:
+        photos, examples = StudioPhotos.draw(object_class, *item)
+        return photos, {name: value.numpy() for name, value in vars(examples).items()}
+
+    return draw
 
 
 def _cells(row: dict[str, float]) -> str:

@@ -477,7 +477,7 @@ class Builder:
             pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
         (sheets / SOURCE_MESHES_FILE).unlink(missing_ok=True)
         if self.settings.materials:
-            self._save_source_meshes(registered, splits, scale)
+            self._save_source_meshes(registered, accepted, splits, scale)
         pictures.save_component_sheet(sheets / "6-components.png", components, faces)
         pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
         result = BuildResult(
@@ -498,7 +498,9 @@ class Builder:
         shutil.rmtree(staged)
         return result
 
-    def _save_source_meshes(self, registered: np.ndarray, splits: dict[int, Split], scale: float) -> None:
+    def _save_source_meshes(
+        self, registered: np.ndarray, accepted: list[int], splits: dict[int, Split], scale: float
+    ) -> None:
         """Write the meshes that have materials, in metres, for the studio; refused ones are for training."""
         meshes = []
         for number in self.used:
@@ -517,6 +519,7 @@ class Builder:
                     scale * linear,
                     scale * (offset - low),
                     scale * (registered[number] - low),
+                    accepted.index(number) if number in accepted else -1,
                     splits.get(number, "train"),
                 )
             )

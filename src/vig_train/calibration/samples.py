@@ -60,9 +60,17 @@ class StudioPhotos:
     others: np.ndarray
 
     @staticmethod
-    def draw(object_class: ObjectClass, split: Split, count: int, seed: int) -> tuple[StudioPhotos, Examples]:
-        """The first `count` images of a seed, level ones of a split's designs; and those with the object."""
-        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE), split)
+    def draw(
+        object_class: ObjectClass,
+        split: Split,
+        count: int,
+        seed: int,
+        fold: tuple[int, int] | None = None,
+    ) -> tuple[StudioPhotos, Examples]:
+        """The first `count` images of a seed, level ones of a split's designs, or of a fold's alone (see
+        `Studio`); and those with the object.
+        """
+        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE), split, fold)
         examples = studio_examples(studio, seed, range(count))
         shows_object = examples.present() > 0
         latents = latents_of(examples.numbers, examples.azimuth).to_vector().numpy()
@@ -79,7 +87,7 @@ class StudioPhotos:
 def calibrate_fits(
     datasets: Sequence[Dataset | StudioPhotos],
     object_class: ObjectClass,
-    recognizer: Recognizer,
+    recognizer: Recognizer | Sequence[Recognizer],
     settings: ExplainSettings | None = None,
     workers: int | None = None,
     advance: Callable[[int], None] = lambda done: None,
@@ -91,7 +99,7 @@ def calibrate_fits(
     Args:
         datasets: Of the validation split; and photos of a studio.
         object_class: What they show.
-        recognizer: Its network, calibrated.
+        recognizer: Its network, calibrated; or one for each dataset, which has not seen its photos.
         settings: Of the fits, which are made without calibration; as photos are fitted by default.
         workers: See `vig_train.evaluation.evaluate`, as for cache and processes.
         advance: Called with the number of fits made since the last call.
@@ -104,7 +112,7 @@ def calibrate_fits(
     uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
     workers = workers or os.cpu_count() or 1
 
-    def fitted(images: np.ndarray, name: str, photo_settings: FitSettings) -> Fits:
+    def fitted(images: np.ndarray, name: str, photo_settings: FitSettings, recognizer: Recognizer) -> Fits:
         key = cache_key(recognizer, object_class, photo_settings)
         photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
         folder = None if cache is None else cache / name
@@ -114,21 +122,23 @@ def calibrate_fits(
         )
 
     parts = []
-    for dataset in datasets:
+    recognizers = [recognizer] * len(datasets) if isinstance(recognizer, Recognizer) else recognizer
+    for dataset, own_recognizer in zip(datasets, recognizers, strict=True):
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
         if isinstance(dataset, StudioPhotos):
             images, visible = dataset.images, dataset.visible
             photo_settings = resolve(uncalibrated, object_class, photo=True)
             photos, origin = dataset.others, np.arange(len(dataset.others))
         else:
-            images, visible = frame_images(dataset, recognizer)
+            images, visible = frame_images(dataset, own_recognizer)
             photo_settings = fit_settings(uncalibrated, object_class, dataset)
             origin = photos_to_roll(dataset)
             photos = roll_photos(images[origin], roll_angles(len(origin)))
-        fits = fitted(images, name, photo_settings)
+        fits = fitted(images, name, photo_settings, own_recognizer)
         rolled_features = fits.confidence_features[:0]
         if len(origin):
-            rolled_features = fitted(photos, name + "_outside", photo_settings).confidence_features
+            outside = fitted(photos, name + "_outside", photo_settings, own_recognizer)
+            rolled_features = outside.confidence_features
         symmetry = object_class.symmetry
         parts.append(samples_of(fits, dataset, visible, origin, rolled_features, symmetry))
     samples = CalibrationSamples(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,8 @@ from vig_train.evaluation.metrics import segmentation_iou
 
 
 def studio_errors(
-    photos: StudioPhotos,
+    parts: Sequence[tuple[StudioPhotos, Recognizer]],
     object_class: ObjectClass,
-    recognizer: Recognizer,
     settings: ExplainSettings,
     workers: int,
     advance: Callable[[int], None] = lambda done: None,
@@ -28,38 +27,58 @@ def studio_errors(
 ) -> dict[str, Any]:
     """Errors on photos that show the object, and the precision of the verdict "trusted".
 
+    Args:
+        parts: Photos, each with a network that has not seen their meshes.
+        object_class: What they show.
+        settings: Of the fits.
+        workers: Processes.
+        advance: Called with the number of fits made since the last call.
+        cache: Folder that keeps fits, so that an interrupted run resumes.
+
     Returns:
         `photos`, `trusted`, `trusted_right` (None where none is trusted), and in `methods` for "network" and
         "fit" medians of errors, degrees, shares of views within 15 and 30 degrees and turned by more than
         150, and the mean IoU of the visible pixels. Where any turn looks the same there is no azimuth, and a
         view is right by its elevation.
     """
-    linear = torch.from_numpy(linear_from_srgb(photos.images.astype(np.float32) / 255)).float()
-    predicted = recognizer(linear)
     chosen = resolve(settings, object_class, photo=True)
-    key = cache_key(recognizer, object_class, chosen)
-    fits = fit_all(
-        photos.images, linear, predicted, object_class, chosen, workers, advance, cache, key, processes=True
-    )
-    layout = layout_of_width(photos.latents.shape[1])
-    symmetry, true = object_class.symmetry, Latents.from_vector(torch.from_numpy(photos.latents))
-    masks = {"network": (predicted.mask.argmax(3) == 0).numpy(), "fit": fits.masks}
-    latents = {"network": predicted.best().to_vector().numpy(), "fit": fits.latents}
-    methods, errors = {}, {}
-    for name, found in latents.items():
-        at = torch.from_numpy(found[:, layout.at("azimuth")])
-        turn = symmetry.difference(at, true.azimuth).abs().rad2deg().numpy()
-        tilt = np.degrees(np.abs(found[:, layout.at("elevation")] - true.elevation.numpy()))
-        errors[name] = turn if symmetry.fold else tilt
-        iou = segmentation_iou(masks[name], photos.visible)
-        row = {"elevation_deg": float(np.median(tilt)), "visible_iou": float(iou.mean())}
+    symmetry = object_class.symmetry
+    columns: dict[str, dict[str, list[np.ndarray]]] = {
+        name: {"turn": [], "tilt": [], "iou": []} for name in ("network", "fit")
+    }
+    verdicts: list[str] = []
+    for number, (photos, recognizer) in enumerate(parts):
+        linear = torch.from_numpy(linear_from_srgb(photos.images.astype(np.float32) / 255)).float()
+        predicted = recognizer(linear)
+        key = cache_key(recognizer, object_class, chosen)
+        folder = None if cache is None else cache / str(number)
+        given = photos.images, linear, predicted, object_class, chosen, workers, advance, folder, key
+        fits = fit_all(*given, processes=True)
+        verdicts += fits.verdicts
+        layout = layout_of_width(photos.latents.shape[1])
+        true = Latents.from_vector(torch.from_numpy(photos.latents))
+        masks = {"network": (predicted.mask.argmax(3) == 0).numpy(), "fit": fits.masks}
+        for name, found in {"network": predicted.best().to_vector().numpy(), "fit": fits.latents}.items():
+            azimuth = torch.from_numpy(found[:, layout.at("azimuth")])
+            turn = symmetry.difference(azimuth, true.azimuth).abs().rad2deg().numpy()
+            tilt = np.degrees(np.abs(found[:, layout.at("elevation")] - true.elevation.numpy()))
+            iou = segmentation_iou(masks[name], photos.visible)
+            for column, values in {"turn": turn, "tilt": tilt, "iou": iou}.items():
+                columns[name][column].append(values)
+    errors = {
+        name: {column: np.concatenate(values) for column, values in of.items()}
+        for name, of in columns.items()
+    }
+    methods = {}
+    for name, of in errors.items():
+        row = {"elevation_deg": float(np.median(of["tilt"])), "visible_iou": float(of["iou"].mean())}
         if symmetry.fold:
-            row["azimuth_deg"] = float(np.median(turn))
-            row |= {f"within_{most}": float((turn <= most).mean()) for most in (15, 30)}
-            row["turned"] = float((turn > 150).mean())
+            row["azimuth_deg"] = float(np.median(of["turn"]))
+            row |= {f"within_{most}": float((of["turn"] <= most).mean()) for most in (15, 30)}
+            row["turned"] = float((of["turn"] > 150).mean())
         methods[name] = row
-    trusted = np.array([verdict == "trusted" for verdict in fits.verdicts])
-    right = errors["fit"][trusted] <= 15
+    trusted = np.array([verdict == "trusted" for verdict in verdicts])
+    right = errors["fit"]["turn" if symmetry.fold else "tilt"][trusted] <= 15
     return {
         "photos": len(trusted),
         "methods": methods,

@@ -72,9 +72,18 @@ def calibrate_network(
     """
     check_count(sum(map(len, datasets)) + sum(map(len, further)))
     recognizer = Recognizer(path) if object_class is None else Recognizer.of_class(object_class, path)
-    examples = Examples.joined([*map(Examples.of, datasets), *further])
-    azimuth, mean, deviation, mask = _network_outputs(recognizer, examples)
-    fold = recognizer.symmetry.fold
+    result = learn_calibration([(recognizer, Examples.joined([*map(Examples.of, datasets), *further]))])
+    write_calibration(path, result.calibration)
+    return result
+
+
+def learn_calibration(parts: Sequence[tuple[Recognizer, Examples]]) -> CalibrationResult:
+    """A calibration of networks of one class, each on examples that it has not seen."""
+    symmetry = parts[0][0].symmetry
+    examples = Examples.joined([part for _, part in parts])
+    outputs = zip(*(_network_outputs(*part) for part in parts), strict=True)
+    azimuth, mean, deviation, mask = map(torch.cat, outputs)
+    fold = symmetry.fold
     azimuth = azimuth.unflatten(1, (max(fold, 1), -1)).logsumexp(1)
     true_azimuth = examples.azimuth if fold == 1 else torch.remainder(fold * examples.azimuth, 2 * math.pi)
     labels = functional.one_hot(azimuth_bins(true_azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
@@ -86,11 +95,15 @@ def calibrate_network(
         fit_temperature(cell_logits, cell_labels),
         deviation_factors(error, deviation),
     )
+    return CalibrationResult(calibration, true_azimuth, azimuth, error / deviation)
+
+
+def write_calibration(path: Path, calibration: NetworkCalibration) -> None:
+    """Put a calibration into a weights file, in place of what it has."""
     stored, metadata = read_tensors(path, "pt")
     tensors = {name: value for name, value in stored.items() if not name.startswith(calibration.PREFIX)}
     with atomic_write(path) as temporary:
         save_file(tensors | calibration.tensors(), temporary, metadata=metadata)
-    return CalibrationResult(calibration, true_azimuth, azimuth, error / deviation)
 
 
 @torch.inference_mode()

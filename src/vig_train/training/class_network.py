@@ -31,7 +31,7 @@ from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint
-from vig_train.training.drawing import studio_examples
+from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.studio import Studio, StudioSettings
 from vig_train.training.training import (
@@ -73,10 +73,15 @@ class Features:
     Attributes:
         coarse: (N, C, 10, 10) float16, of its last stage.
         targets: Of these, on the host.
+        model: (N,) number of what the object was drawn after, see `Studio.models`.
     """
 
     coarse: torch.Tensor
     targets: Targets
+    model: torch.Tensor
+
+    def __getitem__(self, chosen: torch.Tensor) -> Features:
+        return Features(self.coarse[chosen], self.targets[chosen], self.model[chosen])
 
 
 def new_network(object_class: ObjectClass) -> RecognitionNetwork:
@@ -125,14 +130,16 @@ def _prepare(shared: tuple[str, str, int]) -> Callable[[int], None]:
     augment = Augmentation() if object_class.mirror else replace(Augmentation(), flip=0.0)
 
     def work(chunk: int) -> None:
-        examples = studio_examples(studio, seed, range(chunk * CHUNK, (chunk + 1) * CHUNK))
+        drawn = [studio.draw(seed, index) for index in range(chunk * CHUNK, (chunk + 1) * CHUNK)]
+        examples = examples_of(drawn)
         kept: dict[str, torch.Tensor] = dict(vars(examples)) if chunk < PIXEL_CHUNKS else {}
         torch.manual_seed(seed * 2**20 + chunk)
         features = []
         for number in range(PASSES):
             batch = augment(examples, np.random.default_rng([seed, chunk, number]))
             coarse = torch.cat([coarse_features(network, part) for part in batch.images.split(32)])
-            features.append({"coarse": coarse, **vars(Targets.of(batch))})
+            model = torch.tensor([image.model for image in drawn])
+            features.append({"coarse": coarse, "model": model, **vars(Targets.of(batch))})
         for name in features[0]:
             kept[f"features.{name}"] = torch.cat([each[name] for each in features])
         with atomic_write(chunk_path(Path(folder), chunk)) as temporary:
@@ -167,7 +174,7 @@ def read_features(folder: Path, chunks: Sequence[int]) -> Features:
             if name.startswith("features."):
                 columns.setdefault(name.removeprefix("features."), []).append(value)
     joined = {name: torch.cat(values) for name, values in columns.items()}
-    return Features(joined.pop("coarse"), Targets(**joined))
+    return Features(joined.pop("coarse"), model=joined.pop("model"), targets=Targets(**joined))
 
 
 def read_images(folder: Path, chunks: Sequence[int]) -> Examples:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from vig.recognition.network import layout_of_numbers
 from vig.scene import Latents, ObjectClass
 from vig_train.training.examples import Examples
 from vig_train.training.recolour import recolour
-from vig_train.training.studio import Studio, StudioSettings
+from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
 
 StepArrays = tuple[int, dict[str, np.ndarray]]
@@ -92,7 +92,11 @@ def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
 
 def studio_examples(studio: Studio, seed: int, indices: range) -> Examples:
     """The studio's images of these indices."""
-    images = [studio.draw(seed, index) for index in indices]
+    return examples_of([studio.draw(seed, index) for index in indices])
+
+
+def examples_of(images: Sequence[StudioImage]) -> Examples:
+    """Images of the studio, stacked."""
     latents = Latents.from_vector(torch.from_numpy(np.stack([image.latents for image in images])))
     return Examples(
         torch.from_numpy(np.stack([image.image for image in images])),

@@ -13,7 +13,7 @@ from safetensors.numpy import save_file
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from vig.io.checks import check_indices, read_tensors, reading
+from vig.io.checks import check_indices, decode, read_tensors, reading
 from vig.io.files import atomic_write
 from vig.scene import ObjectClass
 from vig.scene.light import COSINE_LOBE, sh_basis
@@ -49,6 +49,7 @@ class SourceMesh:
         textures: (h, w, 3) float32 linear albedo each.
         opacity: Of each texture; below 1 for glass.
         registered: (T, 3) float32, the class's template as it lies on the mesh.
+        design: Number of the pack's design that was made from it, -1 for a mesh that was refused.
         split: The only split that shows it.
     """
 
@@ -59,6 +60,7 @@ class SourceMesh:
     textures: tuple[np.ndarray, ...]
     opacity: tuple[float, ...]
     registered: np.ndarray
+    design: int
     split: str
 
     @cached_property
@@ -85,6 +87,7 @@ class SourceMesh:
         linear: np.ndarray,
         offset: np.ndarray,
         registered: np.ndarray,
+        design: int,
         split: str,
     ) -> SourceMesh:
         """Of a file's pieces, moved by a linear map (3, 3) and an offset (3,)."""
@@ -98,6 +101,7 @@ class SourceMesh:
             tuple(piece.texture for piece in pieces),
             tuple(piece.opacity for piece in pieces),
             registered.astype(np.float32),
+            design,
             split,
         )
 
@@ -228,7 +232,7 @@ def save(path: Path, meshes: Sequence[SourceMesh]) -> None:
         tensors[f"{number}.opacity"] = np.array(mesh.opacity, np.float32)
         for index, texture in enumerate(mesh.textures):
             tensors[f"{number}.texture.{index}"] = np.ascontiguousarray(texture, np.float16)
-    metadata = {"splits": json.dumps([mesh.split for mesh in meshes])}
+    metadata = {"meshes": json.dumps([[mesh.design, mesh.split] for mesh in meshes])}
     with atomic_write(path) as temporary:
         save_file({n: np.ascontiguousarray(value) for n, value in tensors.items()}, temporary, metadata)
 
@@ -249,16 +253,15 @@ def source_meshes_of(object_class: ObjectClass) -> tuple[SourceMesh, ...]:
     meshes = []
     with reading(path, "the meshes of a class", "Build it again."):
         tensors, metadata = read_tensors(path)
-        for number, split in enumerate(json.loads(metadata["splits"])):
+        described = decode(list[tuple[int, str]], json.loads(metadata["meshes"]))
+        for number, (design, split) in enumerate(described):
             own = {n.split(".", 1)[1]: v for n, v in tensors.items() if n.startswith(f"{number}.")}
             check_indices("faces", own["faces"], len(own["vertices"]))
             count = len(own["opacity"])
             check_indices("material", own["material"], count)
             textures = tuple(own[f"texture.{index}"].astype(np.float32) for index in range(count))
             vertices, faces, uv, material, registered = (own[name] for name in _ARRAYS)
-            meshes.append(
-                SourceMesh(
-                    vertices, faces, uv, material, textures, tuple(own["opacity"].tolist()), registered, split
-                )
-            )
+            opacity = tuple(own["opacity"].tolist())
+            loaded = vertices, faces, uv, material, textures, opacity, registered, design, split
+            meshes.append(SourceMesh(*loaded))
     return tuple(meshes)

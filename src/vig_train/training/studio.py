@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -32,7 +33,8 @@ from vig_train.training.snapshots import continue_border, photograph
 from vig_train.training.source_meshes import SourceMesh, appearance, draw_paint, source_meshes_of
 from vig_train.training.things import draw_lookalike, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat
-from vig_world.assets.target import DESIGN_SPREAD, draw_shape, nearest_coefficients, shape_vertices
+from vig_world.assets.held_out import held_out_designs_of
+from vig_world.assets.target import DESIGN_SPREAD, NO_DESIGN, nearest_coefficients, shape_vertices
 from vig_world.dataset.spec import Coat, Split
 from vig_world.mesh import vertex_normals
 from vig_world.raster.view import View
@@ -66,6 +68,9 @@ class StudioSettings:
         rolled: Share in which the roll is uniform up to `most_roll`, radians, instead.
         continued: Share in which the window reaches beyond its photo, whose border is continued.
         warp: Standard deviation by which shapes leave the model, at most, as a share of the object's size.
+        source: Share of objects drawn as the user's mesh with its materials, where there is one; the others
+            are the template with a coat.
+        own_colours: Share of these whose materials are as their files have them; others are recoloured.
     """
 
     decorated: float = 0.5
@@ -97,6 +102,7 @@ class StudioImage:
         roll: Clockwise turn of the image, radians.
         visible: (H, W) uint8, the share of each pixel in which the object is seen, of 255.
         hidden: (H, W) uint8, the share in which something before it is.
+        model: Number of what the object was drawn after, see `Studio.models`.
     """
 
     image: np.ndarray
@@ -104,24 +110,46 @@ class StudioImage:
     roll: float
     visible: np.ndarray
     hidden: np.ndarray
+    model: int
+
+
+@dataclass(frozen=True, eq=False)
+class StudioModel:
+    """What objects are drawn after: template (V, 3), metres, as it lies on a mesh, coefficients (K,) of the
+    shape nearest to it, and the mesh where it has materials.
+    """
+
+    template: np.ndarray
+    nearest: np.ndarray
+    mesh: SourceMesh | None
 
 
 class Studio:
-    """Draws images of a class."""
+    """Draws images of a class.
+
+    Attributes:
+        models: Of the split, those of the fold alone where one is chosen; none where the class has no
+            designs, and shapes are those of its model.
+    """
 
     def __init__(
         self,
         object_class: ObjectClass,
         settings: StudioSettings = StudioSettings(),
         split: Split = "train",
+        fold: tuple[int, int] | None = None,
     ):
-        """Objects are of the class's designs of a split, see `draw_shape`."""
+        """Objects are of the class's designs and meshes of a split; of fold k of n those whose numbers are k
+        modulo n.
+        """
         self.object_class, self.settings, self.split = object_class, settings, split
         model = object_class.shape_model
         self.size = float(np.ptp(model.mean, axis=0).max())
         self.height = float(model.mean[:, 2].max())
         self._body_parts, self._detachable_parts = separate_parts(model)
-        self.source_meshes = [mesh for mesh in source_meshes_of(object_class) if mesh.split == split]
+        self.models = dict(enumerate(_models(object_class, split)))
+        if fold is not None:
+            self.models = {n: model for n, model in self.models.items() if n % fold[1] == fold[0]}
         self._light_factor = np.linalg.cholesky(
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )
@@ -141,8 +169,9 @@ class Studio:
 
     def _draw_once(self, rng: np.random.Generator) -> StudioImage:
         settings = self.settings
-        mesh = self._source_mesh(rng)
-        latents, vertices = self._shape(rng, mesh)
+        number, model = self._model(rng)
+        mesh = model.mesh if model is not None and rng.random() < settings.source else None
+        latents, vertices = self._shape(rng, model)
         camera = self._camera(rng, vertices, latents)
         parts = len(self.object_class.shape_model.part_names)
         kinds = WHOLE if self._detachable_parts else PART
@@ -184,7 +213,9 @@ class Studio:
             image,
             vector[0].numpy(),
             camera.roll,
-            *(np.round(255 * share).astype(np.uint8) for share in (visible, hidden)),
+            np.round(255 * visible).astype(np.uint8),
+            np.round(255 * hidden).astype(np.uint8),
+            number,
         )
 
     def _occlude(
@@ -208,26 +239,27 @@ class Studio:
                 break
         return picture, visible
 
-    def _source_mesh(self, rng: np.random.Generator) -> SourceMesh | None:
-        """One of the user's meshes, where the image is to show one."""
-        if not self.source_meshes or rng.random() >= self.settings.source:
-            return None
-        return self.source_meshes[int(rng.integers(len(self.source_meshes)))]
+    def _model(self, rng: np.random.Generator) -> tuple[int, StudioModel | None]:
+        """What the object is drawn after, with its number; 0 and None where the class has nothing."""
+        if not self.models:
+            return 0, None
+        number = list(self.models)[int(rng.integers(len(self.models)))]
+        return number, self.models[number]
 
-    def _shape(self, rng: np.random.Generator, mesh: SourceMesh | None) -> tuple[Latents, np.ndarray]:
-        """Latents but for the albedo, and vertices, a little off the model, or off one of the meshes."""
+    def _shape(self, rng: np.random.Generator, model: StudioModel | None) -> tuple[Latents, np.ndarray]:
+        """Latents but for the albedo, and vertices, a little off the shape model, or off what is drawn."""
         settings = self.settings
-        model = self.object_class.shape_model
-        if mesh is None:
-            shape, design = draw_shape(rng, self.object_class, self.split)
-            vertices = shape_vertices(shape, design, self.object_class)
+        shape_model = self.object_class.shape_model
+        draws = rng.standard_normal(shape_model.modes)
+        if model is None:
+            shape = np.clip(draws, -SHAPE_LIMIT, SHAPE_LIMIT)
+            vertices = shape_vertices(shape, NO_DESIGN, self.object_class)
         else:
-            nearest = nearest_coefficients(model, mesh.registered[None])[0]
-            shape = np.clip(
-                nearest + DESIGN_SPREAD * rng.standard_normal(model.modes), -SHAPE_LIMIT, SHAPE_LIMIT
-            )
-            both = model.vertices(torch.from_numpy(np.stack([shape, nearest]).astype(np.float32))).numpy()
-            vertices = mesh.registered + both[0] - both[1]
+            shape = np.clip(model.nearest + DESIGN_SPREAD * draws, -SHAPE_LIMIT, SHAPE_LIMIT)
+            both = torch.from_numpy(np.stack([shape, model.nearest]).astype(np.float32))
+            moved, at_rest = shape_model.vertices(both).numpy()
+            vertices = model.template + moved - at_rest
+            vertices[:, 2] -= vertices[:, 2].min()
         kind = rng.random()
         if kind < settings.level:
             elevation = math.radians(rng.uniform(-4, 15))
@@ -343,6 +375,18 @@ class Studio:
             appearance = replace(appearance, colour=0.85 * transmitted + 0.15 * appearance.colour)
         mean = appearance.albedo.mean(0) if len(appearance.albedo) else np.mean(coat.colours, axis=0)
         return Layer(*appearance.averaged(SUPERSAMPLING)), mean
+
+
+@lru_cache(maxsize=8)
+def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
+    """The designs of a split, each with its mesh where that has materials, then meshes that were refused."""
+    designs, meshes = held_out_designs_of(object_class), source_meshes_of(object_class)
+    of_design = {mesh.design: mesh for mesh in meshes}
+    numbers = [] if designs is None else [n for n, of in enumerate(designs.splits) if of == split]
+    shapes = [] if designs is None else [(designs.vertices[n], of_design.get(n)) for n in numbers]
+    shapes += [(mesh.registered, mesh) for mesh in meshes if mesh.design < 0 and mesh.split == split]
+    nearest = [nearest_coefficients(object_class.shape_model, shape[None])[0] for shape, _ in shapes]
+    return tuple(StudioModel(shape, near, mesh) for (shape, mesh), near in zip(shapes, nearest, strict=True))
 
 
 def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:

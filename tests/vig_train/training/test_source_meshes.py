@@ -45,7 +45,7 @@ def two_boxes(template: np.ndarray, split: str = "train") -> SourceMesh:
         piece(box((0.3, 0.2, 0.2), (-0.05, 0, 0.1)), RED),
         piece(box((0.1, 0.2, 0.2), (0.15, 0, 0.1)), BLACK),
     ]
-    return SourceMesh.of(pieces, np.eye(3), np.zeros(3), template, split)
+    return SourceMesh.of(pieces, np.eye(3), np.zeros(3), template, -1, split)
 
 
 def test_normals_are_smooth_on_a_sphere_and_sharp_on_a_box() -> None:
@@ -92,7 +92,7 @@ def test_dark_materials_mostly_stay_dark_and_others_change() -> None:
 
 def test_glass_is_dark_or_lets_the_inside_be_seen() -> None:
     pieces = [piece(box((1, 1, 1), (0, 0, 0)), RED), piece(box((2, 2, 2), (0, 0, 0)), (0.5, 0.5, 0.5), 0.3)]
-    mesh = SourceMesh.of(pieces, np.eye(3), np.zeros(3), np.eye(4, 3), "train")
+    mesh = SourceMesh.of(pieces, np.eye(3), np.zeros(3), np.eye(4, 3), -1, "train")
     paints = [draw_paint(np.random.default_rng(seed), mesh, own=0.5) for seed in range(100)]
     drawn = np.array([paint.drawn for paint in paints])
     assert drawn[:, 0].all() and 0.5 < drawn[:, 1].mean() < 0.9
