@@ -28,7 +28,10 @@ ORDER = {
         "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",
         "raster", "library", "renderers", "composition", "generation", "cli",
     ),
-    "vig_train": ("record", "packs", "building", "training", "plots", "evaluation", "calibration", "cli"),
+    "vig_train": (
+        "record", "packs", "building", "training", "plots", "evaluation", "calibration", "class_training",
+        "cli",
+    ),
     "vig_paper": ("network", "optimizers", "ablation", "figures", "reproduction", "cli"),
 }  # fmt: skip
 LATE = {

@@ -37,6 +37,7 @@ for number in range(5):
 
 build = ["class", "build", folder / "jars", "--out", folder / "jar"]
 build += ["--symmetry", "any-turn", "--length", "0.3", "--vertices", "900"]
+build += ["--no-recognizer"]  # it takes two minutes
 done = subprocess.run(
     [sys.executable, "-m", "vig", *build],
     check=True,
@@ -85,10 +86,11 @@ for component in range(min(3, model.modes)):
 Image.fromarray(np.concatenate(rows))
 
 # %% [markdown]
-# What is left is its network, some hours on two cores, and then the class fits
-# photos like any other:
+# What is left is its network, a quarter of an hour on two cores (without
+# `--no-recognizer` there is a quick one at once), and then the class fits photos
+# like any other:
 #
-#     vig class train jar
+#     vig class train jar --minutes 15
 #     vig fit photo.jpg --class jar --out result
 #
 # Five jars make a narrow class; ten or twenty meshes of one kind a good one

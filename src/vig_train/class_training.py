@@ -32,7 +32,7 @@ from vig.recognition import Recognizer
 from vig.recognition.network import Heads, shared_trunk
 from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
-from vig_train.evaluation.studio import studio_errors
+from vig_train.calibration.studio_errors import studio_errors
 from vig_train.plots import describe_calibration, plot_reliability
 from vig_train.record import Record, read_record
 from vig_train.training.calibration import learn_calibration, write_calibration

@@ -50,12 +50,12 @@ from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projectio
 from vig_train.building.template import TEMPLATE_VERTICES, closed_template
 from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
-from vig_train.training.source_meshes import FILE as SOURCE_MESHES_FILE
-from vig_train.training.source_meshes import SourceMesh
-from vig_train.training.source_meshes import save as save_source_meshes
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.own.load import load
 from vig_world.assets.props.families import ZONE_NAMES
+from vig_world.assets.source_meshes import FILE as SOURCE_MESHES_FILE
+from vig_world.assets.source_meshes import SourceMesh
+from vig_world.assets.source_meshes import save as save_source_meshes
 from vig_world.dataset.spec import Split
 from vig_world.rotations import about_z
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -115,7 +116,11 @@ def read_labels(folder: Path, path: Path) -> list[PhotoLabel]:
     if not folder.is_dir():
         raise UserError(f"expected a folder of photos; got '{folder}'.")
     with reading(path, "labels of photos", "See `vig class check --help`."):
-        labels: list[PhotoLabel] = decode(list[PhotoLabel], read_json(path))
+        names = PhotoLabel.__struct_fields__  # others are the user's own
+        labels = [
+            decode(PhotoLabel, {name: value for name, value in entry.items() if name in names})
+            for entry in decode(list[dict[str, Any]], read_json(path))
+        ]
     if not labels:
         raise UserError(f"expected labels of one photo or more; '{path}' has none.")
     for label in labels:

@@ -29,11 +29,12 @@ from vig.scene import (
 from vig_train.training.environment import Environment
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Layer, place_of
+from vig_train.training.painted_meshes import appearance, draw_paint
 from vig_train.training.snapshots import continue_border, photograph
-from vig_train.training.source_meshes import SourceMesh, appearance, draw_paint, source_meshes_of
 from vig_train.training.things import draw_lookalike, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.held_out import held_out_designs_of
+from vig_world.assets.source_meshes import SourceMesh, source_meshes_of
 from vig_world.assets.target import DESIGN_SPREAD, NO_DESIGN, nearest_coefficients, shape_vertices
 from vig_world.dataset.spec import Coat, Split
 from vig_world.mesh import vertex_normals

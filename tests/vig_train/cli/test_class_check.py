@@ -27,7 +27,7 @@ from vig_train.cli.settings import CheckClass
 def labelled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, object]]]:
     """A packaged example twice, labelled as vig explains it, but for a view that is turned round."""
     folder = tmp_path_factory.mktemp("photos")
-    example = sorted((Path(vig.__file__).parents[1] / "vig_app" / "examples").glob("*.jpg"))[0]
+    example = sorted((Path(vig.__file__).parents[1] / "vig_app" / "examples").glob("*.png"))[0]
     Image.open(example).save(folder / "a.png")
     Image.open(example).save(folder / "b.png")
     height, width = np.asarray(Image.open(example)).shape[:2]
@@ -138,7 +138,7 @@ def test_a_silhouette_of_another_size_gets_one_line(
     folder, labels = labelled
     for name in ("a.png",):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
-    Image.new("L", (10, 10), 255).save(tmp_path / "small.png")
+    Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
     (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}]))
     with pytest.raises(UserError, match="a silhouette as large as 'a.png'"):
         check_class(CheckClass("teapot", tmp_path))

@@ -75,7 +75,7 @@ def test_what_is_drawn_agrees_with_the_renderer(teapot: ObjectClass) -> None:
     off = []
     for index in range(8):
         rng = np.random.default_rng(np.random.SeedSequence([2, index, 71]))
-        latents, vertices = studio._shape(rng)
+        latents, vertices = studio._shape(rng, studio._model(rng)[1])
         seen = studio._camera(rng, vertices, latents)
         drawn = studio.draw(2, index)
         rendered = render_latents(latents, teapot, replace(seen, width=150, height=150), samples=2)

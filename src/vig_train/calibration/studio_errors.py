@@ -12,7 +12,7 @@ import torch
 from vig.inference import ExplainSettings, resolve
 from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass, layout_of_width, linear_from_srgb
-from vig_train.calibration import StudioPhotos
+from vig_train.calibration.samples import StudioPhotos
 from vig_train.evaluation.fits import cache_key, fit_all
 from vig_train.evaluation.metrics import segmentation_iou
 
