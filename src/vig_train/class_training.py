@@ -42,6 +42,7 @@ from vig_train.training.class_network import (
     EPOCHS,
     PIXEL_CHUNKS,
     DecoderTraining,
+    chunk_path,
     dense_step_count,
     draw_chunks,
     new_network,
@@ -77,7 +78,6 @@ DECODER_SHARE = 0.15
 """Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
 MOST_CHUNKS = 480
 """61,440 images: their features take 2.7 GB of memory."""
-MIN_CHUNKS = 4
 CALIBRATION_SEED = 1
 TEST_SEED = 2
 STEPS = ("images", "heads", "calibration", "test")
@@ -187,17 +187,20 @@ class ClassTraining:
             with reading(path, "the plan of a training", "Remove it."):
                 return decode(Plan, read_json(path))
         budget = 60 * self.minutes
+        there = 0
+        while chunk_path(self.images, there).exists():
+            there += 1
         # The first file of each process takes longer: it starts, and nothing is in its caches.
-        draw_chunks(self.object_class, self.images, range(self.workers), self.seed, self.workers)
-        begin, first, probed = time.perf_counter(), self.workers, 3 * self.workers
-        draw_chunks(self.object_class, self.images, range(first, probed), self.seed, self.workers)
-        seconds = time.perf_counter() - begin
-        per_chunk = seconds / (probed - first) if seconds > 1 else 8.0 / self.workers  # they were there
+        warm, timed = there + self.workers, there + 3 * self.workers
+        draw_chunks(self.object_class, self.images, range(warm), self.seed, self.workers)
+        begin = time.perf_counter()
+        draw_chunks(self.object_class, self.images, range(warm, timed), self.seed, self.workers)
+        per_chunk = (time.perf_counter() - begin) / (timed - warm)
         with self._threads():
             examples = read_images(self.images, range(1))
             decoder = DecoderTraining(new_network(self.object_class), examples, True, self.seed)
             per_step = decoder.seconds_per_step()
-        chunks = max(MIN_CHUNKS, min(MOST_CHUNKS, round(IMAGE_SHARE * budget / per_chunk)))
+        chunks = max(timed, min(MOST_CHUNKS, there + round(IMAGE_SHARE * budget / per_chunk)))
         plan = Plan(chunks, max(1, round(DECODER_SHARE * budget / per_step)))
         with atomic_write(path) as temporary:
             temporary.write_text(json.dumps(vars(plan)) + "\n")
@@ -213,7 +216,9 @@ class ClassTraining:
             torch.set_num_threads(before)
 
     def _draw(self) -> None:
-        chunks = range(self.plan().chunks)
+        chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
+        shown = sum(model.mesh is not None for model in models)
+        self.say(f"drawn after {len(models) or 'no'} meshes, {shown or 'none'} with materials")
         with Meter(CHUNK * len(chunks), 0, unit="images") as meter:
             draw_chunks(self.object_class, self.images, chunks, self.seed, self.workers, meter.advance)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,10 @@ from vig_world.assets.source_meshes import FILE, save
 
 MOST_BYTES = 2_000_000
 """Of a pack's weights."""
+
+
+PLAN = ClassTraining.plan
+"""As it is, before the tests make it tiny."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -165,6 +170,28 @@ def test_a_killed_decoder_goes_on_to_the_same_weights(
     for name in class_network.DECODER_PARTS:
         for key in (key for key in whole if key.startswith(f"{name}.")):
             assert torch.equal(whole[key], resumed[key]), key
+
+
+def test_the_plan_is_measured_on_new_images_counts_those_there_and_stays(
+    pack: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 0.05 s a file and 0.1 s a step; two files are there."""
+    other = shutil.copytree(pack, tmp_path / "fin")
+    asked: list[range] = []
+
+    def draw(object_class: ObjectClass, folder: Path, chunks: range, seed: int, workers: int) -> None:
+        asked.append(chunks)
+        time.sleep(0.05 * len(chunks))
+
+    monkeypatch.setattr(class_training, "draw_chunks", draw)
+    monkeypatch.setattr(class_network.DecoderTraining, "seconds_per_step", lambda self: 0.1)
+    training = ClassTraining(other, 0.05, workers=2, say=print)
+    plan = PLAN(training)
+    assert asked == [range(4), range(4, 8)]
+    assert 2 + 15 <= plan.chunks <= 2 + round(class_training.IMAGE_SHARE * 3 / 0.05)
+    assert plan.decoder_steps == round(class_training.DECODER_SHARE * 3 / 0.1)
+    monkeypatch.setattr(class_training, "draw_chunks", None)
+    assert PLAN(training) == plan
 
 
 def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
