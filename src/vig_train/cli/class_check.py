@@ -21,6 +21,7 @@ from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.photo.masks import read_mask
 from vig.scene import ObjectClass, angle_difference
+from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import CheckClass
 
@@ -91,7 +92,7 @@ def check_class(settings: CheckClass) -> int:
     check_workers(settings.workers)
     if not 0 < settings.tolerance <= 180:
         raise UserError(f"expected --tolerance from 0 to 180 degrees; got {settings.tolerance:g}.")
-    if object_class.folder is None or object_class.folder.parent.name == "classes":
+    if object_class.folder is None or object_class.folder.parent == PACKAGED:
         card = None  # a packaged class's is not the user's
     else:
         check_writable(object_class.folder)
@@ -107,7 +108,8 @@ def check_class(settings: CheckClass) -> int:
         with atomic_write(card) as temporary:
             text = old.split(HEADING)[0].rstrip() + f"\n\n{HEADING}\n\n{table}\n"
             temporary.write_text(text, encoding="utf-8")
-    print(json.dumps({"rows": [asdict(row) for row in rows]}, indent=2) if settings.json else table)
+    plain = [{name: _known(value) for name, value in asdict(row).items()} for row in rows]
+    print(json.dumps({"rows": plain}, indent=2) if settings.json else table)
     return 0
 
 
@@ -154,12 +156,16 @@ def _errors(
             number, label = next(remaining)
             while number in skipped:
                 number, label = next(remaining)
-            errors.append(errors_of(explanation, label, settings.photos, object_class))
+            try:
+                errors.append(errors_of(explanation, label, settings.photos, object_class))
+            except UserError as error:  # a silhouette that cannot be used
+                skipped[number] = error
             meter.advance(1)
-    for number, error in skipped.items():
-        print(f"left out {labels[number].photo}: {error}", file=sys.stderr)
+    for number, reason in skipped.items():
+        print(f"left out {labels[number].photo}: {reason}", file=sys.stderr)
     if not errors:
-        raise UserError(f"expected photos that can be explained in '{settings.photos}'; none can.")
+        first = skipped[min(skipped)]
+        raise UserError(f"expected labelled photos that can be used; none of {len(labels)} can. {first}")
     return errors
 
 
@@ -241,10 +247,19 @@ def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
-        lines.append(
-            f"| {row.photos} | {row.count} | {row.azimuth_deg:.1f} | {row.within_15:.2f} /"
-            f" {row.within_30:.2f} | {row.balanced_15:.2f} / {row.balanced_30:.2f} | {row.turned:.2f} |"
-            f" {row.elevation_deg:.1f} | {row.outline_iou:.2f} | {row.visible_iou:.2f} | {row.trusted} |"
-            f" {row.trusted_right:.2f} |"
-        )
-    return "\n".join(lines).replace("nan", "-")
+        shares = ((row.within_15, row.within_30), (row.balanced_15, row.balanced_30))
+        cells = [row.photos, str(row.count), _cell(row.azimuth_deg, 1)]
+        cells += [" / ".join(_cell(share) for share in pair) for pair in shares]
+        cells += [_cell(row.turned), _cell(row.elevation_deg, 1), _cell(row.outline_iou)]
+        cells += [_cell(row.visible_iou), str(row.trusted), _cell(row.trusted_right)]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _known(value: Any) -> Any:
+    """A value for JSON, which has no NaN: None in its place."""
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+def _cell(value: float, digits: int = 2) -> str:
+    return "-" if np.isnan(value) else f"{value:.{digits}f}"

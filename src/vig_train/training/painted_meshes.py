@@ -8,11 +8,11 @@ import numpy as np
 import torch
 
 from vig.scene.light import COSINE_LOBE, sh_basis
-from vig_world.assets.coats import DIELECTRIC, TEXTURES, any_colour, stock_texture
+from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 from vig_world.assets.source_meshes import SourceMesh
 from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View
-from vig_world.renderers.coated import Appearance, Mirrored
+from vig_world.renderers.coated import Appearance, Mirrored, fresnel_of
 
 DARK = 0.06
 """Albedo up to which a material counts as dark, such as tyres and windows: it mostly stays dark."""
@@ -104,8 +104,7 @@ def appearance(
         radiance[mine] = mirrored(
             2 * facing[mine, None] * normal[mine] - towards[mine], float(paint.roughness[number])
         )
-    graze = 1 - facing[:, None]
-    fresnel = DIELECTRIC + (1 - DIELECTRIC) * graze**5
+    fresnel = fresnel_of(facing)[:, None]
     gloss = paint.gloss[of_face][:, None]
     colour = colour * (1 - 0.5 * fresnel * (gloss > 0)) + gloss * fresnel * radiance
     return Appearance(on, colour, normal, albedo)

@@ -25,6 +25,7 @@ from vig.recognition.network import (
     RecognitionNetwork,
     bfloat16,
     layout_of_numbers,
+    with_shared_trunk,
 )
 from vig.scene import Symmetry, angle_difference
 from vig_train.training.augmentation import Augmentation, Batch
@@ -296,7 +297,7 @@ def load_start_weights(network: RecognitionNetwork, path: Path, trunk_only: bool
     Raises UserError when the file is no weights file or its trunk has other sizes.
     """
     with reading(path, "recognition weights", "Take a file of `vig train`."):
-        tensors, _ = read_tensors(path, "pt")
+        tensors = with_shared_trunk(*read_tensors(path, "pt"))
         own_weights = network.state_dict()
         fitting = {
             name: value.to(own_weights[name].dtype)

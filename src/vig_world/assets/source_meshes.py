@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -139,6 +140,12 @@ def save(path: Path, meshes: Sequence[SourceMesh]) -> None:
     metadata = {"meshes": json.dumps([[mesh.design, mesh.split] for mesh in meshes])}
     with atomic_write(path) as temporary:
         save_file({n: np.ascontiguousarray(value) for n, value in tensors.items()}, temporary, metadata)
+
+
+def meshes_fingerprint(pack: Path) -> str:
+    """A short hash of the meshes of a pack, "" where it has none."""
+    path = pack / "build" / FILE
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else ""
 
 
 _ARRAYS = ("vertices", "faces", "uv", "material", "registered")

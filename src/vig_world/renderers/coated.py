@@ -121,10 +121,15 @@ def coloured(
             # What lights a mirror is about what lights a matt surface.
             colour = reflectance * albedo * radiance
         else:
-            graze = 1 - facing[:, None]
-            fresnel = DIELECTRIC + (1 - DIELECTRIC) * (graze * graze) ** 2 * graze
+            fresnel = fresnel_of(facing)[:, None]
             colour = colour * (1 - 0.5 * fresnel) + coat.gloss * fresnel * radiance
     return colour, normals.T, albedo
+
+
+def fresnel_of(facing: np.ndarray) -> np.ndarray:
+    """Reflectance (N,) of glaze at cosines (N,) between normal and sight (Schlick 1994)."""
+    graze = 1 - facing
+    return DIELECTRIC + (1 - DIELECTRIC) * (graze * graze) ** 2 * graze
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

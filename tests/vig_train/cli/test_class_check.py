@@ -85,6 +85,30 @@ def small_pack(tmp_path: Path) -> Callable[[], Path]:
     return made
 
 
+def test_a_pack_in_a_folder_called_classes_is_the_users(
+    labelled: tuple[Path, list[dict[str, object]]], small_pack: Callable[[], Path], tmp_path: Path
+) -> None:
+    pack = small_pack().rename(tmp_path / "moved")
+    (tmp_path / "classes").mkdir()
+    pack = pack.rename(tmp_path / "classes" / "pot")
+    check_class(CheckClass(str(pack), labelled[0]))
+    assert HEADING in (pack / "card.md").read_text()
+
+
+def test_what_is_not_known_is_a_dash_and_null_and_names_stay(
+    labelled: tuple[Path, list[dict[str, object]]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, labels = labelled
+    (tmp_path / "a.png").write_bytes((folder / "a.png").read_bytes())
+    label = {name: value for name, value in labels[0].items() if name != "silhouette"} | {"shape": "banana"}
+    (tmp_path / "labels.json").write_text(json.dumps([label]))
+    check_class(CheckClass("teapot", tmp_path))
+    assert "| banana | 1 |" in (table := capsys.readouterr().out) and "| - |" in table
+    check_class(CheckClass("teapot", tmp_path, json=True))
+    row = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)["rows"][0]
+    assert row["outline_iou"] is None
+
+
 def photo_errors(azimuth: float, side: str, verdict: str = "ambiguous") -> PhotoErrors:
     return PhotoErrors("a", "", side, azimuth, 1.0, 0.9, 0.8, verdict)
 
@@ -140,5 +164,18 @@ def test_a_silhouette_of_another_size_gets_one_line(
         (tmp_path / name).write_bytes((folder / name).read_bytes())
     Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
     (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}]))
-    with pytest.raises(UserError, match="a silhouette as large as 'a.png'"):
+    with pytest.raises(UserError, match="none of 1 can.*a silhouette as large as 'a.png'"):
         check_class(CheckClass("teapot", tmp_path))
+
+
+def test_one_silhouette_that_does_not_fit_ends_no_run(
+    labelled: tuple[Path, list[dict[str, object]]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, labels = labelled
+    for name in ("a.png", "b.png", "outline.png"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
+    (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}, labels[1]]))
+    check_class(CheckClass("teapot", tmp_path, json=True))
+    said = capsys.readouterr()
+    assert json.loads(said.out)["rows"][0]["count"] == 1 and "left out a.png" in said.err

@@ -24,6 +24,7 @@ from vig_train.class_training import HEADING, STEPS, WEIGHTS_FILE, ClassTraining
 from vig_train.cli.class_train import train_class
 from vig_train.cli.settings import TrainClass
 from vig_train.training import class_network
+from vig_train.training.training import load_start_weights
 from vig_world.assets.source_meshes import FILE, save
 
 MOST_BYTES = 2_000_000
@@ -192,6 +193,23 @@ def test_the_plan_is_measured_on_new_images_counts_those_there_and_stays(
     assert plan.decoder_steps == round(class_training.DECODER_SHARE * 3 / 0.1)
     monkeypatch.setattr(class_training, "draw_chunks", None)
     assert PLAN(training) == plan
+
+
+def test_other_meshes_make_the_images_anew(pack: Path, tmp_path: Path) -> None:
+    other = shutil.copytree(pack, tmp_path / "fin")
+    ClassTraining(other, 15.0, workers=2, say=print)
+    assert (other / "training" / "images").exists()
+    (other / "build" / FILE).unlink()
+    training = ClassTraining(other, 15.0, workers=2, say=print)
+    assert not (other / "training" / "images").exists()
+    assert not any(training.record.complete(step) for step in STEPS)
+
+
+def test_a_training_may_begin_with_weights_that_hold_no_trunk(pack: Path) -> None:
+    network = class_network.new_network(ObjectClass.load(pack))
+    before = network.dense[2].weight.clone()
+    load_start_weights(network, pack / WEIGHTS_FILE, trunk_only=False)
+    assert not torch.equal(network.dense[2].weight, before)
 
 
 def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
