@@ -16,14 +16,15 @@ from PIL import Image
 
 from vig.explanation import Explanation
 from vig.hints import Hints
-from vig.inference import ExplainSettings, Fit, OtherView, Verdict, explain, resolve
+from vig.inference import ExplainSettings, Fit, OtherView, Verdict, all_round, explain, resolve
+from vig.inference.calibration import FILE as CALIBRATION_FILE
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
-from vig.recognition import Recognizer, find, upright
+from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
 from vig.renderer.device import compute_device
 from vig.scene import Latents, ObjectClass
 
@@ -70,7 +71,8 @@ class Explainer:
                 pictures by the standard camera; `camera_distance_ratio` follows from the photo's focal length
                 if known.
             device: "cpu", "cuda" or one of several, "cuda:1": where network and search compute.
-            recognizer: A network in place of the class's own.
+            recognizer: A network in place of the class's own. A pack that has none is fitted from starts all
+                round the object, without a calibrated confidence, where a box or a mask tells its place.
 
         Raises:
             UserError: There is no such class or device, or a part of the class's pack is missing or damaged.
@@ -82,7 +84,7 @@ class Explainer:
             object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
-        self.recognizer = recognizer or on_one_core(partial(Recognizer.of_class, object_class, device=device))
+        self.recognizer = recognizer or on_one_core(partial(recognizer_of, object_class, device))
 
     def explain(
         self,
@@ -159,6 +161,8 @@ class Explainer:
             1.0,
         )
         hints = hints.checked(width, height, self.object_class) if hints else None
+        if not self.recognizer.informed:
+            settings = all_round(settings)
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))
@@ -258,6 +262,18 @@ class Explainer:
             return answer
         picture, window, fit, *others = answer
         return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
+
+
+def recognizer_of(object_class: ObjectClass, device: str = "cpu") -> Recognizer:
+    """The class's network, or what stands in for it in a pack for which none was trained.
+
+    Raises:
+        UserError: The weights are damaged or of another class, or lost: their calibration is there.
+    """
+    folder = object_class.folder
+    if folder is None or not any((folder / name).exists() for name in (WEIGHTS_FILE, CALIBRATION_FILE)):
+        return UninformedRecognizer(object_class, device)
+    return Recognizer.of_class(object_class, device=device)
 
 
 def presence_of(score: float) -> float:
@@ -370,7 +386,7 @@ def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
 def _packed(fit: Fit) -> dict[str, Any]:
     """A fit's fields as arrays and plain values, to go to another process."""
     views = [
-        (view.latents.to_vector().numpy(), view.framing.numpy(), view.probability)
+        (view.latents.to_vector().numpy(), view.framing.numpy(), view.probability, view.behind)
         for view in fit.alternatives
     ]
     fields = vars(fit) | {"latents": fit.latents.to_vector(), "alternatives": views}
@@ -385,7 +401,7 @@ def _unpacked(fields: dict[str, Any]) -> Fit:
             tensor = torch.from_numpy(each)
             values[name] = Latents.from_vector(tensor) if name == "latents" else tensor
     values["alternatives"] = tuple(
-        OtherView(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), probability)
-        for latents, framing, probability in fields["alternatives"]
+        OtherView(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), *others)
+        for latents, framing, *others in fields["alternatives"]
     )
     return Fit(**values)

@@ -7,7 +7,16 @@ from vig.inference.hints import PixelLabel, PointTerm, WindowHints
 from vig.inference.objective import Objective, ObjectiveValue, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
-from vig.inference.settings import ExplainSettings, Fit, FitSettings, OtherView, Stage, Verdict, resolve
+from vig.inference.settings import (
+    ExplainSettings,
+    Fit,
+    FitSettings,
+    OtherView,
+    Stage,
+    Verdict,
+    all_round,
+    resolve,
+)
 
 __all__ = [
     "CONFIDENCE_FEATURES",
@@ -24,6 +33,7 @@ __all__ = [
     "Stage",
     "Verdict",
     "WindowHints",
+    "all_round",
     "calibration_of",
     "explain",
     "explain_one",

@@ -25,6 +25,8 @@ MUCH_HIDDEN = 0.3
 """Hidden share from which that is given as the reason for doubt."""
 UNTRUSTED_FACTOR = 0.99
 """A verdict below trusted has at most this share of the threshold as its confidence."""
+UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
+"""Reason for doubt where views are compared by the objective alone."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
@@ -48,7 +50,9 @@ def assess(
     latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)
     features = _features(latents, shown, prediction, selection)
-    confidence, verdict, reason = _verdict(selection, features, calibration, bool(shown.mask.any()))
+    confidence, verdict, reason = _verdict(
+        selection, features, calibration, bool(shown.mask.any()), settings.informed
+    )
     mask_confidence, mask_trusted = math.nan, False
     if calibration is not None:
         mask_confidence = 0.0 if verdict is Verdict.FAILED else calibration.mask_confidence(features)
@@ -104,8 +108,10 @@ def _views(
     rest = mass[1:] / (1 - mass[0]).clamp_min(mass[1:].sum())
     vectors = canonical.to_vector()
     return tuple(
-        OtherView(Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]))
-        for i in range(len(vectors))
+        OtherView(
+            Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]), behind
+        )
+        for i, behind in enumerate(selection.behind)
     )
 
 
@@ -197,9 +203,16 @@ def _mask_log_probability(predicted: torch.Tensor, mask: torch.Tensor, amodal: t
 
 
 def _verdict(
-    selection: Selection, features: torch.Tensor, calibration: FitCalibration | None, anything: bool
+    selection: Selection,
+    features: torch.Tensor,
+    calibration: FitCalibration | None,
+    anything: bool,
+    informed: bool,
 ) -> tuple[float, Verdict, str]:
-    """Confidence, verdict and its reason; `anything`: whether a pixel of the object is visible."""
+    """Confidence, verdict and its reason.
+
+    anything: Whether a pixel of the object is visible. informed: Whether a network has seen the photo.
+    """
     if calibration is None:
         confidence, trusted = math.nan, not selection.close and not selection.rival_is_other_view
     else:
@@ -207,6 +220,9 @@ def _verdict(
         trusted = confidence >= calibration.threshold
     if not anything:
         return (math.nan if calibration is None else 0.0), Verdict.FAILED, Verdict.FAILED.value
+    if not informed:
+        lead = "" if math.isinf(selection.gap) else f", by {selection.gap:.0f} nats"
+        return confidence, Verdict.AMBIGUOUS, UNINFORMED + lead
     if selection.reverted:
         if calibration is not None:  # a verdict below trusted never has the confidence of one
             confidence = min(confidence, UNTRUSTED_FACTOR * calibration.threshold)

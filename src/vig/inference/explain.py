@@ -80,7 +80,7 @@ def explain_one(
         scales = {stage.scale for stage in chosen.stages} | {1.0}
         objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, device, hints)
         ends = refine(objectives, prediction, chosen)
-        selection = select(objectives[1.0], ends, prediction.best(), chosen.likelihood.sigma)
+        selection = select(objectives[1.0], ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)
         # Learned from fits with an outlier model: without one the evidence has another scale.
         calibrated = chosen.calibrated and chosen.likelihood.alpha < 1
         calibration = (chosen.calibration or calibration_of(object_class)) if calibrated else None

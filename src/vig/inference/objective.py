@@ -120,9 +120,9 @@ class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
     The likelihood's `layout` defines a point's numbers and their bounds. The framing is held at 0 unless
-    `free_framing`, azimuth where any turn looks the same. For `recognition` and `prior_weight` see `Prior`,
-    for `decorated` `pixel_prior`. `points` is a term of named points' places; `held` are single numbers, by
-    name, and where they are held.
+    `free_framing`, azimuth where any turn looks the same, the shape where the class has but one. For
+    `recognition` and `prior_weight` see `Prior`, for `decorated` `pixel_prior`. `points` is a term of named
+    points' places; `held` are single numbers, by name, and where they are held.
     """
 
     def __init__(
@@ -142,6 +142,8 @@ class Objective:
             layout = layout.with_blocks(layout.block("framing").held())
         if not object_class.symmetry.fold:
             layout = layout.with_blocks(layout.block("azimuth").held())
+        if object_class.shape_model.rigid:
+            layout = layout.with_blocks(layout.block("shape").held())
         self.layout = layout
         self._latents = layout.indices(*(block.name for block in latent_layout(layout.count("shape")).blocks))
         geometry = likelihood.geometry

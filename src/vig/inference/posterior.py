@@ -11,7 +11,7 @@ import torch
 from vig.inference.families import shape_deviation
 from vig.inference.hints import PointTerm, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
-from vig.inference.refinement import AZIMUTH_SPREAD, PEAKS
+from vig.inference.refinement import AZIMUTH_SPREAD
 from vig.inference.settings import ExplainSettings, FitSettings, resolve
 from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
@@ -107,7 +107,7 @@ def prior_of(
     # A Gaussian to the power w has w times the precision.
     precision[places] = settings.recognition_weight / deviation**2
     precision[layout.indices("albedo", "light")] *= settings.appearance_weight
-    _, azimuths = prediction.modes(PEAKS)
+    _, azimuths = prediction.modes(settings.peaks)
     return RecognitionPrior(mean, precision, azimuths[0], settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 

@@ -35,7 +35,10 @@ class Selection:
         close: Whether that is less than `AMBIGUOUS_NATS`.
         turned_deg: By how far that end (when it is not close, the recognition model's guess) is turned about
             the vertical, 0 to where it looks the same.
-        others: Points (n, P') of other views, at most `OTHER_VIEWS`, the one of `turned_deg` first.
+        others: Points (n, P') of other views, the one of `turned_deg` first; at most `OTHER_VIEWS`, or
+            `UNINFORMED_VIEWS` where no network made a guess.
+        behind: Of each of these the nats by which its score lies behind; NaN where it was not fitted to
+            the end.
     """
 
     point: torch.Tensor
@@ -47,6 +50,7 @@ class Selection:
     close: bool
     turned_deg: float
     others: torch.Tensor
+    behind: tuple[float, ...]
 
     @property
     def rival_is_other_view(self) -> bool:
@@ -54,13 +58,18 @@ class Selection:
         return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
-def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: float) -> Selection:
-    """Choose the end of the best score, or the network's `guess` (B = 1) if it has no more evidence."""
+def select(
+    objective: Objective, ends: RefinedStarts, guess: Latents, sigma: float, informed: bool = True
+) -> Selection:
+    """Choose the end of the best score, or the network's `guess` (B = 1) if it has no more evidence.
+
+    Where that network is not `informed` its guess is no rival.
+    """
     best = int(ends.scores.argmax())
     start = objective.point(guess)
     start_evidence = float(objective.of_one(start, sigma, derivatives=False).value)
     # By evidence alone: the view probability of the guess is the highest by its nature.
-    reverted = float(ends.evidence[best]) <= start_evidence
+    reverted = informed and float(ends.evidence[best]) <= start_evidence
     point = start if reverted else ends.points[best : best + 1]
     azimuth, symmetry = objective.latents(ends.points).azimuth, objective.object_class.symmetry
     other_view = symmetry.difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
@@ -69,17 +78,25 @@ def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: flo
     gap, rival = float(gaps.min()), int(gaps.argmin())
     close = gap < AMBIGUOUS_NATS
     nearest = ends.points[rival : rival + 1]
-    # Where descents of other views ended, then where those were that were given up, then the guess.
-    candidates = torch.cat(
-        [nearest, start, ends.points, ends.given_up]
-        if close
-        else [start, nearest, ends.points, ends.given_up]
-    )
+    # The ends by score, then the points that were given up; the guess comes second, or first where no end is
+    # near.
+    order = ends.scores.argsort(descending=True, stable=True)
+    candidates = torch.cat([nearest, start, ends.points[order], ends.given_up])
+    unknown = ends.scores.new_full((1 + len(ends.given_up),), math.nan)
+    gaps_behind = (ends.scores[best] - ends.scores[order]).clamp_min(0.0)
+    behind = torch.cat([gaps[rival : rival + 1], unknown[:1], gaps_behind, unknown[1:]])
+    if not informed:
+        kept = torch.isfinite(behind)
+        candidates, behind = candidates[kept], behind[kept]
+    elif not close:
+        swapped = [1, 0, *range(2, len(candidates))]
+        candidates, behind = candidates[swapped], behind[swapped]
+    most = OTHER_VIEWS if informed else UNINFORMED_VIEWS
     azimuths, chosen_azimuths = objective.latents(candidates).azimuth, [objective.latents(point).azimuth]
-    turned = abs(float(symmetry.difference(azimuths[:1], chosen_azimuths[0])))
+    turned = abs(float(symmetry.difference(azimuths[:1], chosen_azimuths[0]).sum()))
     others: list[int] = []
     for index, angle in enumerate(azimuths):
-        if len(others) < OTHER_VIEWS and all(
+        if len(others) < most and all(
             abs(float(symmetry.difference(angle, each))) > DISTINCT_AZIMUTH for each in chosen_azimuths
         ):
             others.append(index)
@@ -94,11 +111,10 @@ def select(objective: Objective, ends: RefinedStarts, guess: Latents, sigma: flo
         close,
         math.degrees(turned),
         candidates[others],
+        tuple(behind[others].tolist()),
     )
 
 
-PEAKS = 4
-"""Peaks of azimuth that starts are shared out among, at most."""
 LEAST_PEAK = 0.02
 """Peaks of azimuth with less probability are left out."""
 AZIMUTH_SPREAD = math.radians(8.0)
@@ -109,8 +125,8 @@ FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06, 0.0])
 """Standard deviations of the starts' shift (widths), log magnification and roll (radians)."""
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
-OTHER_VIEWS = 2
-"""So many views beside the chosen one are kept."""
+OTHER_VIEWS, UNINFORMED_VIEWS = 2, 5
+"""So many views beside the chosen one are kept, with and without a network that saw the photo."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +156,7 @@ def refine(
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
     objective, count = objectives[1.0], settings.stages[0].starts
     symmetry = objective.object_class.symmetry
-    begin = starts(prediction, count, objective.object_class)
+    begin = starts(prediction, count, objective.object_class, settings.peaks)
     framing = framings(begin, prediction, objective) if settings.free_framing else None
     points = objective.point(begin, framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
@@ -196,16 +212,21 @@ def survivors(
 
 
 def starts(
-    prediction: Prediction, count: int, object_class: ObjectClass | None = None, seed: int = 0
+    prediction: Prediction,
+    count: int,
+    object_class: ObjectClass | None = None,
+    most_peaks: int = 4,
+    seed: int = 0,
 ) -> Latents:
     """`count` starts for one photo's prediction (N = 1), the first being the best guess itself.
 
-    Each peak of azimuth gets a share of the starts near its probability, at least one; beyond a peak's first,
+    Each of the `most_peaks` highest peaks of azimuth gets a share of the starts near its probability, at
+    least one where it is likely; beyond a peak's first,
     azimuth, elevation and shape are perturbed at random. Where more than one family of the class is likely,
     all but the first have the shape that is predicted within one, each family its share. The same seed gives
     the same starts.
     """
-    weights, angles = prediction.modes(PEAKS)
+    weights, angles = prediction.modes(most_peaks)
     peaks = _allot(weights[0].exp().numpy(), LEAST_PEAK, count)
     numbers, layout = prediction.numbers.expand(count, -1).clone(), prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from typing import Any
 
@@ -45,11 +45,13 @@ class OtherView:
         latents: One (B = 1).
         framing: (4,), as in `Fit`.
         probability: That it is the right view; NaN without a calibration.
+        behind: Nats by which its score lies behind the fit's; NaN where it was not fitted to the end.
     """
 
     latents: Latents
     framing: torch.Tensor
     probability: float
+    behind: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,8 @@ class _Settings:
         Stage(2, 5, sigma=2.0, tolerance=10.0),
         Stage(2, 10, tolerance=2.0),
     )
+    peaks: int = 4
+    informed: bool = True
     mask_weight: float = 1.0
     surroundings: float = 1.0
     recognition_weight: float = 1.0
@@ -193,6 +197,8 @@ class _Settings:
             )
         if (self.stages[-1].sigma, self.stages[-1].scale) != (1.0, 1.0):
             raise ValueError("the last stage must be at sigma 1 and scale 1: its evidence decides")
+        if not isinstance(self.peaks, int) or self.peaks < 1:
+            raise ValueError(f"peaks must be a whole number of 1 or more; got {self.peaks!r}. Choose 4.")
         if not isinstance(self.likelihood, PixelModel):
             raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
         if not callable(self.optimizer):
@@ -220,6 +226,8 @@ class ExplainSettings(_Settings):
     Attributes:
         likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
         stages: In turn; the last one's evidence decides.
+        peaks: Peaks of azimuth that the starts are shared out among, at most.
+        informed: Whether a network has seen the photo; see `all_round`.
         mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
             paper's constant alpha, 1 takes them fully.
         surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
@@ -297,3 +305,25 @@ def resolve(
         return FitSettings(**{**defaults, **object_class.fit_settings, **by_user})
     except ValueError as error:
         raise UserError(f"in the settings of class '{object_class.name}': {error}") from error
+
+
+ALL_ROUND: dict[str, Any] = {
+    "stages": (
+        Stage(36, 4, sigma=4.0, scale=0.5, tolerance=10.0),
+        Stage(8, 6, sigma=4.0, scale=0.5, tolerance=10.0),
+        Stage(6, 8, sigma=2.0, tolerance=5.0),
+        Stage(6, 10, tolerance=2.0),
+    ),
+    "peaks": 12,
+    "azimuth_weight": 0.0,
+    "view_weight": 0.0,
+    "calibrated": False,
+    "informed": False,
+}
+"""What a search has that no network leads: starts every 30 degrees, each at three elevations; the evidence
+alone decides."""
+
+
+def all_round(settings: FitSettings) -> FitSettings:
+    """The same settings for a photo of which no network says anything."""
+    return replace(settings, **ALL_ROUND)

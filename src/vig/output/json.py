@@ -98,6 +98,7 @@ def describe(
         "alternatives": [
             {
                 "probability": _probability(view.probability),
+                "behind_nats": _probability(view.behind),
                 **describe_latents(view.latents),
                 "roll_deg": _rounded(math.degrees(seen.roll)),
                 "K": seen.K.tolist(),
@@ -129,10 +130,20 @@ def describe(
             "camera_from_object": pinhole[1].tolist(),
             "covariance": pinhole[2].tolist(),
             "distance_known": focal_from != "assumed",
+            **camera_from_mesh(pinhole[1], object_class),
         },
         "glb_from_object": glb_from_object(float(fit.latents.azimuth)).tolist(),
         "frames": FRAMES | ({"front": f"+X is {object_class.front}"} if object_class.front else {}),
     }
+
+
+def camera_from_mesh(camera_from_object: np.ndarray, object_class: ObjectClass) -> dict[str, Any]:
+    """The rigid pose (4, 4) of a class of one mesh in the coordinates and units of its file."""
+    if object_class.object_from_mesh is None:
+        return {}
+    pose = camera_from_object @ object_class.object_from_mesh
+    scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
+    return {"camera_from_mesh": [*(pose[:3] / scale).tolist(), [0.0, 0.0, 0.0, 1.0]]}
 
 
 def _pose(camera: Camera, latents: Latents) -> np.ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from vig.io.errors import UserError
 from vig.photo import ImagePyramid, Window
 from vig.photo.masks import box_of
 from vig.photo.window import BOX_BELOW_CENTRE, SMALLEST_BOX, WINDOW_OVER_BOX
@@ -36,6 +37,10 @@ GROWN = (1.0, 1.25, 1.6, 2.2)
 """Boxes of the object over those of what is known of it."""
 HIDDEN_PART = 1.15
 """Longer side of the object, as the network sees it, over that of a mask, from which the rest is hidden."""
+UNPLACED = (
+    "expected a box or a mask of the object, as the class has no network to find it; got neither. Give one,"
+    " or train it with `vig class train`."
+)
 SHOWN = 0.5
 """Predicted probability from which a pixel belongs to the object, hidden or not."""
 
@@ -59,7 +64,14 @@ def find(
     """The best place of the object in a photo (H, W, 3), as `coded_photo` gives it.
 
     A low score means that the photo may not show the object. With clues only places that agree count.
+
+    Raises:
+        UserError: The recognizer knows nothing of photos, and no clue is a mask.
     """
+    if not recognizer.informed:
+        if clues is None or clues.mask is None:
+            raise UserError(UNPLACED)
+        return Candidate(Window.round_box(clues.box), 1.0)
     tried: list[tuple[float, Window]] = []
     candidates: list[Candidate] = []
     near = [] if clues is None else clues.windows()
@@ -160,7 +172,13 @@ class LocationHints:
 
 
 def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most: int) -> list[Candidate]:
-    """The best places of several objects in a photo, as `find` takes it: `most` at most, the best first."""
+    """The best places of several objects in a photo, as `find` takes it: `most` at most, the best first.
+
+    Raises:
+        UserError: The recognizer knows nothing of photos.
+    """
+    if not recognizer.informed:
+        raise UserError(UNPLACED)
     windows = _grid(photo.shape[1], photo.shape[0], range(SIZES))
     prediction = predict_windows(photo, windows, recognizer, twice=False)
     moved = map(Candidate, _all_moved(windows, prediction), _scores(prediction))

@@ -131,8 +131,15 @@ class Prediction:
         return Prediction(*map(torch.cat, columns), symmetry=parts[0].symmetry)
 
 
+WEIGHTS_FILE = "recognition.safetensors"
+"""Of a class pack, or of a training run."""
+
+
 class Recognizer:
     """A trained recognition network, from `recognition.safetensors` of a class pack or a training run."""
+
+    informed = True
+    """Whether it says something of a photo."""
 
     kind = "vig"
     """Which networks this reads, as a weights file's metadata names them."""
@@ -176,7 +183,7 @@ class Recognizer:
     @classmethod
     def of_class(cls, object_class: ObjectClass, weights: Path | None = None, device: str = "cpu") -> Self:
         """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
-        path = weights or (object_class.folder or Path()) / "recognition.safetensors"
+        path = weights or (object_class.folder or Path()) / WEIGHTS_FILE
         recognizer = cls(path)
         network_modes, modes = recognizer.network.settings.modes, object_class.shape_model.modes
         if network_modes != modes:

@@ -78,6 +78,7 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
     fit_settings: dict[str, bool | float] = {}
     families: tuple[Family, ...] = ()
     held_out_designs: tuple[Any, ...] = ()
+    object_from_mesh: tuple[tuple[float, ...], ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +103,8 @@ class ObjectClass:
         places: Relative frequency of each zone of the generator's rooms as a place; none takes its own.
         fit_settings: Values of `vig.inference.ExplainSettings`, by name, where a user states none; see
             `vig.inference.resolve`.
+        object_from_mesh: (4, 4) similarity from the coordinates of the file of a class of one mesh to the
+            class's frame; None for other classes.
     """
 
     name: str
@@ -119,6 +122,7 @@ class ObjectClass:
     viewing_distance: float = DISTANCE
     places: Mapping[str, float] = field(default_factory=dict)
     fit_settings: Mapping[str, bool | float] = field(default_factory=dict)
+    object_from_mesh: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         for what, text in [("name", self.name), *[("name of a point", name) for name in self.points]]:
@@ -146,6 +150,12 @@ class ObjectClass:
             raise ValueError("light prior must be finite, its mean's first number positive")
         if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
             raise ValueError("light prior covariance must be symmetric and positive definite")
+        if self.object_from_mesh is not None:
+            check_arrays(
+                {"object_from_mesh": self.object_from_mesh}, {"object_from_mesh": ("float64", (4, 4))}
+            )
+            if not abs(np.linalg.det(self.object_from_mesh[:3, :3])) > 0:
+                raise ValueError("object_from_mesh must be a similarity")
         if self.transfer is not None:
             shape = (self.shape_model.modes + 1, len(self.shape_model.mean), 9)
             check_arrays({"transfer": self.transfer}, {"transfer": ("float32 float64", shape)})
@@ -193,10 +203,11 @@ class ObjectClass:
             part_names=model.part_names,
             light_prior=_LightPrior(mean.tolist(), covariance.tolist()),
             self_shadow=(Path(folder) / TRANSFER_FILE).exists(),
+            object_from_mesh=None if self.object_from_mesh is None else self.object_from_mesh.tolist(),
             **{name: getattr(self, name) for name in _SHARED},
         )
         written = msgspec.to_builtins(description)
-        for name in ("fit_settings", "families", "held_out_designs"):
+        for name in ("fit_settings", "families", "held_out_designs", "object_from_mesh"):
             if not written[name]:
                 del written[name]
         with atomic_write(Path(folder) / "class.json") as temporary:
@@ -242,18 +253,23 @@ class ObjectClass:
         with reading(folder, "a class pack", _DAMAGED):
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
-            shared = {name: getattr(described, name) for name in _SHARED}
+            shared, moved = {name: getattr(described, name) for name in _SHARED}, described.object_from_mesh
             return ObjectClass(
                 shape_model=model,
                 light_prior_mean=mean,
                 light_prior_covariance=covariance,
                 folder=folder,
                 transfer=transfer,
+                object_from_mesh=None if moved is None else np.array(moved, np.float64),
                 **shared,
             )
 
 
-_SHARED = tuple(field.name for field in fields(ObjectClass) if field.name in _Description.__struct_fields__)
+_SHARED = tuple(
+    field.name
+    for field in fields(ObjectClass)
+    if field.name in _Description.__struct_fields__ and field.name != "object_from_mesh"
+)
 """What `ObjectClass` and class.json hold alike."""
 
 

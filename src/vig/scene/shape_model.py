@@ -65,6 +65,11 @@ class ShapeModel:
         """K, how many components there are."""
         return len(self.basis)
 
+    @property
+    def rigid(self) -> bool:
+        """Whether there is but one shape: its single component is 0."""
+        return not self.basis.any()
+
     def vertices(self, coefficients: torch.Tensor) -> torch.Tensor:
         """Vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype and device."""
         if coefficients.ndim != 2 or coefficients.shape[1] != self.modes:

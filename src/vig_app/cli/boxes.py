@@ -9,7 +9,7 @@ from vig.explainer import Box, checked_box
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS
-from vig_app.cli.common import FitCommand
+from vig_app.cli.common import FitCommand, pack_of_mesh
 from vig_app.cli.naming import by_photo
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
@@ -45,6 +45,10 @@ def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None,
 
 def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:
     """The class, and others that `--class` names beside it; UserError where it names several in vain."""
+    if settings.mesh is not None:
+        if settings.object_class != FitCommand.object_class or settings.objects is not None:
+            raise UserError("expected --mesh, --class or --objects; got two of them. Give one.")
+        return str(pack_of_mesh(settings.mesh)), ()
     whole = [settings.object_class]
     several = settings.objects is not None and not Path(settings.object_class).exists()
     first, *others = settings.object_class.split(",") if several else whole

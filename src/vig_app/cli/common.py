@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from vig.io.errors import UserError
 from vig_app.exports import FORMATS, RUN_FORMATS
 
 
@@ -33,6 +34,9 @@ class FitCommand:
     """Find up to so many objects in each photo, of any of the classes named, and explain them together."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
+    mesh: Path | None = None
+    """In place of a class, a mesh file of the very object: its views are tried all round, so that a --box or
+    --mask must tell where it is. explanation.json then has its pose in the file's frame, camera_from_mesh."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default that of each one's EXIF data."""
     intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
@@ -139,6 +143,18 @@ class Doctor:
 
 GROUP = "vig.verbs"
 """Entry points under which a package adds its verbs, a tuple of (name, settings, work) of `Verb`."""
+
+
+MESH_GROUP = "vig.meshes"
+"""Entry points of functions that make a class pack of a mesh file: path in, folder out."""
+
+
+def pack_of_mesh(mesh: Path) -> Path:
+    """The class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
+    for point in entry_points(group=MESH_GROUP):
+        folder: Path = point.load()(mesh)
+        return folder
+    raise UserError("expected the package vig_train, to read --mesh; it is not installed. Install vig anew.")
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from vig.likelihood import LIKELIHOODS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
+from vig.recognition import WEIGHTS_FILE
 from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
@@ -67,6 +68,8 @@ def fit(settings: FitCommand) -> int:
     for name in (object_class, *further_classes):
         if not settings.quiet and is_quick(Path(name)):
             note(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
+        if not settings.quiet and settings.mesh is None and is_untrained(Path(name)):
+            note(f"no network was trained for '{name}': views are tried all round, where a box or mask tells")
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)
@@ -134,10 +137,15 @@ def fit(settings: FitCommand) -> int:
 def is_quick(pack: Path) -> bool:
     """Whether the weights of a class pack are those that `vig class build` made within two minutes."""
     try:
-        with safe_open(pack / "recognition.safetensors", "np") as weights:
+        with safe_open(pack / WEIGHTS_FILE, "np") as weights:
             return (weights.metadata() or {}).get("quick") == "yes"
     except (OSError, SafetensorError):  # missing or damaged, which is said where they are read
         return False
+
+
+def is_untrained(pack: Path) -> bool:
+    """Whether a folder is a class pack for which no network was trained."""
+    return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()
 
 
 def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:

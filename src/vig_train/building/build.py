@@ -63,6 +63,8 @@ CACHE_VERSION = 1
 """Version of the cached results of stages; those of another version are computed again."""
 TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png")
 """Files of a pack that `vig class train` writes."""
+USUAL_LENGTH, LENGTHS = 0.2, (0.001, 10.0)
+"""Longest side of a class's mean shape where none is told, and the bounds of one that is, metres."""
 VIEWING_LENGTHS = 1.5
 """Distance of the standard camera, in longest sides of the mean shape."""
 MIN_MESHES_TO_HOLD_OUT = 10
@@ -82,7 +84,8 @@ class BuildSettings:
         front: The axis that the front faces in most files, such as "+x"; None: estimated.
         shows: What the front shows, such as "the handle"; for texts.
         symmetry: "none", "half-turn", "any-turn"; None: estimated.
-        length: Longest side of the mean shape, metres.
+        length: Longest side of the mean shape, metres; None: `USUAL_LENGTH`, or of a single glTF file, which
+            is in metres, its own.
         turns: Degrees by which meshes, by number, are turned counter-clockwise about the vertical at last.
         drops: Numbers of meshes that are left out.
         vertices: Number of vertices of the template, about.
@@ -95,7 +98,7 @@ class BuildSettings:
     front: str | None = None
     shows: str = ""
     symmetry: str | None = None
-    length: float = 0.2
+    length: float | None = None
     turns: dict[int, float] = field(default_factory=dict)
     drops: tuple[int, ...] = ()
     vertices: int = TEMPLATE_VERTICES
@@ -104,7 +107,7 @@ class BuildSettings:
 
     def check(self) -> None:
         """Raise UserError when a setting is out of its range."""
-        if not 0.001 <= self.length <= 10:
+        if self.length is not None and not LENGTHS[0] <= self.length <= LENGTHS[1]:
             raise UserError(f"expected a length from 0.001 to 10 metres; got {self.length}.")
         if not MIN_VERTICES <= self.vertices <= MAX_VERTICES:
             raise UserError(
@@ -179,14 +182,15 @@ class Builder:
     """The stages of building a class pack from a folder of meshes.
 
     Args:
-        folder: Of meshes.
+        meshes: A folder of them, or a single file: the shape of a single mesh is exact.
         out: The pack's folder, made where it is missing.
         settings: What the user states.
         say: Called with a line for each step.
     """
 
-    def __init__(self, folder: Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print):
-        self.folder, self.out, self.settings, self.say = Path(folder), Path(out), settings, say
+    def __init__(self, meshes: Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print):
+        self.meshes, self.out, self.settings, self.say = Path(meshes), Path(out), settings, say
+        self.folder = self.meshes.parent if self.meshes.is_file() else self.meshes
         self.cache_folder = self.out / "build" / "kept"
         settings.check()
         begun = (self.out / "build").is_dir()
@@ -204,7 +208,7 @@ class Builder:
         for name, reason in unreadable.items():
             self.say(f"left out {name}: {reason}")
         self._check_numbers()
-        self.say(f"{_counted(len(scans), 'mesh')} from {self.folder}")
+        self.say(f"{_counted(len(scans), 'mesh')} from {self.meshes}")
         sheets = self.out / "build"
         pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(s.vertices, s.faces) for s in scans])
         poses = self.upright
@@ -230,7 +234,7 @@ class Builder:
 
     @cached_property
     def _read(self) -> tuple[list[Scan], dict[str, str]]:
-        return read_scans(self.folder)
+        return read_scans(self.folder, self.meshes if self.meshes.is_file() else None)
 
     @property
     def scans(self) -> list[Scan]:
@@ -418,7 +422,10 @@ class Builder:
         medoid, template, faces = self.template
         shapes, sheets = registered[accepted], self.out / "build"
         symmetrise: SymmetryProjection | None = None
-        if self.upright.symmetries.symmetry == "any-turn":
+        exact = len(accepted) == 1
+        if exact:
+            pass
+        elif self.upright.symmetries.symmetry == "any-turn":
             symmetrise = rotation_projection(template, faces)
             shapes = symmetrise(shapes)
         elif self.upright.symmetries.mirror:
@@ -426,7 +433,7 @@ class Builder:
             mirrored = mirror_map(template, faces)
             shapes = np.stack([(shape + (mirrored @ shape) * MIRROR_Y) / 2 for shape in shapes])
         shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
-        scale = self.settings.length / np.ptp(shapes.mean(0), axis=0).max()
+        scale = self.length / np.ptp(shapes.mean(0), axis=0).max()
         shapes = shapes * scale
         splits = splits_of(accepted)
         trained = [index for index, number in enumerate(accepted) if splits[number] == "train"]
@@ -459,13 +466,18 @@ class Builder:
             points=named_points(components.mean),
             viewing_distance=float(np.round(VIEWING_LENGTHS * size.max(), 4)),
             places=self.settings.places,
+            object_from_mesh=self._object_from_mesh(accepted[0], registered, scale) if exact else None,
         )
         held_out = len(accepted) - len(trained)
         self.say(
             f"{_counted(len(accepted), 'mesh')} taken"
             + (f", {held_out} of them held out for validation and test" if held_out else "")
-            + f": {_counted(len(components.basis), 'component')},"
-            f" {_counted(len(families) or 1, 'family')}"
+            + (
+                ": its shape is held"
+                if exact
+                else f": {_counted(len(components.basis), 'component')},"
+                f" {_counted(len(families) or 1, 'family')}"
+            )
             + (f"; leave-one-out error {min(components.errors):.2%} of the size" if components.errors else "")
         )
         pictures.save_mesh_sheet(
@@ -491,12 +503,31 @@ class Builder:
         HeldOutDesigns(names, with_splits, shapes.astype(np.float32)).save(staged)
         write_transfer(object_class, staged)
         with atomic_write(staged / "card.md") as temporary:
-            temporary.write_text(card(result, self.settings), encoding="utf-8")
+            temporary.write_text(card(result, self.length), encoding="utf-8")
         self._put_aside_weights(staged)
         for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
             file.replace(self.out / file.name)
         shutil.rmtree(staged)
         return result
+
+    @cached_property
+    def length(self) -> float:
+        """Longest side of the mean shape, metres."""
+        if self.settings.length is not None:
+            return self.settings.length
+        if len(self.scans) == 1 and self.scans[0].name.lower().endswith((".glb", ".gltf")):
+            own = float(np.ptp(self.scans[0].vertices, axis=0).max())
+            if LENGTHS[0] <= own <= LENGTHS[1]:
+                return own
+        return USUAL_LENGTH
+
+    def _object_from_mesh(self, number: int, registered: np.ndarray, scale: float) -> np.ndarray:
+        """The similarity (4, 4) from a file's coordinates to the class's frame, metres."""
+        linear, offset = self._frame(number)
+        similarity = np.eye(4)
+        similarity[:3, :3] = scale * linear
+        similarity[:3, 3] = scale * (offset - [0, 0, registered[number][:, 2].min()])
+        return similarity
 
     def _save_source_meshes(
         self, registered: np.ndarray, accepted: list[int], splits: dict[int, Split], scale: float
@@ -504,8 +535,7 @@ class Builder:
         """Write the meshes that have materials, in metres, for the studio; refused ones are for training."""
         meshes = []
         for number in self.used:
-            linear, offset = self._frame(number)
-            low = [0, 0, registered[number][:, 2].min()]
+            move = self._object_from_mesh(number, registered, scale)
             loaded = load(self.folder, self.folder / self.scans[number].name)
             pieces = loaded.pieces
             if loaded.missing:
@@ -516,9 +546,9 @@ class Builder:
             meshes.append(
                 SourceMesh.of(
                     pieces,
-                    scale * linear,
-                    scale * (offset - low),
-                    scale * (registered[number] - low),
+                    move[:3, :3],
+                    move[:3, 3],
+                    scale * (registered[number] - [0, 0, registered[number][:, 2].min()]),
                     accepted.index(number) if number in accepted else -1,
                     splits.get(number, "train"),
                 )

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from vig_train.building.build import BuildResult, BuildSettings
+    from vig_train.building.build import BuildResult
 
 
-def card(result: BuildResult, settings: BuildSettings) -> str:
-    """Markdown."""
+def card(result: BuildResult, length: float) -> str:
+    """Markdown; the longest side of the mean shape is `length` metres."""
     object_class, components = result.object_class, result.components
     size, count = np.ptp(object_class.shape_model.mean, axis=0), len(result.scans) + len(result.unreadable)
     lines = [
@@ -21,7 +21,7 @@ def card(result: BuildResult, settings: BuildSettings) -> str:
         " Licences of the meshes are those of their authors; the pack holds shapes derived from them.",
         "",
         f"Mean size {size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m (length, width, height):"
-        f" metres are only as true as `--length {settings.length:g}`.",
+        f" metres are only as true as `--length {length:g}`.",
         "",
         *(f"- {line}" for line in result.upright.report),
         "",
@@ -58,7 +58,9 @@ def card(result: BuildResult, settings: BuildSettings) -> str:
         "",
         "## Shapes",
         "",
-        f"{len(components.basis)} components"
+        "One, which fits hold."
+        if object_class.shape_model.rigid
+        else f"{len(components.basis)} components"
         + (
             f", smooth deformations of {components.amplitude:.0%} of the size among them"
             if components.amplitude
@@ -71,7 +73,7 @@ def card(result: BuildResult, settings: BuildSettings) -> str:
             f"A mesh left out is met within {components.errors[len(components.basis)]:.2%} of its size in the"
             f" mean ({components.errors[0]:.2%} by the mean shape).",
         ]
-    else:
+    elif not object_class.shape_model.rigid:
         lines.append(
             "Too few meshes for a leave-one-out error: shapes other than these are guessed as smooth."
         )

@@ -44,7 +44,7 @@ class Components:
 def fit_components(
     shapes: np.ndarray, areas: np.ndarray, symmetrise: SymmetryProjection | None = None
 ) -> Components:
-    """The model of shapes (N, V, 3) in correspondence, N from 1 on.
+    """The model of shapes (N, V, 3) in correspondence, N from 1 on; that of one shape does not vary.
 
     Principal components of the sample's covariance plus that of a Gaussian process of smooth deformations
     (Luthi et al. 2018), whose amplitude and number of components leave the least error when each shape in
@@ -52,12 +52,14 @@ def fit_components(
 
     symmetrise: Takes deformations (M, V, 3) to those that keep the class's symmetry; None where it has none.
     """
+    if len(shapes) == 1:
+        return Components(shapes[0], np.zeros_like(shapes), np.zeros(1), 0.0, (), {})
     size = float(np.ptp(shapes.mean(0), axis=0).max())
     deformations = smooth_deformations(shapes.mean(0), size)
     deformations = deformations if symmetrise is None else symmetrise(deformations)
     max_components = MAX_COMPONENTS
     if len(shapes) < 3:
-        chosen = AMPLITUDES[-1] if len(shapes) == 1 else AMPLITUDES[2]
+        chosen = AMPLITUDES[2]
         basis, ratio = _basis(shapes, deformations * chosen * size, areas, max_components)
         return Components(shapes.mean(0), basis, ratio, chosen, (), {})
     curves = {

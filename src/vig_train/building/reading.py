@@ -33,8 +33,8 @@ class Scan:
     content_hash: str
 
 
-def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
-    """Read every mesh below a folder, in the order of names.
+def read_scans(folder: Path, only: Path | None = None) -> tuple[list[Scan], dict[str, str]]:
+    """Read every mesh below a folder, in the order of names, or `only` that file of it.
 
     Returns:
         The meshes, and why each other file was left out, by name.
@@ -45,6 +45,8 @@ def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
     scans: list[Scan] = []
     refused: dict[str, str] = {}
     for name, path in files_of(folder, SUFFIXES):
+        if only is not None and path != only:
+            continue
         try:
             loaded = load(folder, path)
             starts = np.cumsum([0] + [len(piece.vertices) for piece in loaded.pieces])

@@ -34,7 +34,7 @@ def build(settings: Build) -> int:
         settings.materials,
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
-    result = Builder(settings.folder, settings.out, build_settings, say).build()
+    result = Builder(settings.meshes, settings.out, build_settings, say).build()
     if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
         ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
     if settings.json:

@@ -19,8 +19,9 @@ class Build:
     What is found can be told instead: look at build/2-upright.png, whose numbers --turn and --drop take.
     """
 
-    folder: tyro.conf.Positional[Path]
-    """Meshes (.glb, .gltf, .obj, .ply, .off, .stl) in any pose, unit and topology."""
+    meshes: tyro.conf.Positional[Path]
+    """A folder of meshes (.glb, .gltf, .obj, .ply, .off, .stl) in any pose, unit and topology; or one such
+    file, whose shape is then exact."""
     out: Path
     """Folder of the pack."""
     name: str | None = None
@@ -34,8 +35,9 @@ class Build:
     """What the front shows, such as "the handle": for messages."""
     symmetry: Literal["none", "half-turn", "any-turn"] | None = None
     """The turn about the vertical under which such things look the same; by default it is found."""
-    length: float = 0.2
-    """Longest side of the mean shape, metres: the files' units are not trusted."""
+    length: float | None = None
+    """Longest side of the mean shape, metres; 0.2 by default, as the files' units are not trusted, but of a
+    single glTF file its own."""
     turn: tuple[str, ...] = ()
     """NUMBER:DEGREES, such as 7:90: turn a mesh by so much about the vertical, counter-clockwise."""
     drop: tuple[int, ...] = ()

@@ -39,6 +39,8 @@ BOUNCES = 4
 """Interreflections that are added up."""
 SHAPE_SAMPLES = 160
 """Shapes drawn for the regression."""
+RIGID_SAMPLES = 4
+"""So often is the one shape of a rigid class computed: rays are drawn at random."""
 RAY_GRID = 16
 """Each vertex casts RAY_GRID squared rays, stratified."""
 
@@ -249,7 +251,10 @@ def transfer_model(
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
     """
+    shapes = min(shapes, RIGID_SAMPLES) if model.rigid else shapes
     coefficients, changes, _ = sample_changes(model, shapes, side, seed, albedo, device)
+    if model.rigid:
+        return np.stack([changes.mean(0), np.zeros_like(changes[0])])
     with_one = np.column_stack([np.ones(shapes), coefficients])
     table = np.linalg.lstsq(with_one, changes.reshape(shapes, -1), rcond=None)[0]
     return table.reshape(model.modes + 1, -1, 9).astype(np.float32)

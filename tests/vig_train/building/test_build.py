@@ -87,14 +87,20 @@ def test_a_build_that_was_interrupted_gives_the_same_pack(
 
 
 @pytest.mark.slow
-def test_one_mesh_makes_a_class(tmp_path: Path) -> None:
+def test_one_mesh_makes_a_class_of_its_exact_shape(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     finned(1.0, 1.5, 0.45).export(tmp_path / "meshes" / "only.ply")
     settings = BuildSettings("only", up="z", vertices=300)
     made = Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()
     model = made.object_class.shape_model
-    assert len(made.splits) == 1 and model.modes == 16
-    assert np.linalg.norm(model.basis, axis=2).max() < 0.3 * np.ptp(model.mean, axis=0).max()
+    assert len(made.splits) == 1 and model.rigid
+    loaded = ObjectClass.load(tmp_path / "pack")
+    assert loaded.object_from_mesh is not None and loaded.transfer is not None
+    assert not loaded.transfer[1:].any() and loaded.transfer[0].any()
+    scan = trimesh.load(tmp_path / "meshes" / "only.ply", process=False).vertices
+    moved = scan @ loaded.object_from_mesh[:3, :3].T + loaded.object_from_mesh[:3, 3]
+    nearest = np.linalg.norm(moved[:, None] - loaded.shape_model.mean[None], axis=2).min(1)
+    assert np.median(nearest) < 0.02 * np.ptp(moved, axis=0).max(), "the file's own surface is the class's"
     weights = tmp_path / "pack" / "recognition.safetensors"
     weights.write_bytes(b"of the shapes so far")
     Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()

@@ -1,0 +1,49 @@
+"""A recognizer in place of a network, for classes that none was trained for."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from vig.recognition.network import NetworkSettings
+from vig.recognition.prediction import Prediction, Recognizer
+from vig.scene import ObjectClass, regressed_layout
+
+ELEVATION = math.radians(25.0), math.radians(20.0)
+"""Mean and standard deviation of the eye's elevation in photos, radians: people hold cameras there."""
+ALBEDO = 0.4, 0.4
+"""Of each channel, likewise."""
+LIGHT_FACTOR = 3.0
+"""Over the standard deviations of the class's lights, at an exposure that is not known."""
+MASK = 0.3, 0.12, 0.58
+"""Shares of `MASK_CLASSES` among the pixels of windows about boxes; a mask that is given overrules them."""
+
+
+class UninformedRecognizer(Recognizer):
+    """Says the same of every photo: any azimuth, and of numbers what photos have."""
+
+    informed = False
+
+    def __init__(self, object_class: ObjectClass, device: str = "cpu"):
+        self.device = device
+        self.symmetry, self.mirror = object_class.symmetry, object_class.mirror
+        layout = regressed_layout(object_class.shape_model.modes)
+        self._mean, self._deviation = torch.zeros(layout.size), torch.ones(layout.size)
+        for name, (mean, deviation) in (("elevation", ELEVATION), ("albedo", ALBEDO)):
+            self._mean[layout[name]], self._deviation[layout[name]] = mean, deviation
+        lights = torch.from_numpy(object_class.light_prior_covariance).diagonal().sqrt()
+        self._mean[layout["light"]] = torch.from_numpy(object_class.light_prior_mean).float()
+        self._deviation[layout["light"]] = LIGHT_FACTOR * lights.float() + 0.2
+
+    def __call__(self, photos: torch.Tensor, batch: int = 32, twice: bool = True) -> Prediction:
+        """As `Recognizer.__call__`: photos (N, S, S, 3)."""
+        count, bins = len(photos), NetworkSettings().azimuth_bins
+        return Prediction(
+            torch.full((count, bins), 1 / bins),
+            self._mean.expand(count, -1).clone(),
+            self._deviation.expand(count, -1).clone(),
+            torch.tensor(MASK).expand(*photos.shape[:3], 3).clone(),
+            torch.zeros(count),
+            torch.full((count,), 0.5),
+        ).folded(self.symmetry)

@@ -1,0 +1,46 @@
+"""A class of exact shape from one mesh file, as `vig fit --mesh` needs it."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from vig.io.errors import UserError
+from vig_train.building.build import Builder, BuildSettings
+from vig_world.asset_cache import asset_cache
+from vig_world.assets.own.folder import fingerprint
+from vig_world.assets.own.load import SUFFIXES, load
+
+
+def pack_of_mesh(mesh: Path) -> Path:
+    """The class pack of a mesh file, without a recognizer; made at most once for each content.
+
+    It lies in the user's cache folder; where nothing can be written there, in one that is made anew.
+
+    Raises:
+        UserError: It is no mesh that can be used.
+    """
+    mesh = Path(mesh)
+    if not mesh.is_file() or mesh.suffix.lower() not in SUFFIXES:
+        came = "a folder" if mesh.is_dir() else "no such file" if not mesh.exists() else f"'{mesh.name}'"
+        raise UserError(f"expected --mesh FILE, one of {' '.join(SUFFIXES)}; got {came}. Check the path.")
+    key = fingerprint(load(mesh.parent, mesh).files)[:24]
+    cache = asset_cache().folder
+    parent = Path(tempfile.mkdtemp(prefix="vig-mesh-")) if cache is None else cache / "meshes"
+    pack = parent / f"{mesh.stem[:60]}-{key}"
+    if (pack / "class.json").is_file():
+        return pack
+    parent.mkdir(parents=True, exist_ok=True)
+    making = Path(tempfile.mkdtemp(prefix="making-", dir=parent))
+    try:
+        settings = BuildSettings(mesh.stem[:100], materials=False)
+        Builder(mesh, making / "pack", settings, say=lambda line: None).build()
+        try:
+            (making / "pack").rename(pack)
+        except OSError:  # another process was faster
+            if not (pack / "class.json").is_file():
+                raise
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+    return pack

@@ -1,0 +1,62 @@
+"""A class of one mesh file, as `vig fit --mesh` makes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.vig_train.building.things import finned
+from vig.io.errors import UserError
+from vig.recognition import UninformedRecognizer
+from vig_app.cli.boxes import classes_of
+from vig_app.cli.common import FitCommand
+from vig_train.building import single
+from vig_train.building.single import pack_of_mesh
+from vig_world.asset_cache import AssetCache
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(single, "asset_cache", lambda: AssetCache(tmp_path / "cache"))
+    return tmp_path / "cache" / "meshes"
+
+
+@pytest.mark.slow
+def test_a_mesh_becomes_a_pack_once(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from vig import Explainer
+
+    file = tmp_path / "thing.ply"
+    finned(1.0, 1.5, 0.45).export(file)
+    pack = pack_of_mesh(file)
+    explainer = Explainer(pack)
+    assert explainer.object_class.name == "thing" and explainer.object_class.shape_model.rigid
+    assert isinstance(explainer.recognizer, UninformedRecognizer)
+    assert [path.name for path in cache.iterdir()] == [pack.name], "nothing half-made is left"
+    monkeypatch.setattr(single, "Builder", None)
+    assert pack_of_mesh(file) == pack, "not built again"
+
+
+@pytest.mark.parametrize(
+    "name, content, message",
+    [
+        ("none.glb", None, "no such file"),
+        ("notes.txt", b"notes", "notes.txt"),
+        ("empty.obj", b"# nothing\n", "triangles"),
+        ("flat.off", b"OFF\n3 1 0\n0 0 0\n0 0 0\n0 0 0\n3 0 1 2\n", "extent"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(
+    cache: Path, tmp_path: Path, name: str, content: bytes | None, message: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(UserError, match=message):
+        pack_of_mesh(tmp_path / name)
+    assert not cache.exists() or not any(cache.iterdir())
+
+
+def test_a_mesh_goes_in_place_of_a_class(tmp_path: Path) -> None:
+    given = FitCommand((tmp_path / "photo.jpg",), mesh=tmp_path / "cup.glb", object_class="mug")
+    with pytest.raises(UserError, match="--mesh, --class or --objects"):
+        classes_of(given)
