@@ -26,7 +26,8 @@ def geometry_of(object_class: ObjectClass, self_shadow: bool = False, device: st
     At unit scale, as fits see the class: what kernels take for small is for things of a teapot's size.
     """
     transfer = object_class.transfer if self_shadow else None
-    return Geometry(object_class.at_unit_scale.shape_model, torch.float32, device, transfer)
+    model, reflectance = object_class.at_unit_scale.shape_model, object_class.reflectance
+    return Geometry(model, torch.float32, device, transfer, reflectance)
 
 
 def objective_of(

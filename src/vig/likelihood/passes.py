@@ -79,6 +79,7 @@ class Pass:
             "ring_start": geometry.ring_start_wp,
             "ring": geometry.ring_wp,
             "basis": geometry.basis_wp,
+            "reflectance": geometry.reflectance_wp,
             "transfer_mean": geometry.transfer_mean_wp,
             "transfer_by_shape": geometry.transfer_by_shape_wp,
         }

@@ -19,14 +19,16 @@ def vertex_irradiance(
 ) -> torch.Tensor:
     """Irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class has a table.
 
-    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a white surface
-    reflects, not below 0. The table is `ObjectClass.transfer`; without `self_shadow` it is left out.
+    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a surface of albedo 1
+    reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
+    without `self_shadow` it is left out.
     """
     lobes = sh_basis(normals) * normals.new_tensor(COSINE_LOBE)
     if self_shadow and object_class.transfer is not None:
         transfer = torch.from_numpy(object_class.transfer).to(normals)
         lobes = lobes + torch.einsum("k,kvl->vl", latents.shape[0].to(normals), transfer[1:]) + transfer[0]
-    return (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
+    reflectance = torch.from_numpy(object_class.reflectance).to(normals)
+    return reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
 
 
 def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True) -> Scene:

@@ -78,6 +78,7 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
     fit_settings: dict[str, bool | float] = {}
     families: tuple[Family, ...] = ()
     held_out_designs: tuple[Any, ...] = ()
+    part_reflectance: tuple[float, ...] | None = None
     object_from_mesh: tuple[tuple[float, ...], ...] | None = None
 
 
@@ -103,6 +104,8 @@ class ObjectClass:
         places: Relative frequency of each zone of the generator's rooms as a place; none takes its own.
         fit_settings: Values of `vig.inference.ExplainSettings`, by name, where a user states none; see
             `vig.inference.resolve`.
+        part_reflectance: (parts,) albedo of each part over that of the object, as far as it is known of the
+            class: a car's windows are dark. None where nothing is known.
         object_from_mesh: (4, 4) similarity from the coordinates of the file of a class of one mesh to the
             class's frame; None for other classes.
     """
@@ -122,6 +125,7 @@ class ObjectClass:
     viewing_distance: float = DISTANCE
     places: Mapping[str, float] = field(default_factory=dict)
     fit_settings: Mapping[str, bool | float] = field(default_factory=dict)
+    part_reflectance: tuple[float, ...] | None = None
     object_from_mesh: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -150,6 +154,11 @@ class ObjectClass:
             raise ValueError("light prior must be finite, its mean's first number positive")
         if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
             raise ValueError("light prior covariance must be symmetric and positive definite")
+        if self.part_reflectance is not None:
+            if len(self.part_reflectance) != len(self.shape_model.part_names):
+                raise ValueError(f"part_reflectance must be {len(self.shape_model.part_names)} numbers")
+            for number in self.part_reflectance:
+                check_number("part_reflectance", number, 0.01, 1.0)
         if self.object_from_mesh is not None:
             check_arrays(
                 {"object_from_mesh": self.object_from_mesh}, {"object_from_mesh": ("float64", (4, 4))}
@@ -173,6 +182,14 @@ class ObjectClass:
         if views != ("none", True, DISTANCE, {}):
             digest.update(repr(views).encode())
         return digest.hexdigest()[:16]
+
+    @cached_property
+    def reflectance(self) -> np.ndarray:
+        """(V,) float32, what `part_reflectance` says of each vertex; 1 where nothing is known."""
+        if self.part_reflectance is None:
+            return np.ones(len(self.shape_model.mean), np.float32)
+        reflectance: np.ndarray = np.array(self.part_reflectance, np.float32)[self.shape_model.parts]
+        return reflectance
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
         """The class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
@@ -207,7 +224,7 @@ class ObjectClass:
             **{name: getattr(self, name) for name in _SHARED},
         )
         written = msgspec.to_builtins(description)
-        for name in ("fit_settings", "families", "held_out_designs", "object_from_mesh"):
+        for name in ("fit_settings", "families", "held_out_designs", "part_reflectance", "object_from_mesh"):
             if not written[name]:
                 del written[name]
         with atomic_write(Path(folder) / "class.json") as temporary:

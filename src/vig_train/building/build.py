@@ -28,6 +28,7 @@ from vig_train.building.acceptance import (
 )
 from vig_train.building.card import card
 from vig_train.building.families import families_of, genus
+from vig_train.building.materials import dark_part
 from vig_train.building.model import Components, SymmetryProjection, fit_components
 from vig_train.building.pose import (
     ClassSymmetry,
@@ -439,12 +440,15 @@ class Builder:
         trained = [index for index, number in enumerate(accepted) if splits[number] == "train"]
         areas = vertex_areas(template, faces)
         components = fit_components(shapes[trained], areas / areas.sum(), symmetrise)
+        source_meshes = self._source_meshes(registered, accepted, splits, scale)
+        of_class = [mesh for mesh in source_meshes if mesh.design >= 0 and mesh.split == "train"]
+        dark = dark_part(of_class, components.mean, faces)
         model = ShapeModel(
             components.mean.astype(np.float32),
             components.basis.astype(np.float32),
             faces.astype(np.int32),
-            np.zeros(len(template), np.int32),
-            ("body",),
+            np.zeros(len(template), np.int32) if dark is None else dark[0].astype(np.int32),
+            ("body",) if dark is None else ("body", "dark"),
             components.ratio.astype(np.float32),
         )
         families: tuple[Family, ...] = ()
@@ -466,6 +470,7 @@ class Builder:
             points=named_points(components.mean),
             viewing_distance=float(np.round(VIEWING_LENGTHS * size.max(), 4)),
             places=self.settings.places,
+            part_reflectance=None if dark is None else (1.0, round(dark[1], 4)),
             object_from_mesh=self._object_from_mesh(accepted[0], registered, scale) if exact else None,
         )
         held_out = len(accepted) - len(trained)
@@ -488,8 +493,10 @@ class Builder:
             pairs = [pair for n in refused for pair in (self.mesh_in_frame(n), (registered[n], faces))]
             pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
         (sheets / SOURCE_MESHES_FILE).unlink(missing_ok=True)
-        if self.settings.materials:
-            self._save_source_meshes(registered, accepted, splits, scale)
+        if source_meshes:
+            tell = "" if dark is None else f", and that {dark[0].mean():.0%} of the vertices are dark on most"
+            self.say(f"{_counted(len(source_meshes), 'mesh')} with materials, which training shows{tell}")
+            save_source_meshes(sheets / SOURCE_MESHES_FILE, source_meshes)
         pictures.save_component_sheet(sheets / "6-components.png", components, faces)
         pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
         result = BuildResult(
@@ -529,12 +536,12 @@ class Builder:
         similarity[:3, 3] = scale * (offset - [0, 0, registered[number][:, 2].min()])
         return similarity
 
-    def _save_source_meshes(
+    def _source_meshes(
         self, registered: np.ndarray, accepted: list[int], splits: dict[int, Split], scale: float
-    ) -> None:
-        """Write the meshes that have materials, in metres, for the studio; refused ones are for training."""
-        meshes = []
-        for number in self.used:
+    ) -> list[SourceMesh]:
+        """The meshes that have materials, in metres, where these count; refused ones are for training."""
+        meshes: list[SourceMesh] = []
+        for number in self.used if self.settings.materials else []:
             move = self._object_from_mesh(number, registered, scale)
             loaded = load(self.folder, self.folder / self.scans[number].name)
             pieces = loaded.pieces
@@ -553,9 +560,7 @@ class Builder:
                     splits.get(number, "train"),
                 )
             )
-        if meshes:
-            self.say(f"{_counted(len(meshes), 'mesh')} with materials, which training shows")
-            save_source_meshes(self.out / "build" / SOURCE_MESHES_FILE, meshes)
+        return meshes
 
     def _put_aside_weights(self, staged: Path) -> None:
         """Move weights that were trained on other shapes, and their calibration, to build/outdated."""

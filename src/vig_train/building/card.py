@@ -77,6 +77,12 @@ def card(result: BuildResult, length: float) -> str:
         lines.append(
             "Too few meshes for a leave-one-out error: shapes other than these are guessed as smooth."
         )
+    if object_class.part_reflectance is not None:
+        lines += [
+            "",
+            f"{object_class.shape_model.parts.mean():.0%} of the vertices are dark on most of the meshes with"
+            f" materials: fits give them {object_class.part_reflectance[1]:.0%} of the albedo.",
+        ]
     if object_class.families:
         lines += ["", "| family | share |", "|---|---|"]
         lines += [f"| {family.name} | {family.share:.0%} |" for family in object_class.families]

@@ -111,7 +111,7 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
         change = geometry.transfer_mean + by_shape @ with_one[1:]
         lobes = torch.tensor(COSINE_LOBE, dtype=point.dtype) * sh_basis(normals)
         irradiances = ((lobes + change) @ latents.light[0]).clamp_min(0.0)
-    return Shaded(screen, normals, irradiances, latents.albedo[0], rotation)
+    return Shaded(screen, normals, irradiances * geometry.reflectance, latents.albedo[0], rotation)
 
 
 def surface_at(

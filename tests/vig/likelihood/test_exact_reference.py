@@ -66,7 +66,9 @@ def rods() -> tuple[np.ndarray, np.ndarray]:
 
 
 def toy(rng: np.random.Generator, mesh: tuple[np.ndarray, np.ndarray]) -> Geometry:
-    """A mesh with random smooth components, half of the time with a random table of self-shadow."""
+    """A mesh with random smooth components, half of the time with a random table of self-shadow, and likewise
+    with random reflectances.
+    """
     points, faces = 1.3 * mesh[0], mesh[1]
     volume = np.einsum("fi,fi->", points[faces[:, 0]], np.cross(points[faces[:, 1]], points[faces[:, 2]]))
     if volume < 0:
@@ -78,7 +80,8 @@ def toy(rng: np.random.Generator, mesh: tuple[np.ndarray, np.ndarray]) -> Geomet
     scale = np.full((MODES + 1, 1, 1), 0.01)
     scale[0] = 0.05
     transfer = scale * rng.normal(size=(MODES + 1, count, 9)) if rng.random() < 0.5 else None
-    return Geometry(model, torch.float64, transfer=transfer)
+    reflectance = rng.uniform(0.1, 1.0, count) if rng.random() < 0.5 else None
+    return Geometry(model, torch.float64, transfer=transfer, reflectance=reflectance)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ class Geometry:
         shadowed: Whether there is a transfer: what self-shadowing and interreflection add to the lobes
             A_l Y_lm of each vertex, see `ObjectClass.transfer`.
         transfer_mean, transfer_by_shape: (V, 9) of the mean shape and (V, 9, padded K) per component.
+        reflectance: (V,) by which irradiance is multiplied, see `ObjectClass.reflectance`.
         kept: Passes and the like that may be used again for as long as the geometry lives.
     """
 
@@ -36,6 +37,7 @@ class Geometry:
         dtype: torch.dtype = torch.float32,
         device: str = "cpu",
         transfer: np.ndarray | None = None,
+        reflectance: np.ndarray | None = None,
     ):
         if model.modes < 1:
             raise ValueError("the renderer needs a shape model with one component or more; got none")
@@ -60,6 +62,11 @@ class Geometry:
         self.faces, self.edges, self.ring_start, self.ring = (
             torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
         )
+        known = np.ones(len(model.mean)) if reflectance is None else reflectance
+        if known.shape != (len(model.mean),):
+            raise ValueError(f"reflectance must be ({len(model.mean)},); got {known.shape}")
+        self.reflectance = torch.from_numpy(known).to(device, dtype).contiguous()
+        self.reflectance_wp = warp_array(self.reflectance, wp.dtype_from_torch(dtype))
         types = likelihood_kernels(dtype, model.modes)
         self.basis_wp = warp_array(self.basis, types.shape_row)
         self.transfer_mean_wp = warp_array(self.transfer_mean, types.lobe_vector)

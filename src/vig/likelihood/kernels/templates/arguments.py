@@ -5,13 +5,14 @@ import warp as wp
 
 @wp.struct
 class Mesh:
-    """Faces (F, 3), edges (E, 5), rings and components (V, 3) of `Geometry`."""
+    """Faces (F, 3), edges (E, 5), rings, components (V, 3) and reflectance (V,) of `Geometry`."""
 
     faces: wp.array2d(dtype=wp.int32)
     edges: wp.array2d(dtype=wp.int32)
     ring_start: wp.array(dtype=wp.int32)
     ring: wp.array2d(dtype=wp.int32)
     basis: wp.array2d(dtype=shape_row)
+    reflectance: wp.array(dtype=real)
 
 
 @wp.struct

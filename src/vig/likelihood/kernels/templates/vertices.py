@@ -108,7 +108,7 @@ def write_rows(
     # Irradiance is max(0, .): a vertex in the dark has no derivative.
     if total > real(0.0):
         normal = vertices.normals[image, vertex]
-        slope = light_slope(lighting.light[image], normal)
+        slope = light_slope(lighting.light[image], normal) * mesh.reflectance[vertex]
         # d (n / |n|) = (1 - n n^T) dn / |n|.
         tangent = (slope - normal * wp.dot(slope, normal)) * vertices.inverse_lengths[image, vertex]
         row[irradiance_at] = total
@@ -116,8 +116,8 @@ def write_rows(
         row = rest_row()
     ring_row(image, vertex, tangent, mesh, vertices, vertex_rows)
     if lighting.shadowed != 0 and total > real(0.0):
-        by_shape = vertex_rows.shape_rows[image, vertex] + lighting.shadow_rates[image, vertex]
-        vertex_rows.shape_rows[image, vertex] = by_shape
+        rates = lighting.shadow_rates[image, vertex] * mesh.reflectance[vertex]
+        vertex_rows.shape_rows[image, vertex] = vertex_rows.shape_rows[image, vertex] + rates
     vertex_rows.rest_rows[image, vertex] = row
 
 
@@ -162,6 +162,7 @@ def shade(
             row = lobes(normal)
             if lighting.shadowed != 0:
                 row = add_lobes(row, shadow(image, vertex, differentiate, lighting))
+            row = row * mesh.reflectance[vertex]
             total = wp.dot(row, lighting.light[image])
             vertices.normals[image, vertex] = normal
             vertices.inverse_lengths[image, vertex] = inverse
@@ -201,7 +202,7 @@ def unshade(
             normal = vertices.normals[image, vertex]
             by_normal = vec3()
             if vertices.irradiances[image, vertex] > real(0.0):
-                strength = pulled[3]
+                strength = pulled[3] * mesh.reflectance[vertex]
                 row = lobes(normal)
                 if lighting.shadowed != 0:
                     row = add_lobes(row, lighting.lobe_changes[image, vertex])
