@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.io.errors import UserError
+from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, load
 from vig_world.mesh import face_normals
@@ -33,8 +34,11 @@ class Scan:
     content_hash: str
 
 
-def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
-    """Read every mesh below a folder, in the order of names.
+def read_scans(source: str | Path) -> tuple[list[Scan], dict[str, str]]:
+    """Read every mesh below a folder, or of furniture catalogues, in the order of names.
+
+    Args:
+        source: A folder, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
 
     Returns:
         The meshes, and why each other file was left out, by name.
@@ -42,8 +46,9 @@ def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
     Raises:
         UserError: There is no such folder, or it holds no usable mesh.
     """
+    folder = mesh_folder(source)
     scans: list[Scan] = []
-    refused: dict[str, str] = {}
+    refused = dict(read_sources(folder).left_out)
     for name, path in files_of(folder, SUFFIXES):
         try:
             loaded = load(folder, path)
@@ -59,7 +64,7 @@ def read_scans(folder: Path) -> tuple[list[Scan], dict[str, str]]:
     scans = [scan for number, scan in enumerate(scans) if number not in copies]
     if not scans:
         first = next(iter(refused.items()))
-        raise UserError(f"expected meshes in '{folder}'; not one is usable. {first[0]}: {first[1]}")
+        raise UserError(f"expected meshes in '{source}'; not one is usable. {first[0]}: {first[1]}")
     return scans, refused
 
 
