@@ -51,6 +51,7 @@ from vig_train.building.template import TEMPLATE_VERTICES, closed_template
 from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.own.catalogue import Source, mesh_folder, read_sources
 from vig_world.assets.own.load import load
 from vig_world.assets.props.families import ZONE_NAMES
 from vig_world.assets.source_meshes import FILE as SOURCE_MESHES_FILE
@@ -153,6 +154,7 @@ class BuildResult:
         qualities: Of each mesh that was not dropped, by its number.
         splits: Of each accepted mesh, by its number.
         components: The shape model.
+        sources: Origins of the meshes that come from furniture catalogues.
     """
 
     object_class: ObjectClass
@@ -163,6 +165,7 @@ class BuildResult:
     qualities: dict[int, Quality]
     splits: dict[int, Split]
     components: Components
+    sources: tuple[Source, ...] = ()
 
     @property
     def refused(self) -> dict[str, str]:
@@ -176,17 +179,19 @@ class BuildResult:
 
 
 class Builder:
-    """The stages of building a class pack from a folder of meshes.
+    """The stages of building a class pack from a folder of meshes or from furniture catalogues.
 
     Args:
-        folder: Of meshes.
+        source: A folder of meshes, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
         out: The pack's folder, made where it is missing.
         settings: What the user states.
         say: Called with a line for each step.
     """
 
-    def __init__(self, folder: Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print):
-        self.folder, self.out, self.settings, self.say = Path(folder), Path(out), settings, say
+    def __init__(
+        self, source: str | Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print
+    ):
+        self.source, self.out, self.settings, self.say = source, Path(out), settings, say
         self.cache_folder = self.out / "build" / "kept"
         settings.check()
         begun = (self.out / "build").is_dir()
@@ -204,7 +209,7 @@ class Builder:
         for name, reason in unreadable.items():
             self.say(f"left out {name}: {reason}")
         self._check_numbers()
-        self.say(f"{_counted(len(scans), 'mesh')} from {self.folder}")
+        self.say(f"{_counted(len(scans), 'mesh')} from {self.source}")
         sheets = self.out / "build"
         pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(s.vertices, s.faces) for s in scans])
         poses = self.upright
@@ -222,11 +227,16 @@ class Builder:
         accepted = [n for n, quality in qualities.items() if not quality.reason]
         if not accepted:
             raise UserError(
-                f"expected meshes of one kind in '{self.folder}'; no two are alike. Look at {sheets}."
+                f"expected meshes of one kind in '{self.source}'; no two are alike. Look at {sheets}."
             )
         return self._write(registered, qualities, accepted)
 
     # -- stages -------------------------------------------------------------------------------------------
+
+    @cached_property
+    def folder(self) -> Path:
+        """The folder of meshes; catalogues are unpacked."""
+        return mesh_folder(self.source)
 
     @cached_property
     def _read(self) -> tuple[list[Scan], dict[str, str]]:
@@ -368,7 +378,7 @@ class Builder:
             arrays = self._cached("template", marks, compute)
             if len(arrays["vertices"]):
                 return number, arrays["vertices"], arrays["faces"]
-        raise UserError(f"expected a mesh in '{self.folder}' that can be closed; none can. Mend one of them.")
+        raise UserError(f"expected a mesh in '{self.source}' that can be closed; none can. Mend one of them.")
 
     def _registered(self) -> tuple[np.ndarray, dict[int, Quality]]:
         """The template carried onto each mesh (N, V, 3), and how well it lies there."""
@@ -481,7 +491,15 @@ class Builder:
         pictures.save_component_sheet(sheets / "6-components.png", components, faces)
         pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
         result = BuildResult(
-            object_class, self.scans, self.unreadable, self.upright, medoid, qualities, splits, components
+            object_class,
+            self.scans,
+            self.unreadable,
+            self.upright,
+            medoid,
+            qualities,
+            splits,
+            components,
+            read_sources(self.folder).of({scan.name for scan in self.scans}),
         )
         names = tuple(self.scans[n].name for n in accepted)
         with_splits = tuple(splits[n] for n in accepted)

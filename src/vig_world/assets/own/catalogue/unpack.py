@@ -196,10 +196,8 @@ def _inside(path: str) -> str:
 
 def _is_plain(path: str) -> bool:
     """Whether a path with `/` between leads nowhere but down, on any system."""
-    parts = path.split("/")
-    return not any(
-        part in ("", ".", "..") or re.search(r"[:\\\0]", part) or len(part) > 200 for part in parts
-    )
+    climbs = any(part in ("", ".", "..") or len(part) > _LONGEST_PART for part in path.split("/"))
+    return not climbs and not re.search(r"[:\\\0]", path)
 
 
 def _unique_names(models: list[CatalogueModel]) -> list[str]:
