@@ -254,7 +254,7 @@ def test_furniture_has_its_family_and_size(tmp_path: Path) -> None:
     ((own,), _) = read_furniture(path)
     assert own.furniture.family == "coffee_table"
     (support,) = own.furniture.supports
-    assert support.centre[2] == pytest.approx(0.45, abs=1e-5)
+    assert support.zone == "reading" and support.centre[2] == pytest.approx(0.45, abs=1e-5)
     assert 2 * support.half[0] == pytest.approx(1.2, abs=0.1)
     assert 2 * support.half[1] == pytest.approx(0.6, abs=0.1)
 

@@ -179,8 +179,11 @@ def _settings(model: CatalogueModel) -> str:
     """The `vig.toml` of one model."""
     words = "_".join(_ascii(word) for word in head_words(model.name))
     thing = re.sub(r"[^a-z0-9_]", "", words).strip("_")[:_LONGEST_NAME] or "model"
-    zones = ", ".join(f'"{zone}"' for zone in zones_of(model.name, model.tags, model.category))
-    lines = ["[defaults]", f'family = "{family_of_thing(thing) or thing}"', f"zones = [{zones}]"]
+    furniture = family_of_thing(thing)
+    lines = ["[defaults]", f'family = "{furniture or thing}"']
+    if furniture is None:  # else they would be the zones of what stands on it
+        zones = ", ".join(f'"{zone}"' for zone in zones_of(model.name, model.tags, model.category))
+        lines.append(f"zones = [{zones}]")
     if model.is_mounted:
         lines.append("skip = true  # it hangs on a wall or is a part of the house")
     return "\n".join(lines) + "\n"

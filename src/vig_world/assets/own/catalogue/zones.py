@@ -22,20 +22,23 @@ _BY_CATEGORY = {
     "miscellaneous": ("storage", "display"),
 }
 """Other categories, for things of which neither name nor tags are below."""
-_BY_WORD = {
-    "food cake bread fruit apple salad sugar salt plate bowl cutlery fork spoon": ("dining", "cooking"),
-    "drink bottle cup mug glass teapot creamer jar pottery kettle press": ("dining", "drinks"),
-    "pan knife cooker oven stove hob toaster blender mixer scale board squeezer": ("cooking",),
-    "computer laptop printer pencil pen penbox stapler ruler calendar phone": ("desk",),
-    "book newspaper camera tablet remote joystick glasses sunglasses watch keys money": ("reading", "desk"),
-    "candle vase flower plant frame decoration toy doll game puzzle rubik": ("display", "reading"),
-    "radio music speaker stereo dvd tv electronics": ("display", "storage"),
-    "clothes shoes slippers sneakers hat cap towel handbag jewelry clock alarm": ("bedside", "storage"),
-    "box basket crate tool tape gift suitcase briefcase backpack helmet locker": ("storage", "floor"),
-    "animal trash dustbin doormat ball basketball broom shovel pallet barrel": ("floor",),
+_WORDS = {
+    ("dining", "cooking"): "food cake bread fruit salad sugar salt plate bowl cutlery fork spoon",
+    ("dining", "drinks"): "drink bottle cup mug glass teapot creamer jar pottery kettle press",
+    ("cooking",): "pan knife utensil cooker oven stove hob toaster blender mixer scale board squeezer",
+    ("desk",): "computer laptop printer pencil pen penbox stapler ruler calendar phone",
+    ("reading", "desk"): "book newspaper camera tablet remote joystick glasses sunglasses watch keys money",
+    ("display", "reading"): "candle vase flower plant frame decoration toy doll game puzzle rubik",
+    ("display", "storage"): "radio music speaker stereo dvd tv electronics",
+    ("bedside", "storage"): "clothes shoes slippers sneakers hat cap towel handbag jewelry clock alarm",
+    (
+        "storage",
+        "floor",
+    ): "box basket crate tape gift suitcase backpack helmet locker drill hammer",
+    ("floor",): "animal trash dustbin doormat ball basketball broom shovel pallet barrel",
 }
 """Zones by a word of the name (the last counts first), or else of the tags."""
-_ZONES = {word: zones for words, zones in _BY_WORD.items() for word in words.split()}
+_ZONES = {word: zones for zones, words in _WORDS.items() for word in words.split()}
 
 
 def head_words(name: str) -> list[str]:
