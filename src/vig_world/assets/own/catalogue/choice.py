@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -54,20 +55,23 @@ def choice_of(source: str | Path) -> Choice | None:
         UserError: A catalogue is missing, a folder with words has none, or words are missing.
     """
     path, words = split_words(str(source))
-    if Path(source).exists():
+    if os.path.exists(source):
         path, words = str(source), None
     place = Path(path)
-    if place.is_dir():
-        catalogues = tuple(sorted(each for each in place.iterdir() if _is_catalogue(each)))
-        if words is None and (not catalogues or _has_meshes(place)):
-            return None
+    if os.path.isdir(path):
+        try:
+            catalogues = tuple(sorted(each for each in place.iterdir() if _is_catalogue(each)))
+            if words is None and (not catalogues or _has_meshes(place)):
+                return None
+        except OSError as error:
+            raise UserError(f"{path}: cannot be listed ({error.strerror}). Check its permissions.") from error
         if not catalogues:
             raise UserError(
                 f"expected catalogues ({SUFFIX}) in '{path}', from which ':{words}' picks; got none."
                 " Leave the words out to take its meshes."
             )
     elif _is_catalogue(place):
-        if not place.is_file():
+        if not os.path.isfile(path):
             raise UserError(f"expected a furniture catalogue at '{path}'; got no such file. Check the path.")
         catalogues = (place,)
     else:
