@@ -54,11 +54,20 @@ class AssetCache:
         return made
 
 
+def cache_folder() -> Path:
+    """`vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); it may not exist.
+
+    Raises:
+        RuntimeError: There is no home folder.
+    """
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vig"
+
+
 @functools.cache
 def asset_cache() -> AssetCache:
-    """The assets of this code in `vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`)."""
+    """The assets of this code in `cache_folder()`."""
     try:
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vig"
+        cache = cache_folder()
         folder = cache / f"world-{_version()}"
         if not folder.is_dir():
             folder.mkdir(parents=True)

@@ -21,6 +21,7 @@ from vig_world.assets.footprint import extreme_points
 from vig_world.assets.furniture import FAMILIES as FURNITURE
 from vig_world.assets.furniture import Furniture, Support
 from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
+from vig_world.assets.own.catalogue import Source, mesh_folder, read_sources
 from vig_world.assets.panoramas import light_parts, local_light, panorama
 from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
@@ -50,7 +51,10 @@ BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
 
 @dataclass(frozen=True)
 class OwnFolders:
-    """Folders of custom assets; None: the built-in ones. panoramas may be `bpy`, see `read_envmaps`."""
+    """Folders of custom assets; None: the built-in ones.
+
+    panoramas may be `bpy`, see `read_envmaps`; the others furniture catalogues, see `mesh_folder`.
+    """
 
     panoramas: str | None = None
     props: str | None = None
@@ -59,11 +63,15 @@ class OwnFolders:
 
 @dataclass(frozen=True)
 class OwnAssets:
-    """A user's custom assets: each kind present replaces the built-in one, furniture family by family."""
+    """A user's custom assets: each kind present replaces the built-in one, furniture family by family.
+
+    `sources` are the origins of those that come from furniture catalogues.
+    """
 
     props: tuple[OwnProp, ...] = ()
     furniture: tuple[OwnFurniture, ...] = ()
     panoramas: tuple[OwnPanorama, ...] = ()
+    sources: tuple[Source, ...] = ()
 
     @staticmethod
     def read(folders: OwnFolders) -> tuple[OwnAssets, list[str]]:
@@ -80,13 +88,21 @@ class OwnAssets:
         props, furniture = read(read_props, folders.props), read(read_furniture, folders.furniture)
         blender = os.environ.get(BLENDER_VARIABLE)
         panoramas = read(lambda folder: read_envmaps(folder, blender), folders.panoramas)
-        return OwnAssets(props, furniture, panoramas), notes
+        sources = _sources(folders.props, props) | _sources(folders.furniture, furniture)
+        return OwnAssets(props, furniture, panoramas, tuple(sources)), notes
 
     def fingerprints(self) -> dict[str, str]:
         """Hashes of the assets by kind and name."""
         fingerprints_by_name = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
         fingerprints_by_name |= {f"prop/{own.name}": own.fingerprint for own in self.props}
         return fingerprints_by_name | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
+
+
+def _sources(folder: str | None, assets: tuple[OwnProp | OwnFurniture, ...]) -> dict[Source, None]:
+    """The origins of assets that were read from a folder or catalogue, in the order of their names."""
+    if folder is None:
+        return {}
+    return dict.fromkeys(read_sources(mesh_folder(folder)).of({asset.name for asset in assets}))
 
 
 @dataclass(frozen=True, eq=False)

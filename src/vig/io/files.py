@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -55,10 +56,38 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         os.chmod(temporary, 0o666 & ~_UMASK)  # some writers make files for their owner only
         os.replace(temporary, path)
     except OSError as error:
-        remedy = _REMEDIES.get(error.errno or 0)
-        if remedy is None:
-            raise
-        raise UserError(f"cannot write {path}: {remedy}.") from error
+        raise _for_user(error, path) from error
     finally:
         if os.path.lexists(temporary):
             temporary.unlink()
+
+
+@contextmanager
+def atomic_folder(path: str | Path) -> Iterator[Path]:
+    """Give an empty temporary folder beside `path`; when the block ends well, rename it to `path`.
+
+    If the block raises, or Ctrl-C arrives, the temporary folder is removed. Where `path` is there by then,
+    made by another process, that one stays. A killed process leaves a folder with a hidden name.
+
+    Raises UserError as `atomic_write`.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{secrets.token_hex(6)}")
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        try:
+            os.replace(temporary, path)
+        except OSError:
+            if not path.is_dir():
+                raise
+    except OSError as error:
+        raise _for_user(error, path) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _for_user(error: OSError, path: Path) -> OSError | UserError:
+    """The error as the user's where the disk or the path is to blame, else itself."""
+    remedy = _REMEDIES.get(error.errno or 0)
+    return error if remedy is None else UserError(f"cannot write {path}: {remedy}.")

@@ -52,6 +52,7 @@ from vig_train.building.template import TEMPLATE_VERTICES, closed_template
 from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.own.catalogue import Source, mesh_folder, read_sources
 from vig_world.assets.own.load import load
 from vig_world.assets.props.families import ZONE_NAMES
 from vig_world.assets.source_meshes import FILE as SOURCE_MESHES_FILE
@@ -157,6 +158,7 @@ class BuildResult:
         qualities: Of each mesh that was not dropped, by its number.
         splits: Of each accepted mesh, by its number.
         components: The shape model.
+        sources: Origins of the meshes that come from furniture catalogues.
     """
 
     object_class: ObjectClass
@@ -167,6 +169,7 @@ class BuildResult:
     qualities: dict[int, Quality]
     splits: dict[int, Split]
     components: Components
+    sources: tuple[Source, ...] = ()
 
     @property
     def refused(self) -> dict[str, str]:
@@ -180,18 +183,20 @@ class BuildResult:
 
 
 class Builder:
-    """The stages of building a class pack from a folder of meshes.
+    """The stages of building a class pack from a folder of meshes or from furniture catalogues.
 
     Args:
-        meshes: A folder of them, or a single file: the shape of a single mesh is exact.
+        meshes: A folder of them; what `mesh_folder` takes, such as `catalogue.sh3f:car`; or a single file,
+            whose shape is exact.
         out: The pack's folder, made where it is missing.
         settings: What the user states.
         say: Called with a line for each step.
     """
 
-    def __init__(self, meshes: Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print):
-        self.meshes, self.out, self.settings, self.say = Path(meshes), Path(out), settings, say
-        self.folder = self.meshes.parent if self.meshes.is_file() else self.meshes
+    def __init__(
+        self, meshes: str | Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print
+    ):
+        self.meshes, self.out, self.settings, self.say = meshes, Path(out), settings, say
         self.cache_folder = self.out / "build" / "kept"
         settings.check()
         begun = (self.out / "build").is_dir()
@@ -227,15 +232,21 @@ class Builder:
         accepted = [n for n, quality in qualities.items() if not quality.reason]
         if not accepted:
             raise UserError(
-                f"expected meshes of one kind in '{self.folder}'; no two are alike. Look at {sheets}."
+                f"expected meshes of one kind in '{self.meshes}'; no two are alike. Look at {sheets}."
             )
         return self._write(registered, qualities, accepted)
 
     # -- stages -------------------------------------------------------------------------------------------
 
     @cached_property
+    def folder(self) -> Path:
+        """The folder of the meshes; catalogues are unpacked."""
+        folder = mesh_folder(self.meshes)
+        return folder.parent if folder.is_file() else folder
+
+    @cached_property
     def _read(self) -> tuple[list[Scan], dict[str, str]]:
-        return read_scans(self.folder, self.meshes if self.meshes.is_file() else None)
+        return read_scans(self.meshes)
 
     @property
     def scans(self) -> list[Scan]:
@@ -373,7 +384,7 @@ class Builder:
             arrays = self._cached("template", marks, compute)
             if len(arrays["vertices"]):
                 return number, arrays["vertices"], arrays["faces"]
-        raise UserError(f"expected a mesh in '{self.folder}' that can be closed; none can. Mend one of them.")
+        raise UserError(f"expected a mesh in '{self.meshes}' that can be closed; none can. Mend one of them.")
 
     def _registered(self) -> tuple[np.ndarray, dict[int, Quality]]:
         """The template carried onto each mesh (N, V, 3), and how well it lies there."""
@@ -500,7 +511,15 @@ class Builder:
         pictures.save_component_sheet(sheets / "6-components.png", components, faces)
         pictures.save_error_curve(sheets / "7-leave-one-out.png", components)
         result = BuildResult(
-            object_class, self.scans, self.unreadable, self.upright, medoid, qualities, splits, components
+            object_class,
+            self.scans,
+            self.unreadable,
+            self.upright,
+            medoid,
+            qualities,
+            splits,
+            components,
+            read_sources(self.folder).of({scan.name for scan in self.scans}),
         )
         names = tuple(self.scans[n].name for n in accepted)
         with_splits = tuple(splits[n] for n in accepted)

@@ -87,4 +87,25 @@ def card(result: BuildResult, length: float) -> str:
         lines += ["", "| family | share |", "|---|---|"]
         lines += [f"| {family.name} | {family.share:.0%} |" for family in object_class.families]
     lines += ["", "![components](build/6-components.png)", "", "![errors](build/7-leave-one-out.png)", ""]
-    return "\n".join(lines)
+    return "\n".join(lines + _attribution(result))
+
+
+def _attribution(result: BuildResult) -> list[str]:
+    """The authors of the meshes that come from catalogues, as licences such as CC-BY ask for."""
+    if not result.sources:
+        return []
+    rows = [
+        [source.file, source.name, source.creator or "unknown", source.licence or "unknown", source.catalogue]
+        for source in result.sources
+    ]
+    return [
+        "## Sources",
+        "",
+        "The meshes come from furniture catalogues. Where a licence asks for attribution, as CC-BY does, this"
+        " table has to go with the pack.",
+        "",
+        "| file | name | creator | licence | catalogue |",
+        "|---|---|---|---|---|",
+        *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
+        "",
+    ]

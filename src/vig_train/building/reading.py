@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.io.errors import UserError
+from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, load
 from vig_world.mesh import face_normals
@@ -33,8 +34,11 @@ class Scan:
     content_hash: str
 
 
-def read_scans(folder: Path, only: Path | None = None) -> tuple[list[Scan], dict[str, str]]:
-    """Read every mesh below a folder, in the order of names, or `only` that file of it.
+def read_scans(meshes: str | Path) -> tuple[list[Scan], dict[str, str]]:
+    """Read every mesh below a folder, or of furniture catalogues, in the order of names; or a single file.
+
+    Args:
+        meshes: A folder, a file, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
 
     Returns:
         The meshes, and why each other file was left out, by name.
@@ -42,8 +46,11 @@ def read_scans(folder: Path, only: Path | None = None) -> tuple[list[Scan], dict
     Raises:
         UserError: There is no such folder, or it holds no usable mesh.
     """
+    folder = mesh_folder(meshes)
+    only = folder if folder.is_file() else None
+    folder = folder.parent if only else folder
     scans: list[Scan] = []
-    refused: dict[str, str] = {}
+    refused = {} if only else dict(read_sources(folder).left_out)
     for name, path in files_of(folder, SUFFIXES):
         if only is not None and path != only:
             continue
@@ -61,7 +68,7 @@ def read_scans(folder: Path, only: Path | None = None) -> tuple[list[Scan], dict
     scans = [scan for number, scan in enumerate(scans) if number not in copies]
     if not scans:
         first = next(iter(refused.items()))
-        raise UserError(f"expected meshes in '{folder}'; not one is usable. {first[0]}: {first[1]}")
+        raise UserError(f"expected meshes in '{meshes}'; not one is usable. {first[0]}: {first[1]}")
     return scans, refused
 
 

@@ -14,14 +14,15 @@ from vig_world import Split
 
 @dataclass(frozen=True)
 class Build:
-    """Make a class pack from a folder of meshes of one kind of thing; can be interrupted and run again.
+    """Make a class pack from meshes of one kind of thing; can be interrupted and run again.
 
     What is found can be told instead: look at build/2-upright.png, whose numbers --turn and --drop take.
     """
 
     meshes: tyro.conf.Positional[Path]
     """A folder of meshes (.glb, .gltf, .obj, .ply, .off, .stl) in any pose, unit and topology; or one such
-    file, whose shape is then exact."""
+    file, whose shape is then exact; or a furniture catalogue of Sweet Home 3D, or a folder of such, with
+    words that pick models: catalogue.sh3f:car."""
     out: Path
     """Folder of the pack."""
     name: str | None = None

@@ -39,9 +39,11 @@ class Make:
     """Folder of custom panoramas (.hdr, .exr) in place of the built-in ones; `bpy`: the eight in Blender's
     wheel."""
     props: Path | None = None
-    """Folder of custom props (.glb, .gltf, .obj, .ply, .off, .stl) in place of the built-in ones."""
+    """Folder of custom props (.glb, .gltf, .obj, .ply, .off, .stl) in place of the built-in ones; or a
+    furniture catalogue of Sweet Home 3D, with words that pick models: catalogue.sh3f:fruit,toy."""
     furniture: Path | None = None
-    """Folder of custom furniture, which replaces built-in furniture of the same family; see docs/world.md."""
+    """Folder of custom furniture, or a catalogue as for --props, in place of built-in furniture of the same
+    family; see docs/world.md."""
     workers: int | None = None
     """Number of processes; by default one per core."""
     ray: str | None = None
@@ -88,9 +90,9 @@ class Check:
     envmaps: str | None = None
     """Folder of the custom panoramas (.hdr, .exr) that it was made with; `bpy`: those in Blender's wheel."""
     props: Path | None = None
-    """Folder of the custom props (.glb, .gltf, .obj, .ply, .off, .stl) that it was made with."""
+    """Folder or catalogue of the custom props that it was made with."""
     furniture: Path | None = None
-    """Folder of the custom furniture that it was made with."""
+    """Folder or catalogue of the custom furniture that it was made with."""
     json: bool = False
     """Print one JSON object with every problem."""
 

@@ -9,6 +9,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,8 @@ def make_dataset(
         "own_assets": job.own.fingerprints(),
         "world_version": WORLD_VERSION,
     }
+    if job.own.sources:
+        settings["own_sources"] = [asdict(source) for source in job.own.sources]
     _require(tier, ray)
     folder = root / split
     with alone(root, split):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import atomic_folder, atomic_write
 
 
 def test_the_file_appears_only_when_the_block_ends_and_nothing_else_stays(tmp_path: Path) -> None:
@@ -66,3 +66,34 @@ def test_a_folder_in_the_way_is_the_users_error(tmp_path: Path) -> None:
 def test_other_errors_of_the_block_pass_unchanged(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "out.json"):
         (tmp_path / "missing.txt").read_text()
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path, error: type[BaseException]) -> None:
+    path = tmp_path / "a" / "folder"
+    with pytest.raises(error), atomic_folder(path) as temporary:
+        (temporary / "half").write_text("")
+        raise error
+    assert os.listdir(path.parent) == []
+    with atomic_folder(path) as temporary:
+        (temporary / "file").write_text("")
+        assert not path.exists() and temporary.parent == path.parent
+    assert os.listdir(path.parent) == ["folder"] and os.listdir(path) == ["file"]
+
+
+def test_a_folder_that_another_process_made_meanwhile_stays(tmp_path: Path) -> None:
+    path = tmp_path / "folder"
+    with atomic_folder(path) as temporary:
+        (temporary / "mine").write_text("")
+        path.mkdir()
+        (path / "theirs").write_text("")
+    assert os.listdir(tmp_path) == ["folder"] and os.listdir(path) == ["theirs"]
+
+
+def test_a_folder_where_a_file_is_in_the_way_is_the_users_error(tmp_path: Path) -> None:
+    (tmp_path / "plain").write_text("")
+    with pytest.raises(UserError, match="a file, not a folder"), atomic_folder(tmp_path / "plain" / "folder"):
+        pytest.fail("the block must not run")
+    with pytest.raises(UserError, match="cannot write"), atomic_folder(tmp_path / "plain"):
+        pass
+    assert os.listdir(tmp_path) == ["plain"]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -197,3 +198,26 @@ def test_a_text_that_no_class_can_have_is_told_at_once(told: dict[str, str]) -> 
 def test_a_mesh_is_turned_once(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="two for one"):
         build(Build(folder, tmp_path / "pack", turn=("1:90", "1:180")))
+
+
+def test_the_card_names_the_authors_of_a_catalogues_meshes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vig_train.building.build.write_transfer", lambda built, folder: None)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path, lines = tmp_path / "tiny.sh3f", ["license=CC-BY 3.0"]
+    with zipfile.ZipFile(path, "w") as archive:
+        for number, (name, creator) in enumerate((("Fin", "Ada | Bob"), ("Other fin", "")), 1):
+            fields = {"name": name, "model": f"/{number}.obj", "creator": creator, "category": "Things"}
+            fields |= {"width": "30", "depth": "20", "height": str(28 + 2 * number)}
+            lines += [f"{key}#{number}={value}" for key, value in fields.items()]
+            archive.writestr(f"{number}.obj", finned(1.0, 1.5, 0.4 + 0.1 * number).export(file_type="obj"))
+        archive.writestr("PluginFurnitureCatalog.properties", "\n".join([*lines, "name#3=Lost"]))
+    said: list[str] = []
+    settings = BuildSettings("fin", up="z", vertices=300)
+    made = Builder(f"{path}:fin", tmp_path / "pack", settings, said.append).build()
+    assert f"2 meshes from {path}:fin" in said
+    card = (tmp_path / "pack" / "card.md").read_text()
+    assert "| fin/fin.obj | Fin | Ada / Bob | CC-BY 3.0 | tiny.sh3f |" in card
+    assert "| other-fin/other-fin.obj | Other fin | unknown | CC-BY 3.0 | tiny.sh3f |" in card
+    assert len(made.sources) == 2

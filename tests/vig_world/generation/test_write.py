@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import shutil
+import zipfile
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
@@ -11,6 +13,7 @@ from vig_world.dataset.format import read_info
 from vig_world.generation.files import sidecar_path
 from vig_world.generation.job import Failure, Maker
 from vig_world.generation.write import alone, make_dataset
+from vig_world.library import OwnAssets, OwnFolders
 
 COUNT, SEED = 10, 5  # of the fixture `made`
 
@@ -116,3 +119,28 @@ def test_two_runs_do_not_make_the_same_split(tmp_path: Path) -> None:
             make_dataset(tmp_path, 1, 0, workers=1, progress=False)
         assert [path.name for path in tmp_path.iterdir()] == [".train.lock"]
     assert not list(tmp_path.iterdir())
+
+
+def test_info_names_the_authors_of_a_catalogues_props(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    lines = ["license=CC-BY"]
+    for number, (name, side) in enumerate((("Cube", "8"), ("Large cube", "800")), 1):
+        fields = {"name": name, "model": "/cube.obj", "creator": "Ada", "width": side, "height": side}
+        lines += [f"{key}#{number}={value}" for key, value in (fields | {"depth": side}).items()]
+    with zipfile.ZipFile(tmp_path / "tiny.sh3f", "w") as archive:
+        archive.writestr("cube.obj", trimesh.creation.box().export(file_type="obj"))
+        archive.writestr("PluginFurnitureCatalog.properties", "\n".join(lines))
+    source = str(tmp_path / "tiny.sh3f")
+    own, notes = OwnAssets.read(OwnFolders(props=source))
+    assert len(notes) == 1 and "large-cube.obj: expected a prop of 0.01 to 0.6 m" in notes[0]
+    for _ in range(2):  # the second time it is found complete
+        make_dataset(tmp_path / "d", 1, 0, workers=1, progress=False, own=own)
+    info = read_info(tmp_path / "d")["splits"]["train"]
+    assert set(info["own_assets"]) == {"prop/cube/cube.obj"}
+    (cube,) = info["own_sources"]
+    assert cube["file"] == "cube/cube.obj" and cube["catalogue"] == "tiny.sh3f"
+    assert (cube["name"], cube["creator"], cube["licence"]) == ("Cube", "Ada", "CC-BY")
+    with pytest.raises(UserError, match="already holds a train split with own_assets"):
+        make_dataset(tmp_path / "d", 1, 0, workers=1, progress=False)

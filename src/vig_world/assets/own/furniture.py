@@ -9,6 +9,7 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig_world.assets.furniture import Furniture, Support
+from vig_world.assets.own.furniture_families import family_of_file
 from vig_world.assets.own.props import Parts, read_each
 from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
@@ -17,13 +18,6 @@ from vig_world.assets.props.material import prop
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
-FAMILIES = {  # by keywords in a file's name; earlier ones take precedence
-    "bedside": "nightstand", "nightstand": "nightstand", "coffee_table": "coffee_table", "desk": "desk",
-    "counter": "counter", "kitchen": "counter", "bookshelf": "shelf", "bookcase": "shelf", "shelf": "shelf",
-    "rack": "shelf", "cabinet": "cabinet", "commode": "cabinet", "cupboard": "cabinet", "drawer": "cabinet",
-    "dresser": "cabinet", "sideboard": "cabinet", "sofa": "sofa", "couch": "sofa", "armchair": "armchair",
-    "stool": "stool", "bench": "bench", "chair": "chair", "bed": "bed", "table": "table",
-}  # fmt: skip
 _ZONES = {
     "nightstand": "bedside", "coffee_table": "reading", "desk": "desk", "counter": "cooking",
     "cabinet": "display", "sofa": "reading", "armchair": "reading", "stool": "reading", "bench": "reading",
@@ -41,7 +35,10 @@ class OwnFurniture:
 
 
 def read_furniture(folder: str | Path) -> tuple[list[OwnFurniture], list[str]]:
-    """Read every mesh file below a folder as furniture, in the order of their names.
+    """Read every mesh file below a folder, or of furniture catalogues, as furniture, in the order of names.
+
+    Args:
+        folder: A folder, or what `mesh_folder` takes, such as `catalogue.sh3f:chair`.
 
     Returns:
         The pieces, and one sentence for each skipped file and for each guess. A piece on which nothing can
@@ -58,7 +55,7 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[O
     vertices = np.concatenate([mesh.vertices for mesh, _ in standing]).astype(np.float64)
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in standing[:-1]])
     faces = np.concatenate([mesh.faces + start for (mesh, _), start in zip(standing, starts, strict=True)])
-    family = settings.family or _family(name)
+    family = settings.family or family_of_file(name)
     areas = level_areas(vertices, faces)
     height = float(vertices[:, 2].max())
     if not areas and height < _LOWEST:
@@ -66,12 +63,6 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[O
     supports = tuple(_support(area, family, settings.zones, i) for i, area in enumerate(areas))
     notes = [] if supports else ["found no level area of 15 x 15 cm with 20 cm of free space above it"]
     return OwnFurniture(name, mark, Furniture(family, standing, supports)), notes
-
-
-def _family(name: str) -> str:
-    """The family that a file's name suggests; `furniture` when it suggests none."""
-    words = Path(name).as_posix().lower().replace("-", "_").replace(" ", "_")
-    return next((family for word, family in FAMILIES.items() if word in words), "furniture")
 
 
 def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Support:

@@ -27,7 +27,7 @@ from vig_world.assets.own.meshes import plain_gltf, plain_obj, read_off, read_pl
 from vig_world.assets.own.surfaces import MOST_PIXELS, opacity_of, painted
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
-_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def _files(root: Path, path: Path) -> Any:
                 place = os.path.realpath(os.path.join(folder, candidate))
                 if os.path.commonpath([top, place]) == top and os.path.isfile(place):
                     data = read_bytes(place, MOST_BYTES)
-                    if not plain.lower().endswith(_PICTURES) or _opens(data):
+                    if not plain.lower().endswith(PICTURES) or _opens(data):
                         self.read[plain] = data
                         return data
                     break
@@ -158,7 +158,7 @@ def _opens(data: bytes) -> bool:
 
 
 def _readable(name: str, data: bytes) -> bool:
-    if not name.lower().endswith(_PICTURES):
+    if not name.lower().endswith(PICTURES):
         return True
     try:
         with Image.open(io.BytesIO(data)) as image:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from vig.io.errors import UserError
+from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.folder import files_of, fingerprint
 from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
 from vig_world.assets.own.settings import FileSettings, settings_of
@@ -42,7 +43,10 @@ class OwnProp:
 
 
 def read_props(folder: str | Path) -> tuple[list[OwnProp], list[str]]:
-    """Read every mesh file below a folder as a prop, in the order of their names.
+    """Read every mesh file below a folder, or of furniture catalogues, as a prop, in the order of names.
+
+    Args:
+        folder: A folder, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
 
     Returns:
         The props, and one sentence for each skipped file and for each guess.
@@ -69,11 +73,14 @@ def read_each(
     made: Callable[[str, str, Parts, FileSettings], tuple[Any, list[str]]],
 ) -> tuple[list[Any], list[str]]:
     """Apply `made` to each mesh file's name, fingerprint, parts and settings; also return all problems."""
-    root = Path(folder)
-    results, problems, cache = [], [], {}  # type: ignore[var-annotated]
+    root = mesh_folder(folder)
+    results, cache = [], {}  # type: ignore[var-annotated]
+    problems = [f"{model}: {why} Left out." for model, why in read_sources(root).left_out.items()]
+    skipped = 0
     for name, path in files_of(root, SUFFIXES):
         settings = settings_of(root, path, cache)
         if settings.skip:
+            skipped += 1
             continue
         try:
             loaded = load(root, path, settings.nodes)
@@ -89,7 +96,8 @@ def read_each(
             f"{path}: its file {lost} is missing or unreadable; grey instead." for lost in loaded.missing
         ]
     if not results:
-        raise UserError(f"{root}: not one usable {kind.noun}. {' '.join(problems)}")
+        skips = f"{skipped} with skip = true. " if skipped else ""
+        raise UserError(f"{folder}: not one usable {kind.noun}. {skips}{' '.join(problems)}")
     return results, problems
 
 
