@@ -120,7 +120,7 @@ def _nothing_picked(word: str, listed: list[CatalogueModel]) -> str:
     counts = Counter(model.category for model in listed if model.category)
     shown = ", ".join(f"{category} ({count})" for category, count in counts.most_common(_SHOWN))
     known = {each for model in listed for text in (model.name, *model.tags) for each in _words(text)}
-    close = difflib.get_close_matches(word, sorted(known), _SHOWN // 4)
+    close = difflib.get_close_matches(word, sorted(known), 3, cutoff=0.7)
     return (
         f"expected a word of the names, tags or categories of {len(listed)} models; '{word}' picks none."
         + (f" Near to it: {', '.join(close)}." if close else "")

@@ -62,9 +62,10 @@ def mesh_folder(source: str | Path) -> Path:
     stem = choice.catalogues[0].stem if len(choice.catalogues) == 1 else "catalogues"
     name = "-".join([_slug(stem, "catalogue"), *map(_slug, choice.words)])[:_LONGEST_NAME]
     folder = _cache() / f"{name}-{digest.hexdigest()[:24]}"
-    if (folder / SOURCES_FILE).is_file():
-        return folder
-    shutil.rmtree(folder, ignore_errors=True)  # somebody removed files of it
+    if folder.is_dir():  # asked first: what another process makes meanwhile must not be removed
+        if (folder / SOURCES_FILE).is_file():
+            return folder
+        shutil.rmtree(folder, ignore_errors=True)  # somebody removed files of it
     _remove_abandoned(folder.parent)
     with atomic_folder(folder) as temporary:
         _unpack(choice, temporary)
