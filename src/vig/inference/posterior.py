@@ -108,7 +108,7 @@ def prior_of(
     # A Gaussian to the power w has w times the precision.
     precision[places] = settings.recognition_weight / deviation**2
     precision[layout.indices("albedo", "light")] *= settings.appearance_weight
-    _, azimuths = prediction.modes(settings.peaks)
+    _, azimuths = prediction.modes(settings.peaks, settings.informed)
     return RecognitionPrior(mean, precision, azimuths[0], settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 

@@ -156,7 +156,7 @@ def refine(
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
     objective, count = objectives[1.0], settings.stages[0].starts
     symmetry = objective.object_class.symmetry
-    begin = starts(prediction, count, objective.object_class, settings.peaks)
+    begin = starts(prediction, count, objective.object_class, settings.peaks, broad=settings.informed)
     framing = framings(begin, prediction, objective) if settings.free_framing else None
     points = objective.point(begin, framing)
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
@@ -217,6 +217,7 @@ def starts(
     object_class: ObjectClass | None = None,
     most_peaks: int = 4,
     seed: int = 0,
+    broad: bool = True,
 ) -> Latents:
     """`count` starts for one photo's prediction (N = 1), the first being the best guess itself.
 
@@ -226,7 +227,7 @@ def starts(
     all but the first have the shape that is predicted within one, each family its share. The same seed gives
     the same starts.
     """
-    weights, angles = prediction.modes(most_peaks)
+    weights, angles = prediction.modes(most_peaks, broad)
     peaks = _allot(weights[0].exp().numpy(), LEAST_PEAK, count)
     numbers, layout = prediction.numbers.expand(count, -1).clone(), prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))

@@ -78,13 +78,14 @@ class Prediction:
         _, azimuth = self.modes(1)
         return latents_of(self.numbers, azimuth[:, 0])
 
-    def modes(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
+    def modes(self, count: int, broad: bool = True) -> tuple[torch.Tensor, torch.Tensor]:
         """The `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
 
         Of views that look the same there is one; where all do, a single one at 0: (N, 1).
 
-        A peak is the circular mean over its bin and the two beside it on either hand; its neighbourhood is
-        then taken out before the next is sought.
+        A peak is the circular mean over its bin and the two beside it on either hand; a `broad` one also over
+        those that follow, up to a quarter turn, for as long as they have half of its height: where a handle
+        is out of sight, all views that hide it. Its bins are then taken out before the next is sought.
         """
         if not self.symmetry.fold:
             return torch.zeros(len(self), 1, dtype=torch.float64), torch.zeros(len(self), 1)
@@ -92,17 +93,27 @@ class Prediction:
         centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
         left = self.azimuth.clone().double()
         weights, angles = [], []
-        offsets = torch.arange(-2, 3)
+        reach = max(2, bins // 4 if broad else 0)
+        offsets = torch.arange(-reach, reach + 1)
         for _ in range(count):
-            smooth = sum((left.roll(int(o), 1) for o in offsets), torch.zeros_like(left))
+            smooth = sum((left.roll(offset, 1) for offset in range(-2, 3)), torch.zeros_like(left))
             near = (smooth.argmax(1)[:, None] + offsets) % bins
-            mass = left.gather(1, near)
+            high = smooth.gather(1, near)
+            high = high >= 0.5 * high[:, reach : reach + 1]
+            high[:, reach - 2 : reach + 3] = True
+            # Of each side all bins up to the first that is lower.
+            before, after = (
+                high[:, : reach + 1].flip(1).int().cumprod(1).flip(1),
+                high[:, reach:].int().cumprod(1),
+            )
+            member = torch.cat([before, after[:, 1:]], 1).double()
+            mass = left.gather(1, near) * member
             total = mass.sum(1)
             at = centres[near].double()
             angle = torch.atan2((mass * at.sin()).sum(1), (mass * at.cos()).sum(1))
             weights.append(torch.log(total.clamp_min(1e-9)))
-            angles.append(torch.where(total > 0, angle, at[:, 2]))
-            left.scatter_(1, near, 0.0)
+            angles.append(torch.where(total > 0, angle, at[:, reach]))
+            left = left.scatter(1, near, left.gather(1, near) * (1 - member))
         azimuths = torch.remainder(torch.stack(angles, 1), 2 * math.pi).float() / self.symmetry.fold
         return torch.stack(weights, 1), azimuths
 

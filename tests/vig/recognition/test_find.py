@@ -16,6 +16,8 @@ from vig.recognition.find import box_in_window
 class SeesDiscs:
     """Predicts that bright pixels are the object, upright; its roll follows a red dot at its rim."""
 
+    informed = True
+
     def __call__(self, photos: torch.Tensor, twice: bool = True) -> Prediction:
         bright = (photos.mean(-1) > 0.5).float()
         count = len(photos)

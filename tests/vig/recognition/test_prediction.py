@@ -50,10 +50,23 @@ def test_peaks_come_by_weight_and_apart() -> None:
 
 def test_a_bins_mass_counts_once() -> None:
     """What a peak has taken is gone: no peak is found twice and the weights add up to no more than 1."""
-    weights, angles = of_azimuth(torch.full((BINS,), 1 / BINS)).modes(10)
+    weights, angles = of_azimuth(torch.full((BINS,), 1 / BINS)).modes(10, broad=False)
     assert weights[0].exp().sum() <= 1 + 1e-6
     gaps = torch.rad2deg(angles[0]).sort().values.diff()
     assert (gaps > 4.9 * WIDTH).all()
+
+
+def test_a_broad_peak_is_one_view() -> None:
+    """All views that hide a handle are alike: the middle is nearest to all of them."""
+    flat = torch.zeros(BINS)
+    flat[45:63] = torch.linspace(1.2, 1.0, 18)  # 225 to 315 degrees
+    flat[10:13] = 0.8
+    weights, angles = of_azimuth(flat / flat.sum()).modes(3)
+    assert turn(angles[0, 0], 270.0) < 5
+    assert turn(angles[0, 1], 57.5) < 2
+    assert weights[0, 0].exp() > 0.8
+    narrow = of_azimuth(flat / flat.sum()).modes(1, broad=False)[1]
+    assert turn(narrow[0, 0], 270.0) > 15
 
 
 def test_a_peak_of_one_bin_leaves_nothing_for_the_next() -> None:
