@@ -61,7 +61,7 @@ def samples() -> CalibrationSamples:
     fold = np.arange(4000) % 5
     mask_right = rng.random(4000) < 1 / (1 + np.exp(-2 * features[:, MASK_CLUE] - 1))
     return CalibrationSamples(
-        features, right, mask_right, error, deviation, ALIKE, fold, features[:0], fold[:0]
+        features, right, mask_right, error, deviation, ALIKE, fold, np.arange(4000), features[:0], fold[:0]
     )
 
 
@@ -149,6 +149,21 @@ def test_a_floor_is_found_where_small_deviations_mean_nothing() -> None:
 def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     right = np.zeros(100, dtype=bool)
     assert lowest_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
+
+
+def test_what_is_wrong_of_one_mesh_weighs_more_than_what_is_wrong_here_and_there() -> None:
+    """Nine of twelve meshes' 300 fits are wrong: of one mesh, another mesh may be like it."""
+    confidence, mesh, weight = np.linspace(1, 0.7, 300), np.arange(300) % 12, np.ones(300)
+    scattered = np.ones(300, bool)
+    scattered[30::30] = False
+    of_one = np.ones(300, bool)
+    of_one[np.arange(3, 300, 12)[::3]] = False
+    assert (~scattered).sum() == (~of_one).sum()
+    assert lowest_threshold(confidence, scattered, weight, mesh) == pytest.approx(0.7)
+    assert lowest_threshold(confidence, of_one, weight, mesh) > 0.8
+    assert lowest_threshold(confidence, of_one, weight) == pytest.approx(0.7)
+    one = lowest_threshold(confidence, scattered, weight, np.zeros(300, int))
+    assert one == pytest.approx(0.7), "of a single mesh nothing is known of others"
 
 
 def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(

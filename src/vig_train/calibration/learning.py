@@ -77,6 +77,7 @@ class CalibrationSamples:
         deviation: (N, P), from the curvature.
         weight: (N,).
         fold: (N,), of the `FOLDS`.
+        model: (N,) int, the mesh or design that each shows; fits of one are not independent.
         out_of_distribution: (M, C) confidence features of the M photos; M may be 0.
         out_of_distribution_fold: (M,), their folds: of a rolled photo, that of the photo as it was.
     """
@@ -88,6 +89,7 @@ class CalibrationSamples:
     deviation: np.ndarray
     weight: np.ndarray
     fold: np.ndarray
+    model: np.ndarray
     out_of_distribution: np.ndarray
     out_of_distribution_fold: np.ndarray
 
@@ -105,8 +107,8 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
     in_distribution_weights, in_distribution_bias = _in_distribution_weights(samples)
     mask_weights, mask_bias = _mask_weights(samples)
     confidence, mask_confidence, _ = out_of_fold(samples)
-    threshold = lowest_threshold(confidence, samples.right, samples.weight)
-    mask_threshold = lowest_threshold(mask_confidence, samples.mask_right, samples.weight)
+    threshold = lowest_threshold(confidence, samples.right, samples.weight, samples.model)
+    mask_threshold = lowest_threshold(mask_confidence, samples.mask_right, samples.weight, samples.model)
     trusted = confidence >= threshold
     noise = residual(torch.from_numpy(samples.features)).numpy()
     scale, floor = np.empty((2, 2, samples.error.shape[1]))
@@ -231,16 +233,26 @@ def logistic(
     return weights, float(optimum[-1] - weights @ mean)
 
 
-def lowest_threshold(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> float:
+def lowest_threshold(
+    confidence: np.ndarray, right: np.ndarray, weight: np.ndarray, model: np.ndarray | None = None
+) -> float:
     """The lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
-    The standard error is sqrt(p (1 - p) / n), n the effective number of fits under the weights (Kish 1965).
-    Without it, the threshold chosen on these fits would be too low for other photos.
+    The standard error is robust to what fits of one `model` (N,) have in common (Liang and Zeger 1986): where
+    all that is wrong is of a few meshes, other meshes may be like these. By default each fit is by itself.
+    Without the standard error, the threshold chosen on these fits would be too low for other photos.
     """
     order = np.argsort(-confidence)
     total = np.cumsum(weight[order])
     share = np.cumsum((right * weight)[order]) / total
-    error = np.sqrt(share * (1 - share) * np.cumsum(weight[order] ** 2)) / total
+    groups = np.arange(len(order)) if model is None else np.unique(model[order], return_inverse=True)[1]
+    # Sums up to each fit of a group's weights, and of those of its right ones: (groups, N).
+    member = groups == np.arange(groups.max(initial=0) + 1)[:, None]
+    of_group = np.cumsum(member * weight[order], 1)
+    right_of_group = np.cumsum(member * (right * weight)[order], 1)
+    present = (of_group > 0).sum(0)
+    factor = present / np.maximum(present - 1, 1)
+    error = np.sqrt(factor * ((right_of_group - share * of_group) ** 2).sum(0)) / total
     enough = np.flatnonzero(share - error >= PRECISION)
     return float(confidence[order][enough[-1]]) if len(enough) else 1.0
 

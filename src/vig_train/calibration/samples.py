@@ -22,7 +22,7 @@ from vig_train.calibration.learning import FOLDS, CalibrationSamples, learn
 from vig_train.evaluation.fits import Fits, cache_key, fit_all
 from vig_train.evaluation.framing import fit_settings, frame_images
 from vig_train.evaluation.metrics import segmentation_iou
-from vig_train.training.drawing import studio_examples
+from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.studio import Studio, StudioSettings
 from vig_world.dataset import Dataset
@@ -52,12 +52,14 @@ class StudioPhotos:
         latents: (N, P) of these.
         visible: (N, H, W) bool, where the object is seen.
         others: (M, H, W, 3) uint8, which do not.
+        model: (N,) int, the mesh or design that each shows.
     """
 
     images: np.ndarray
     latents: np.ndarray
     visible: np.ndarray
     others: np.ndarray
+    model: np.ndarray
 
     @staticmethod
     def draw(
@@ -71,12 +73,18 @@ class StudioPhotos:
         `Studio`); and those with the object.
         """
         studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE), split, fold)
-        examples = studio_examples(studio, seed, range(count))
+        drawn = [studio.draw(seed, index) for index in range(count)]
+        examples = examples_of(drawn)
+        model = np.array([image.model for image in drawn]) if studio.models else np.arange(count)
         shows_object = examples.present() > 0
         latents = latents_of(examples.numbers, examples.azimuth).to_vector().numpy()
         images, visible = examples.images.numpy(), examples.visible.numpy() > 127
         photos = StudioPhotos(
-            images[shows_object], latents[shows_object], visible[shows_object], images[~shows_object]
+            images[shows_object],
+            latents[shows_object],
+            visible[shows_object],
+            images[~shows_object],
+            model[shows_object.numpy()],
         )
         return photos, examples[shows_object]
 
@@ -207,6 +215,8 @@ def samples_of(
     weight = np.full(len(right), 1 / len(right))
     deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
     features, mask_right = fits.confidence_features, segmentation_iou(fits.masks, visible) >= MASK_RIGHT
+    # Photos of a dataset, whose objects differ, count each by itself; below 0, where no number of a mesh is.
+    model = dataset.model if isinstance(dataset, StudioPhotos) else -1 - np.arange(len(right))
     return CalibrationSamples(
-        features, right, mask_right, error, deviation, weight, fold, rolled_features, origin % FOLDS
+        features, right, mask_right, error, deviation, weight, fold, model, rolled_features, origin % FOLDS
     )
