@@ -29,7 +29,7 @@ from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
 from vig_world.raster import PackedAsset, TextureLevels
-from vig_world.rooms import Layout, draw_layout, draw_sweep, material_under
+from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
 
 PROPS_PER_FAMILY = {"train": 16, "test": 8, "validation": 8}
@@ -40,6 +40,9 @@ SIZES = 0.95, 1.05
 LAYOUTS = {"train": 96, "test": 32, "validation": 32}
 SWEEPS = {"train": 64, "test": 24, "validation": 24}
 """Seamless grounds, whose numbers follow those of the rooms."""
+HALLS, HALL_SIZES = 8, 8
+"""Empty halls of a size, whose numbers follow those of the seamless grounds; and sizes, each twice the last:
+for cameras up to 280 m away."""
 TEXTURE_SIZE = 128
 MOST_ALBEDO = 0.85
 """Factor on the finishes of rooms, so that lit ones are seldom overexposed."""
@@ -147,15 +150,17 @@ class Library:
         return _families_of(zone)
 
     def members(self, family: str) -> int:
-        """How many members a family has."""
+        """How many members a family has; as many numbers more are the same at half the size, and so on."""
         return 1 if family in self._own_props else PROPS_PER_FAMILY[self.split]
 
     def _prop(self, family: str, number: int) -> Prop:
+        halvings, number = divmod(number, self.members(family))
         if family in self._own_props:
-            return self._own_props[family].prop
-        make = FAMILIES.get(family) or HOLDERS[family]
-        made = make(asset_rng(self.split, f"prop/{family}", number))
-        size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES)
+            made, size = self._own_props[family].prop, 0.5**halvings
+        else:
+            make = FAMILIES.get(family) or HOLDERS[family]
+            made = make(asset_rng(self.split, f"prop/{family}", number))
+            size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES) * 0.5**halvings
         return Prop(made.family, tuple((scaled(mesh, size), stuff) for mesh, stuff in made.parts))
 
     def packed(self, family: str, number: int) -> PackedAsset:
@@ -195,8 +200,16 @@ class Library:
         """Numbers of the layouts that are seamless grounds."""
         return range(self.layouts, self.layouts + SWEEPS[self.split])
 
+    def halls(self, size: int) -> range:
+        """Numbers of the layouts that are empty halls, 2 to the `size` times as large as the smallest."""
+        first = self.sweeps.stop + HALLS * size
+        return range(first, first + HALLS)
+
     def _layout(self, number: int) -> Layout:
-        """Furnished room `number`, or a seamless ground."""
+        """Furnished room `number`, a seamless ground or an empty hall."""
+        if number >= self.sweeps.stop:
+            size = (number - self.sweeps.stop) // HALLS
+            return draw_hall(asset_rng(self.split, "hall", number), 2.0**size)
         if number >= self.layouts:
             return draw_sweep(asset_rng(self.split, "sweep", number))
         return draw_layout(asset_rng(self.split, "layout", number), self._furniture)

@@ -21,7 +21,7 @@ from vig_world.assets.panoramas import local_light
 from vig_world.assets.props import FAMILIES
 from vig_world.assets.target import NO_DESIGN, draw_shape, nearest_shape, shape_vertices
 from vig_world.dataset.spec import SPLITS, Split
-from vig_world.library import LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
+from vig_world.library import HALL_SIZES, LAYOUTS, PROPS_PER_FAMILY, SLOTS, Library
 from vig_world.rooms import material_under
 from vig_world.streams import asset_rng
 
@@ -177,10 +177,19 @@ def test_light_from_below_is_that_of_the_support(splits: tuple[Library, ...]) ->
 def test_a_split_s_rooms_and_panoramas_are_made_once(split: Split) -> None:
     """In random order a cache smaller than the catalogue would make most of them again and again."""
     library = Library(split)
-    rooms = library.layouts + len(library.sweeps)
+    rooms = library.halls(HALL_SIZES - 1).stop
     for cached, count in (
         (library.layout, rooms),
         (library.plan, rooms),
         (library.radiance, library.panoramas),
     ):
         assert count <= cached.cache_parameters()["maxsize"]
+
+
+def test_the_numbers_after_a_family_s_members_are_the_same_ones_smaller() -> None:
+    library = Library("validation")
+    for family in ("mug", "arm"):
+        count = library.members(family)
+        for halvings in (1, 3):
+            smaller = library.extremes(family, 2 + halvings * count)
+            np.testing.assert_allclose(smaller, 0.5**halvings * library.extremes(family, 2), atol=1e-6)

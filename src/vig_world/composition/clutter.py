@@ -119,7 +119,7 @@ class _Proposals:
         clouds += positions[:, None]
 
         footprints = Footprint.of(clouds, view.forward)
-        in_front = footprints.depths[:, 0] >= view.forward @ view.eye + stage.actor.nearest
+        in_front = footprints.depths[:, 0] >= view.forward @ view.eye + stage.nearest
         top, bottom, left, right = view.windows(clouds)
         cover = (bottom - top) * (right - left) / stage.actor.depth.size
         sums = stage.actor.sums

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.composition.stage import MARGIN, StagedRoom
+from vig_world.composition.stage import StagedRoom
 from vig_world.dataset.spec import Placed, Role
 from vig_world.library import ALL_ZONES
 from vig_world.rotations import about_x, about_z, along, turned_about_z, vector_of
@@ -98,7 +98,7 @@ def draw_large(
         zone = stage.room.zone if draw < DRAWS // 2 else ALL_ZONES[int(zone_at * len(ALL_ZONES))]
         families = stage.families(zone)
         family = families[int(family_at * len(families))]
-        name = family, int(member_at * library.members(family))
+        name = stage.member(family, int(member_at * library.members(family)))
         x, y, z = library.sizes(*name)
         area = z * max(x, y) if upright else x * y * z / min(x, y, z)
         if areas[0] <= area <= areas[1]:
@@ -127,7 +127,8 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
     count = PROPS * TURNS
     angles = rng.uniform(0, 2 * np.pi, count)
-    gaps = MARGIN + 0.002 + rng.uniform(0, 0.1 * stage.actor.scale, count) * np.cos(stage.actor.elevation)
+    gap = stage.margin + 0.002 * 0.5**stage.halvings
+    gaps = gap + rng.uniform(0, 0.1 * stage.actor.scale, count) * np.cos(stage.actor.elevation)
     motions = rng.choice([-1.0, 1.0], count)[:, None] * stage.actor.aside
     clouds = np.tile(np.stack([stage.library.extremes(*name) for name in names]), (TURNS, 1, 1))
     clouds = turned_about_z(clouds, angles)
@@ -136,9 +137,7 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
     least, most = stage.carried(stage.support, clouds, motions)
     least, most = np.maximum(least, 0.0), np.minimum(most, 0.5 * stage.actor.scale)
     view = stage.actor.view
-    hopeful = (least < most) & (
-        (clouds @ view.forward).min(1) >= view.forward @ view.eye + stage.actor.nearest
-    )
+    hopeful = (least < most) & ((clouds @ view.forward).min(1) >= view.forward @ view.eye + stage.nearest)
     numbers = np.flatnonzero(hopeful)
     at_least = clouds[numbers] + (least[numbers, None] * motions[numbers])[:, None]
     numbers = numbers[stage.hidden_at_most(at_least) >= level]
@@ -171,16 +170,16 @@ def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlud
         lowest = min(aim[2] + points[:, 2].min(), fingertips[2] + hand[:, 2].min())
         most = min(0.4 * stage.actor.scale, _until_hand_is_out(stage, fingertips, outward))
         parts = [placed(name, aim - middle, turn), placed(arm[0], fingertips, arm[1], "holder")]
-        if candidate := _held(parts, lowest, outward, 0.0, most):
+        if candidate := _held(parts, lowest, outward, 0.0, most, stage.margin):
             return candidate
     return None
 
 
 def _held(
-    parts: list[Placed], lowest: float, motion: np.ndarray, least: float, most: float
+    parts: list[Placed], lowest: float, motion: np.ndarray, least: float, most: float, margin: float
 ) -> OccluderCandidate | None:
     """A candidate in mid-air, `lowest` at offset 0; None where all of its path is below the support."""
-    to_support, rise = lowest - MARGIN, float(motion[2])
+    to_support, rise = lowest - margin, float(motion[2])
     if rise < 0:
         most = min(most, -to_support / rise)
     elif rise > 0:
@@ -221,20 +220,20 @@ def reaching(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
     if aim is None:
         return None
     lowest, scale = float(aim[2] + hand[:, 2].min()), stage.actor.scale
-    return _held([placed(arm[0], aim, arm[1])], lowest, outward, -0.2 * scale, 0.3 * scale)
+    return _held([placed(arm[0], aim, arm[1])], lowest, outward, -0.2 * scale, 0.3 * scale, stage.margin)
 
 
 def branch(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A leafy twig that reaches into the frame."""
     outward = _outward(stage, rng)
-    twig = ("twig", _member(stage, rng))
+    twig = _fixture(stage, rng, "twig")
     rotation = along(outward, stage.actor.view.forward) @ about_x(rng.normal(0, 0.3))
     points = stage.library.extremes(*twig) @ rotation.T
     aim = _aim(stage, rng, points)
     if aim is None:
         return None
     lowest, scale = float(aim[2] + points[:, 2].min()), stage.actor.scale
-    return _held([placed(twig, aim, rotation)], lowest, outward, -0.3 * scale, 0.2 * scale)
+    return _held([placed(twig, aim, rotation)], lowest, outward, -0.3 * scale, 0.2 * scale, stage.margin)
 
 
 def board(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
@@ -246,24 +245,24 @@ def board(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occluder
     else:
         outward = _outward(stage, rng)
         rotation = along(outward, stage.actor.view.forward) @ about_x(rng.normal(0, 0.2))
-    end = ("board", _member(stage, rng))
+    end = _fixture(stage, rng, "board")
     points = stage.library.extremes(*end) @ rotation.T
     aim = _aim(stage, rng, points)
     if aim is None:
         return None
     lowest, scale = float(aim[2] + points[:, 2].min()), stage.actor.scale
-    return _held([placed(end, aim, rotation)], lowest, outward, -0.3 * scale, 0.3 * scale)
+    return _held([placed(end, aim, rotation)], lowest, outward, -0.3 * scale, 0.3 * scale, stage.margin)
 
 
-def _member(stage: StagedRoom, rng: np.random.Generator) -> int:
-    return int(rng.integers(stage.library.members("arm")))
+def _fixture(stage: StagedRoom, rng: np.random.Generator, family: str) -> tuple[str, int]:
+    return stage.member(family, int(rng.integers(stage.library.members("arm"))))
 
 
 def _arm(
     stage: StagedRoom, rng: np.random.Generator, outward: np.ndarray
 ) -> tuple[tuple[tuple[str, int], np.ndarray], np.ndarray]:
     """An arm's name and rotation (3, 3), and its farthest points (N, 3) from the fingertips."""
-    name = ("arm", _member(stage, rng))
+    name = _fixture(stage, rng, "arm")
     rotation = along(outward, stage.actor.view.forward) @ about_x(rng.uniform(0, 6.3))
     return (name, rotation), stage.library.extremes(*name) @ rotation.T
 
@@ -282,11 +281,14 @@ def _aim(stage: StagedRoom, rng: np.random.Generator, points: np.ndarray) -> np.
     """
     view, (row, column) = stage.actor.view, stage.actor.middle
     extent = points @ view.forward
-    nearest = stage.actor.nearest - float(extent.min())
-    farthest = stage.actor.body.depths[0] - float(view.forward @ view.eye) - float(extent.max()) - 2 * MARGIN
+    nearest = stage.nearest - float(extent.min())
+    farthest = stage.actor.body.depths[0] - float(view.forward @ view.eye) - float(extent.max())
+    farthest -= 2 * stage.margin
     if nearest > farthest:
         return None
     depth, aside, below = rng.uniform(nearest, farthest), rng.normal(0, 2), rng.normal(0, 2)
+    if stage.closer:
+        depth = nearest * (farthest / nearest) ** ((depth - nearest) / max(farthest - nearest, 1e-9))
     x = (column + aside - view.camera.cx) / view.camera.focal
     y = (row + below - view.camera.cy) / view.camera.focal
     return view.eye + depth * (np.array([x, y, 1.0]) @ view.rotation)

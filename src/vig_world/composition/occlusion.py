@@ -8,7 +8,7 @@ import numpy as np
 
 from vig_world.assets.footprint import Footprint
 from vig_world.composition.occluders import Kind, OccluderCandidate, draw_kind
-from vig_world.composition.stage import MARGIN, StagedRoom
+from vig_world.composition.stage import StagedRoom
 from vig_world.dataset.spec import Placed
 
 FIT_TOLERANCE = 0.008
@@ -64,7 +64,7 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
         return "no room"
     clouds = [stage.points(part) for part in candidate.parts]
     points, forward = np.concatenate(clouds), stage.actor.view.forward
-    if (points @ forward).min() < forward @ stage.actor.view.eye + stage.actor.nearest:
+    if (points @ forward).min() < forward @ stage.actor.view.eye + stage.nearest:
         return "eye"  # at any offset: motions are across the line of sight
     if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
         return "too small"
@@ -77,7 +77,7 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
     for footprint in footprints:
         if reason := stage.check(footprint):
             return reason
-    if not candidate.stands and (stage.behind < depths + 2 * MARGIN)[np.isfinite(depths)].any():
+    if not candidate.stands and (stage.behind < depths + 2 * stage.margin)[np.isfinite(depths)].any():
         return "in furniture"
     if (np.minimum(stage.blockers, depths) < stage.behind).mean() > 0.3 + 0.5 * level:
         return "fills the frame"

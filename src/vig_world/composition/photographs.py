@@ -24,6 +24,8 @@ LONGEST = 6.0
 """Of lenses, over the standard one."""
 FARTHEST, HIGHEST = 2.5, 2.5
 """Metres from the eye to the object, and above what it stands on, that rooms have space for."""
+LEAST_GAP = 0.25
+"""Least depth of the object, over the standard camera's distance: the eye keeps off the largest shapes."""
 ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
 """Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
 SCALE, SHIFT = 0.1, 0.04
@@ -60,12 +62,21 @@ def draw_manner(
         highest = (HIGHEST - object_class.target_height) / (away * math.sin(elevation))
         farther = min(farther, max(0.9, highest))
     roll = rng.uniform(-MOST_ROLL, MOST_ROLL) if rng.random() < ROLLED else rng.normal(0, ROLL)
+    farther += max(0.0, LEAST_GAP - _gap(farther, object_class, vertices, azimuth, float(elevation)))
     lens = _framed(Lens(farther, float(roll)), object_class, vertices, azimuth, float(elevation))
     scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)
     moved = (lens.shift[0] * scale + shift[0], lens.shift[1] * scale + shift[1])
     lens = replace(lens, scale=lens.scale * scale, shift=(float(moved[0]), float(moved[1])))
     seamless = bool(rng.random() < SEAMLESS)
     return Manner(float(elevation), coat, mean_albedo(coat, vertices, model), lens, seamless)
+
+
+def _gap(
+    farther: float, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
+) -> float:
+    """Least depth of the vertices (V, 3) over the standard camera's distance."""
+    view = View.through(Lens(farther), object_class, azimuth, elevation)
+    return float((vertices @ view.rotation[2]).min() + view.translation[2]) / object_class.viewing_distance
 
 
 def _framed(

@@ -15,7 +15,7 @@ from vig_world.assets.props import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
-from vig_world.rooms import Layout
+from vig_world.rooms import EMPTY, Layout
 
 ZONE_WEIGHTS = {
     "dining": 3.0, "drinks": 3.0, "cooking": 3.0, "display": 2.0, "desk": 1.5, "storage": 1.5, "reading": 1.0,
@@ -28,6 +28,10 @@ MOST_LOOKED_AT = 16
 """Number of valid places that are rendered."""
 EYE_CLEARANCE = 0.06
 """Metres between the camera and walls or furniture."""
+LOWEST_EYE = 0.02
+"""Metres above the floor."""
+MOST_NEAR = 0.02
+"""Share of the frame in which something may be nearer than `Actor.nearest`."""
 EDGE = 0.01
 """Metres between the object's outline and the edge of what it stands on."""
 WALL_SHARE = 0.9
@@ -85,7 +89,11 @@ def find_place(
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
         elif np.isinf(stage.behind).any():
             rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
-        elif (stage.behind < actor.nearest).mean() > 0.02 or not _eye_is_free(layout, _eye_of(stage)).all():
+        elif layout.kind == EMPTY:
+            return stage  # what is near its eye is the ground alone
+        elif (stage.behind < actor.nearest).mean() > MOST_NEAR or not _eye_is_free(
+            layout, _eye_of(stage), actor
+        ).all():
             rejected["place near"] += 1
         else:
             return stage
@@ -137,7 +145,7 @@ class _Places:
         supports, count = layout.supports, PROPOSALS[hiding]
         table = _support_table(layout, zone_weights(actor.object_class))
         weights = table["weight"]
-        somewhere = layout.kind == "seamless" or weights.any()  # a seamless ground is for all things
+        somewhere = layout.kind in ("seamless", EMPTY) or weights.any()  # these are for all things
         weights = weights if weights.any() else np.ones(len(supports))
         if hiding:
             weights = weights * np.where(table["clearance"] < LOW_COVER, COVERED, 1.0)
@@ -171,7 +179,7 @@ class _Places:
         """Numbers of places with object and camera free and, if hiding, furniture in the line of sight."""
         rejected["place too small"] += int((~self.fits).sum())
         fits = np.flatnonzero(self.fits)
-        order = fits[_eye_is_free(layout, self.eye[fits])]
+        order = fits[_eye_is_free(layout, self.eye[fits], actor)]
         rejected["place eye"] += len(fits) - len(order)
         if hiding:
             middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
@@ -210,18 +218,23 @@ def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.stack([c * x - s * y, s * x + c * y, z], axis=1)
 
 
-def _eye_is_free(layout: Layout, eye: np.ndarray) -> np.ndarray:
-    """Whether cameras (N, 3) are inside the room and outside its furniture, with some space: (N,) bool."""
-    free = (eye[:, 2] > 0.02) & (eye[:, 2] < layout.height - EYE_CLEARANCE)
+def _eye_is_free(layout: Layout, eye: np.ndarray, actor: Actor) -> np.ndarray:
+    """Whether cameras (N, 3) are inside the room and outside its furniture, with some space: (N,) bool.
+
+    On the ground of an empty hall they may lie.
+    """
+    clearance = EYE_CLEARANCE * actor.small
+    lowest = 0.0 if layout.kind == EMPTY else LOWEST_EYE * actor.small
+    free = (eye[:, 2] > lowest) & (eye[:, 2] < layout.height - clearance)
     start, end = layout.outline, np.roll(layout.outline, -1, axis=0)
     way, offset = end - start, eye[:, None, :2] - start
     t = np.clip((offset * way).sum(2) / (way**2).sum(1), 0, 1)
-    free &= (((offset - t[..., None] * way) ** 2).sum(2) > EYE_CLEARANCE**2).all(1)
+    free &= (((offset - t[..., None] * way) ** 2).sum(2) > clearance**2).all(1)
     crosses = (start[:, 1] > eye[:, None, 1]) != (end[:, 1] > eye[:, None, 1])
     at = start[:, 0] + way[:, 0] * offset[..., 1] / np.where(way[:, 1] == 0, 1.0, way[:, 1])
     free &= (crosses & (at > eye[:, None, 0])).sum(1) % 2 == 1
     if len(layout.solids):
-        sides, low, high = _half_spaces(layout, EYE_CLEARANCE)
+        sides, low, high = _half_spaces(layout, clearance)
         outside = _along(sides, eye) - sides[..., 2]
         inside = (outside <= 0).all(2) & (eye[:, 2:] > low) & (eye[:, 2:] < high)
         free &= ~inside.any(1)

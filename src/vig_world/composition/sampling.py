@@ -11,23 +11,27 @@ import numpy as np
 
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world import World
-from vig_world.assets.target import draw_shape, shape_vertices
+from vig_world.assets.target import draw_shape, standing_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
 from vig_world.composition.place import find_place
+from vig_world.composition.seamless import fits_seamless_ground
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
 from vig_world.raster import Item, depth
 from vig_world.raster.view import View
+from vig_world.rooms import SPACE
 from vig_world.streams import stream
 
 MAX_OCCLUSION = 0.9
 GOLDEN = (math.sqrt(5) - 1) / 2
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
-ATTEMPTS = 300
+ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
+"""Rooms, and as many seamless grounds, that are tried; empty halls after these; how many with props of a
+size."""
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 """Numbers of the random streams of a seed's first target, and of how a photograph is taken."""
 BOARDS_FROM = 8
@@ -59,6 +63,7 @@ def sample(
     until the hidden share of the object is within 0.015 of the target. In the world of photographs elevation,
     albedo, coat and lens are those of `photographs.draw_manner` instead, some objects stand on a seamless
     ground, and the rare one that no room hides as it should stands on such a ground, half as much hidden.
+    What has no place there either, as its camera finds no space, stands in an empty hall that has it.
 
     Args:
         library: Of the split.
@@ -72,7 +77,7 @@ def sample(
             that cannot be made. Of further draws the target is uniform; `rejected["scene"]` holds the number.
 
     Raises:
-        CompositionError: When no placement reached the target in `ATTEMPTS` rooms.
+        CompositionError: No placement reached the target in `ATTEMPTS` rooms and `HALL_ATTEMPTS` halls.
     """
     split = library.split
     rng = stream(seed, index, split, 0, draw)
@@ -84,7 +89,7 @@ def sample(
         target = rng.uniform(0, MAX_OCCLUSION) if draw else target_occlusion(seed, index, split)
     finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
-    vertices = shape_vertices(shape, design, object_class)
+    vertices = standing_vertices(shape, design, object_class)
     coat, lens, layouts = None, Lens(), range(library.layouts)
     if world == "photo":
         manner = draw_manner(stream(seed, index, split, MANNER_STREAM, draw), object_class, vertices, azimuth)
@@ -101,12 +106,22 @@ def sample(
     )
     rejected: Counter[str] = Counter({"scene": draw} if draw else {})
     by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
-    for attempt in range(ATTEMPTS if world == "paper" else 2 * ATTEMPTS):
+    wanted, furnished = target, ATTEMPTS if world == "paper" else 2 * ATTEMPTS
+    for attempt in range(furnished + HALL_ATTEMPTS):
         if attempt == ATTEMPTS:
             target, layouts = target / 2, library.sweeps
+        if attempt == furnished:
+            target, layouts = wanted, library.halls(hall_size(actor))
+        if attempt in (0, ATTEMPTS):
+            hopeless = layouts == library.sweeps and not fits_seamless_ground(actor)
+        if hopeless and attempt < furnished:
+            rejected["room"] += 1
+            continue
         rng = stream(seed, index, split, 1 + attempt, draw)
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
         stage = find_place(library, layouts, actor, finishes, (least, target), rng, rejected)
+        if stage is not None:
+            stage.halvings, stage.closer = _halvings(actor, attempt, furnished), attempt >= furnished
         if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
             rejected["room"] += 1
             continue
@@ -141,6 +156,20 @@ def sample(
         f" {ATTEMPTS} rooms gave none. Provide larger props or other furniture, or use another seed."
         f" ({dict(rejected)})"
     )
+
+
+def _halvings(actor: Actor, attempt: int, furnished: int) -> int:
+    """How often props are halved in an attempt: more and more in halls; early for small objects."""
+    least = math.floor(-math.log2(actor.small))
+    if attempt < furnished:
+        return least if attempt >= BOARDS_FROM else 0
+    return least + (attempt - furnished) // SIZE_ATTEMPTS
+
+
+def hall_size(actor: Actor) -> int:
+    """The size of the smallest empty hall with space for the object and its camera, see `Library.halls`."""
+    reach = max(np.linalg.norm(actor.view.eye), np.abs(actor.body.outline).max(), actor.body.heights[1])
+    return max(0, math.ceil(math.log2(float(reach) / SPACE)))
 
 
 def target_occlusion(seed: int, index: int, split: Split) -> float:

@@ -24,6 +24,9 @@ MARGIN = 0.004
 NEAREST = 0.09
 """Least depth of anything in a scene, metres; less where things smaller than teapots are seen from nearer."""
 
+SMALL = 0.25
+"""Scale of the object below which the camera's distance from ground and furniture is its multiple."""
+
 
 @dataclass(frozen=True)
 class Actor:
@@ -86,6 +89,11 @@ class Actor:
         return self.object_class.scale
 
     @property
+    def small(self) -> float:
+        """Its `scale` if it is smaller than 7 cm or so, whose camera is near to what it stands on; else 1."""
+        return self.scale if self.scale < SMALL else 1.0
+
+    @property
     def nearest(self) -> float:
         """Least depth of anything in the scene, metres."""
         return NEAREST * min(1.0, self.scale)
@@ -100,6 +108,8 @@ class StagedRoom:
         behind: Depth (75, 75) of the room, metres; inf where there is nothing.
         blockers: The nearest of room and props, likewise.
         solids: Bounds of the props so far.
+        halvings: How often what hides the object is halved in size and in its distance from other things.
+        closer: Whether what is held is as likely to be near the eye as near the object, on a log scale.
     """
 
     library: Library
@@ -110,6 +120,8 @@ class StagedRoom:
     blockers: np.ndarray
     props: list[Placed] = field(default_factory=list)
     solids: list[Footprint] = field(default_factory=list)
+    halvings: int = 0
+    closer: bool = False
     _poses: dict[Support, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     _hidden: np.ndarray | None = None
 
@@ -120,6 +132,20 @@ class StagedRoom:
         behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
         support = library.plan(room.layout).layout.supports[room.support]
         return StagedRoom(library, actor, room, support, behind, behind)
+
+    @property
+    def margin(self) -> float:
+        """Metres between any two things."""
+        return MARGIN * 0.5**self.halvings
+
+    @property
+    def nearest(self) -> float:
+        """Least depth of a prop, metres."""
+        return max(self.actor.nearest * 0.5**self.halvings, self.actor.view.near)
+
+    def member(self, family: str, number: int) -> tuple[str, int]:
+        """Member `number` of a family, made smaller."""
+        return family, number + self.halvings * self.library.members(family)
 
     def families(self, zone: str) -> tuple[str, ...]:
         """The families of props that belong in a zone, but for those like the object."""
@@ -155,9 +181,9 @@ class StagedRoom:
 
     def check(self, footprint: Footprint) -> str:
         """Why a solid cannot be there: `collision`, `eye` (too near the camera) or an empty string."""
-        if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + self.actor.nearest:
+        if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + self.nearest:
             return "eye"
-        return "" if (footprint.gap(self.obstacles()) >= MARGIN).all() else "collision"
+        return "" if (footprint.gap(self.obstacles()) >= self.margin).all() else "collision"
 
     def obstacles(self) -> Footprint:
         """Bounds of the object and of the props so far, as one of shape (N, ...)."""
@@ -173,11 +199,11 @@ class StagedRoom:
         """
         own = self.on_support(support, clouds)
         low, high = own.min(axis=1), own.max(axis=1)
-        way, half = (motions @ self.pose(support)[0])[:, :2], np.array(support.half) - MARGIN
+        way, half = (motions @ self.pose(support)[0])[:, :2], np.array(support.half) - self.margin
         way = np.where(np.abs(way) < 1e-9, 1e-9, way)
         first, last = (-half - low[:, :2]) / way, (half - high[:, :2]) / way
         least, most = np.where(way > 0, first, last).max(1), np.where(way > 0, last, first).min(1)
-        too_wide = ((high - low)[:, :2] > 2 * half).any(1) | (high[:, 2] > support.clearance - MARGIN)
+        too_wide = ((high - low)[:, :2] > 2 * half).any(1) | (high[:, 2] > support.clearance - self.margin)
         return np.where(too_wide, np.inf, least), most
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:

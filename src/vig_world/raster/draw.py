@@ -18,8 +18,6 @@ from vig_world.raster.records import BINS, DRAWN, FRAGMENT, SAMPLES, TASK, VISIB
 from vig_world.raster.shadows import cast_shadows
 from vig_world.raster.view import View
 
-NEAR = 0.02
-"""Metres; anything nearer to the camera's plane is clipped."""
 SUN_SHARE = 0.2
 """Share of the light's first degree that shows in highlights."""
 _MARGIN = 16
@@ -197,7 +195,7 @@ def _rasterise(
         camera.focal * samples,
         camera.cx * samples,
         camera.cy * samples,
-        NEAR,
+        view.near,
         keep,
         workspace.place("q", size + _MARGIN, np.float32),
         workspace.place("ids", size + _MARGIN, np.int32),

@@ -12,6 +12,14 @@ from vig.scene import IMAGE_SIZE, Camera, ObjectClass
 from vig_world.dataset.spec import Lens, SceneSpec
 from vig_world.raster.rasterize import rasterize
 
+NEAR = 0.02
+"""Metres; anything nearer to the camera's plane is clipped."""
+NEAR_SHARE, EYE_SHARE = 0.2, 0.5
+"""Of the distance to the object, and of the height of the eye, up to which things are clipped where it is
+less: things of 7 cm and less, and eyes on the ground."""
+LOWEST = 1e-3
+"""Metres that an eye is over the ground, at least, where it counts."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -63,6 +71,12 @@ class View:
     def eye(self) -> np.ndarray:
         """The camera's centre in the world (3,), metres."""
         return -self.rotation.T @ self.translation
+
+    @property
+    def near(self) -> float:
+        """Depth, metres, up to which things are clipped: less for an eye near the object or the ground."""
+        height = max(float(self.eye[2]), LOWEST)
+        return min(NEAR, NEAR_SHARE * self.camera.distance, EYE_SHARE * height)
 
     @property
     def forward(self) -> np.ndarray:

@@ -14,6 +14,8 @@ from vig_world.rooms.layout import Layout
 RADIUS, BEND, WALL, HEIGHT = 3.2, 0.7, 1.9, 3.0
 """Metres: of the floor, of the bend between it and the wall, height of the wall, and of what counts as a
 ceiling."""
+STANDS = 0.6 * (RADIUS - BEND)
+"""Metres along either axis within which things stand."""
 SEGMENTS, STEPS = 48, 8
 TEXTURED = ("cloth", "paint", "wood", "marble", "terrazzo", "weave", "concrete", "plaster")
 """Kinds of textures of those that are not of one colour."""
@@ -35,10 +37,9 @@ def draw_sweep(rng: np.random.Generator) -> Layout:
     bend = np.stack([RADIUS - BEND + BEND * np.sin(turn), BEND * (1 - np.cos(turn))], 1)
     profile = np.concatenate([[[0.0, 0.0], [1.0, 0.0]], bend, [[RADIUS, WALL]]])
     parts = ((_inside(profile, float(rng.uniform(0.4, 1.5))), material),)
-    half = 0.6 * (RADIUS - BEND)
     around = np.linspace(0, 2 * np.pi, SEGMENTS, endpoint=False)
     outline = RADIUS * np.stack([np.cos(around), np.sin(around)], 1)
-    support = Support("display", (0.0, 0.0, 0.0), (half, half))
+    support = Support("display", (0.0, 0.0, 0.0), (STANDS, STANDS))
     return Layout("seamless", parts, (support,), outline, HEIGHT, np.zeros((0, 5, 2)))
 
 

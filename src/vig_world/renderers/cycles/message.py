@@ -10,7 +10,6 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
-from vig_world.raster.draw import NEAR
 from vig_world.raster.view import View
 from vig_world.renderers.build import Instance, build
 from vig_world.renderers.cycles.appearance import (
@@ -64,7 +63,7 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
         "things": scene.things,
         "camera": {
             **asdict(view.camera),
-            "near": NEAR,
+            "near": view.near,
             "rotation": view.rotation.tolist(),
             "translation": view.translation.tolist(),
         },
