@@ -30,7 +30,7 @@ from vig_train.evaluation.metrics import (
 )
 from vig_train.evaluation.results import MethodResult, predicted_deviation
 from vig_train.evaluation.table import BASELINE
-from vig_world.assets.target import shape_vertices
+from vig_world.assets.target import standing_vertices
 from vig_world.dataset import Dataset
 from vig_world.raster.rasterize import rasterize
 
@@ -140,7 +140,7 @@ class Truth:
         """The truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
         latents = Latents.from_vector(torch.from_numpy(dataset.latents))
         shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
-        vertices = [shape_vertices(shape, design, object_class) for shape, design in shapes]
+        vertices = [standing_vertices(shape, design, object_class) for shape, design in shapes]
         return Truth(latents, torch.from_numpy(np.stack(vertices)), visible)
 
 

@@ -35,7 +35,14 @@ def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split
 
 def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
     """The object's vertices (V, 3) float32, metres."""
-    return shape_vertices(np.array(spec.shape), spec.design, object_class)
+    return standing_vertices(np.array(spec.shape), spec.design, object_class)
+
+
+def standing_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
+    """Those of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
+    vertices = shape_vertices(coefficients, design, object_class)
+    lowest = vertices[:, 2].min()
+    return vertices if lowest == 0 else vertices - np.array([0, 0, lowest], np.float32)
 
 
 def shape_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:

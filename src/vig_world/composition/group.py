@@ -14,7 +14,7 @@ from vig.io.errors import UserError
 from vig.scene import ObjectClass, rotate_z
 from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
-from vig_world.assets.target import draw_shape, shape_vertices, target_vertices
+from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
 from vig_world.composition.sampling import CompositionError, sample, solids
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom
@@ -154,7 +154,7 @@ class _GroupBuilder:
         """Add an object where it has room, overlaps another on the image, and leaves all to be seen."""
         object_class = self.classes[int(rng.integers(len(self.classes)))]
         shape, design = draw_shape(rng, object_class, self.library.split)
-        vertices = shape_vertices(shape, design, object_class)
+        vertices = standing_vertices(shape, design, object_class)
         beside = self.bodies[int(rng.integers(len(self.bodies)))].outline.mean(0)
         turn, bearing = rng.uniform(0, 2 * np.pi, 2)
         scale = max(object_class.scale, self.stage.actor.scale)

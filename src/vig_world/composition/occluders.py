@@ -287,6 +287,8 @@ def _aim(stage: StagedRoom, rng: np.random.Generator, points: np.ndarray) -> np.
     if nearest > farthest:
         return None
     depth, aside, below = rng.uniform(nearest, farthest), rng.normal(0, 2), rng.normal(0, 2)
+    if stage.closer:
+        depth = nearest * (farthest / nearest) ** ((depth - nearest) / max(farthest - nearest, 1e-9))
     x = (column + aside - view.camera.cx) / view.camera.focal
     y = (row + below - view.camera.cy) / view.camera.focal
     return view.eye + depth * (np.array([x, y, 1.0]) @ view.rotation)

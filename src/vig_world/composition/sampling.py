@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world import World
-from vig_world.assets.target import draw_shape, shape_vertices
+from vig_world.assets.target import draw_shape, standing_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
@@ -89,7 +89,7 @@ def sample(
         target = rng.uniform(0, MAX_OCCLUSION) if draw else target_occlusion(seed, index, split)
     finishes = tuple((slot, library.draw_finish(slot, rng)) for slot in SLOTS)
 
-    vertices = shape_vertices(shape, design, object_class)
+    vertices = standing_vertices(shape, design, object_class)
     coat, lens, layouts = None, Lens(), range(library.layouts)
     if world == "photo":
         manner = draw_manner(stream(seed, index, split, MANNER_STREAM, draw), object_class, vertices, azimuth)
@@ -121,7 +121,7 @@ def sample(
         least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
         stage = find_place(library, layouts, actor, finishes, (least, target), rng, rejected)
         if stage is not None:
-            stage.halvings = _halvings(actor, attempt, furnished)
+            stage.halvings, stage.closer = _halvings(actor, attempt, furnished), attempt >= furnished
         if stage is None or not hide(stage, target, rng, rejected, attempt >= BOARDS_FROM):
             rejected["room"] += 1
             continue

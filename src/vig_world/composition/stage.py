@@ -109,6 +109,7 @@ class StagedRoom:
         blockers: The nearest of room and props, likewise.
         solids: Bounds of the props so far.
         halvings: How often what hides the object is halved in size and in its distance from other things.
+        closer: Whether what is held is as likely to be near the eye as near the object, on a log scale.
     """
 
     library: Library
@@ -120,6 +121,7 @@ class StagedRoom:
     props: list[Placed] = field(default_factory=list)
     solids: list[Footprint] = field(default_factory=list)
     halvings: int = 0
+    closer: bool = False
     _poses: dict[Support, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     _hidden: np.ndarray | None = None
 

@@ -11,7 +11,7 @@ from scipy.stats import kstest
 
 from tests.toys import toy
 from vig.scene import ObjectClass
-from vig_world.assets.target import target_vertices
+from vig_world.assets.target import NO_DESIGN, shape_vertices, standing_vertices, target_vertices
 from vig_world.composition.photographs import LEVEL, LEVEL_SHARE, LOW, LOW_SHARE, draw_manner
 from vig_world.composition.place import find_place
 from vig_world.composition.sampling import MANNER_STREAM, TOLERANCE, sample, target_occlusion
@@ -149,3 +149,15 @@ def test_a_view_said_to_fit_no_seamless_ground_finds_no_place_on_any(library: Li
             ]
             assert fitting[-1] or places == [None] * 4
     assert 0.1 < np.mean(fitting) < 0.9
+
+
+def test_a_shape_of_the_model_stands_on_the_ground_too() -> None:
+    """Tilted by a component, a bar's lowest vertex would be 1.4 cm in the ground."""
+    bar = stretched("long")
+    basis = np.zeros_like(bar.shape_model.basis)
+    basis[0, :, 2] = 0.1 * bar.shape_model.mean[:, 0]
+    tilted = replace(bar, shape_model=replace(bar.shape_model, basis=basis))
+    shape = np.array([1.5, 0.0, 0.0])
+    low, standing = (make(shape, NO_DESIGN, tilted) for make in (shape_vertices, standing_vertices))
+    assert low[:, 2].min() < -0.01 and standing[:, 2].min() == 0
+    np.testing.assert_allclose(np.ptp(standing - low, axis=0), 0, atol=1e-6)
