@@ -67,6 +67,9 @@ TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png
 """Files of a pack that `vig class train` writes."""
 USUAL_LENGTH, LENGTHS = 0.2, (0.001, 10.0)
 """Longest side of a class's mean shape where none is told, and the bounds of one that is, metres."""
+DARK_VIEW_WEIGHT = 1000.0
+"""`view_weight` of fits where a class has a dark part: evidence then tells front from back by itself. On 205
+photos of real cars views are as good as with 3,000, and those that are turned have a lower confidence."""
 VIEWING_LENGTHS = 1.5
 """Distance of the standard camera, in longest sides of the mean shape."""
 MIN_MESHES_TO_HOLD_OUT = 10
@@ -481,6 +484,7 @@ class Builder:
             points=named_points(components.mean),
             viewing_distance=float(np.round(VIEWING_LENGTHS * size.max(), 4)),
             places=self.settings.places,
+            fit_settings={} if dark is None else {"view_weight": DARK_VIEW_WEIGHT},
             part_reflectance=None if dark is None else (1.0, round(dark[1], 4)),
             object_from_mesh=self._object_from_mesh(accepted[0], registered, scale) if exact else None,
         )
