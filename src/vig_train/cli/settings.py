@@ -30,8 +30,8 @@ class Build:
     up: str | None = None
     """The axis that points up in most of the files, such as y or z; by default it is found."""
     front: str | None = None
-    """The axis that the front faces in most of the files, such as +x, or =-z; by default the side that reaches
-    out farther."""
+    """The axis that the front faces in most of the files, such as +x, or =-z; by default the side that
+    reaches out farther."""
     shows: str = ""
     """What the front shows, such as "the handle": for messages."""
     symmetry: Literal["none", "half-turn", "any-turn"] | None = None
