@@ -283,7 +283,7 @@ def test_a_changed_number_of_a_page_or_of_the_code_is_found(monkeypatch: pytest.
 def test_numbers_of_latents_are_those_of_the_packaged_classes() -> None:
     text = (ROOT / "docs/conventions.md").read_text()
     components = {
-        name: int(number) for name, number in re.findall(r"(teapot|mug)s (?:have )?K = (\d+)", text)
+        name: int(number) for name, number in re.findall(r"(teapot|mug|car)s (?:have )?K = (\d+)", text)
     }
     packaged = sorted(path.parent.name for path in PACKAGED.glob("*/class.json"))
     assert sorted(components) == packaged

@@ -187,8 +187,11 @@ def test_classes_from_memory_do_not_go_to_processes(explainer: vig.Explainer) ->
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        (("teapt",), "expected a class, one of mug, teapot, or a folder with class.json; got 'teapt'. Check"),
-        (("",), "expected a class, one of mug, teapot, .*; got ''. Check"),
+        (
+            ("teapt",),
+            "expected a class, one of car, mug, teapot, or a folder with class.json; got 'teapt'. Check",
+        ),
+        (("",), "expected a class, one of car, mug, teapot, .*; got ''. Check"),
         (("/dev/null",), "expected a class, .*; got '/dev/null'. Check"),
         ((7,), "expected a class's name or folder; got a int. Pass"),
         (("teapot", "quick"), "expected ExplainSettings; got a str. Pass"),

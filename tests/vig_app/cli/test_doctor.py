@@ -55,7 +55,7 @@ def test_a_broken_driver_and_a_missing_package_are_lines(monkeypatch: pytest.Mon
 def test_missing_weights_are_a_line_and_an_exit_code(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert module.check_classes() == {"mug": "ok", "teapot": "ok"}
+    assert module.check_classes() == {"car": "ok", "mug": "ok", "teapot": "ok"}
     shutil.copytree(PACKAGED / "teapot", tmp_path / "teapot")
     (tmp_path / "teapot" / "recognition.safetensors").unlink()
     monkeypatch.setattr("vig.scene.object_class.PACKAGED", tmp_path)
