@@ -158,8 +158,9 @@ def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass, tmp_path: 
     assert (told["probability"], told["roll_deg"]) == (0.3, 0.0)
     assert set(told) == {
         *("azimuth_deg", "elevation_deg", "albedo", "light", "shape", "roll_deg"),
-        *("probability", "K", "camera_from_object"),
+        *("probability", "behind_nats", "K", "camera_from_object"),
     }
+    assert told["behind_nats"] is None
 
 
 def test_the_mask_has_three_values_in_the_photos_own_frame(

@@ -81,13 +81,13 @@ def select(
     # The ends by score, then the points that were given up; the guess comes second, or first where no end is
     # near.
     order = ends.scores.argsort(descending=True, stable=True)
-    candidates = torch.cat([nearest, start, ends.points[order], ends.given_up])
+    candidates = torch.cat([nearest, start, ends.points[order.to(objective.device)], ends.given_up])
     unknown = ends.scores.new_full((1 + len(ends.given_up),), math.nan)
     gaps_behind = (ends.scores[best] - ends.scores[order]).clamp_min(0.0)
     behind = torch.cat([gaps[rival : rival + 1], unknown[:1], gaps_behind, unknown[1:]])
     if not informed:
         kept = torch.isfinite(behind)
-        candidates, behind = candidates[kept], behind[kept]
+        candidates, behind = candidates[kept.to(objective.device)], behind[kept]
     elif not close:
         swapped = [1, 0, *range(2, len(candidates))]
         candidates, behind = candidates[swapped], behind[swapped]

@@ -7,6 +7,7 @@ import shutil
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -214,8 +215,9 @@ def test_a_training_may_begin_with_weights_that_hold_no_trunk(pack: Path) -> Non
 
 def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
     toy("fin").save(tmp_path)
-    with pytest.raises(UserError, match=f"Train them with `vig class train {tmp_path}`"):
-        Explainer(tmp_path)
+    explainer = Explainer(tmp_path)
+    with pytest.raises(UserError, match="Give one, or train it with `vig class train`"):
+        explainer.explain(np.full((150, 150, 3), 0.5, np.float32))
 
 
 @pytest.mark.parametrize(
