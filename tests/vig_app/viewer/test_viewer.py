@@ -215,6 +215,10 @@ class Page:
         self.page.get_by_text("azimuth").first.wait_for()
         waited(self.page, lambda: len(viewer.server.get_clients()) == 1)
         self.page.wait_for_timeout(2000)
+        # Newer browsers without a GPU are warned of it, over the photo on a small screen.
+        for button in self.page.locator(".mantine-Notification-closeButton").all():
+            button.click()
+        self.page.wait_for_timeout(500)
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a pixel of the photo is on the screen, by the camera that the page has."""
