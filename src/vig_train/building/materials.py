@@ -17,7 +17,7 @@ SAMPLES = 60_000
 NEAREST = 5
 """Of these points the nearest decide on a vertex of the template."""
 DARK_RATIO = 0.4
-"""A place is dark from this share of the luminance of most of the surface down."""
+"""A place is dark from this share of the luminance at `BODY_SHARE` down."""
 GLASS_RATIO = 0.15
 """That of glass, through which something dark is seen."""
 OPAQUE = 0.9
@@ -29,6 +29,9 @@ AREA_BOUNDS = 0.03, 0.6
 LEAST_MESHES = 3
 """Fewer meshes with materials say nothing of a class, but one alone, whose own shape the class has, does."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear RGB (BT.709)."""
+BODY_SHARE = 0.6
+"""Share of the surface, from the darkest on, at whose end is the luminance that others are compared with."""
 
 
 def dark_part(
@@ -58,7 +61,7 @@ def dark_part(
 
 
 def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:
-    """Luminance (V,) of a mesh's materials at the template's vertices, over that of half of its surface."""
+    """Luminance (V,) of a mesh's materials at the template's vertices, over that at `BODY_SHARE`."""
     normals = face_normals(mesh.vertices.astype(np.float64), mesh.faces)
     size = np.linalg.norm(normals, axis=1)
     rng = np.random.default_rng(np.random.SeedSequence([len(mesh.faces), 5]))
@@ -80,7 +83,7 @@ def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:
     glass = np.isnan(seen).mean(1) > 0.5
     at = np.nanmedian(np.where(glass[:, None], 0.0, seen), axis=1)
     order = np.argsort(at)
-    middle = at[order][np.searchsorted(np.cumsum(areas[order]), 0.6 * areas.sum())]
+    middle = at[order][np.searchsorted(np.cumsum(areas[order]), BODY_SHARE * areas.sum())]
     return np.where(glass, GLASS_RATIO, at / max(middle, 1e-3))
 
 
