@@ -93,7 +93,7 @@ def select(
         candidates, behind = candidates[swapped], behind[swapped]
     most = OTHER_VIEWS if informed else UNINFORMED_VIEWS
     azimuths, chosen_azimuths = objective.latents(candidates).azimuth, [objective.latents(point).azimuth]
-    turned = abs(float(symmetry.difference(azimuths[:1], chosen_azimuths[0]).sum()))
+    turned = abs(float(symmetry.difference(azimuths[0], chosen_azimuths[0]))) if len(candidates) else 0.0
     others: list[int] = []
     for index, angle in enumerate(azimuths):
         if len(others) < most and all(
