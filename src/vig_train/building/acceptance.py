@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -81,6 +82,35 @@ def quality_of(
         float((template_distance > UNMATCHED_DISTANCE).mean()),
         max(0.0, folded_share(registered, faces) - folded_share(template, faces)),
     )
+
+
+def judged(
+    qualities: Mapping[int, Quality], shapes: np.ndarray, medoid: int, symmetry: str
+) -> dict[int, Quality]:
+    """Return the qualities of meshes as members of one class.
+
+    Args:
+        qualities: Of each mesh by itself, by its index.
+        shapes: (N, V, 3), the template as it lies on each mesh.
+        medoid: Index of the mesh that the template was made from. What the template's few vertices cannot
+            represent of this mesh is not held against the others.
+        symmetry: Of the class.
+    """
+    max_unmatched = MAX_ATTACHMENT_SHARE if symmetry == "any-turn" else MAX_UNMATCHED_SHARE
+    of_medoid = qualities[medoid].unmatched_mesh
+    compared = {
+        index: replace(
+            quality,
+            unmatched_mesh=max(0.0, quality.unmatched_mesh - of_medoid),
+            max_unmatched_mesh=max_unmatched,
+        )
+        for index, quality in qualities.items()
+    }
+    well_registered = [index for index, quality in compared.items() if not quality.reason]
+    ratios = median_distance_ratios(shapes[well_registered])
+    for index, ratio in zip(well_registered, ratios, strict=True):
+        compared[index] = replace(compared[index], median_ratio=float(ratio))
+    return compared
 
 
 def median_distance_ratios(shapes: np.ndarray) -> np.ndarray:

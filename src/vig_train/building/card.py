@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from vig_train.building.build import BuildResult
+from vig_train.building.result import BuildResult
 
 
-def card(result: BuildResult, length: float) -> str:
-    """Markdown; the longest side of the mean shape is `length` metres."""
+def card(result: BuildResult) -> str:
+    """The card in Markdown."""
     object_class, components = result.object_class, result.components
     size, count = np.ptp(object_class.shape_model.mean, axis=0), len(result.scans) + len(result.unreadable)
     lines = [
@@ -21,7 +18,7 @@ def card(result: BuildResult, length: float) -> str:
         " Licences of the meshes are those of their authors; the pack holds shapes derived from them.",
         "",
         f"Mean size {size[0]:.3f} x {size[1]:.3f} x {size[2]:.3f} m (length, width, height):"
-        f" metres are only as true as `--length {length:g}`.",
+        f" metres are only as true as `--length {result.length:g}`.",
         "",
         *(f"- {line}" for line in result.upright.report),
         "",

@@ -72,6 +72,12 @@ def read_scans(meshes: str | Path) -> tuple[list[Scan], dict[str, str]]:
     return scans, refused
 
 
+def folder_of(meshes: str | Path) -> Path:
+    """The folder of the meshes that `read_scans` reads, and of what goes with them."""
+    path = mesh_folder(meshes)
+    return path.parent if path.is_file() else path
+
+
 def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(5,) numbers of a surface that units, axes, place, mirroring and the triangles' order leave alone.
 

@@ -7,7 +7,8 @@ import tempfile
 from pathlib import Path
 
 from vig.io.errors import UserError
-from vig_train.building.build import Builder, BuildSettings
+from vig_train.building.build import build_class
+from vig_train.building.settings import BuildSettings
 from vig_world.asset_cache import asset_cache
 from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import SUFFIXES, load
@@ -35,7 +36,7 @@ def pack_of_mesh(mesh: Path) -> Path:
     making = Path(tempfile.mkdtemp(prefix="making-", dir=parent))
     try:
         settings = BuildSettings(mesh.stem[:100], materials=False)
-        Builder(mesh, making / "pack", settings, say=lambda line: None).build()
+        build_class(mesh, making / "pack", settings, say=lambda line: None)
         try:
             (making / "pack").rename(pack)
         except OSError:  # another process was faster

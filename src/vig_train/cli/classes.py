@@ -12,7 +12,7 @@ from vig_train.cli.settings import Build
 
 def build(settings: Build) -> int:
     """`vig class build`."""
-    from vig_train.building import Builder, BuildSettings
+    from vig_train.building import BuildSettings, build_class
     from vig_train.class_training import QUICK, WEIGHTS_FILE, ClassTraining
 
     check_workers(settings.workers)
@@ -34,7 +34,7 @@ def build(settings: Build) -> int:
         settings.materials,
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
-    result = Builder(settings.meshes, settings.out, build_settings, say).build()
+    result = build_class(settings.meshes, settings.out, build_settings, say)
     if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
         ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
     if settings.json:

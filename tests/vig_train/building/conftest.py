@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.vig_train.building.things import folder_of_finned
-from vig_train.building import Builder, BuildResult, BuildSettings
+from vig_train.building import BuildResult, BuildSettings, build_class
 
 SETTINGS = BuildSettings("finned", vertices=600, length=0.3, shows="the fin")
 
@@ -22,4 +22,4 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def built(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[BuildResult, Path]:
     """A class of the finned boxes, and its pack."""
     pack = tmp_path_factory.mktemp("packs") / "finned"
-    return Builder(folder, pack, SETTINGS, lambda line: None).build(), pack
+    return build_class(folder, pack, SETTINGS, lambda line: None), pack

@@ -13,7 +13,8 @@ from tests.vig_train.building.conftest import SETTINGS
 from tests.vig_train.building.things import finned
 from vig.io.errors import UserError
 from vig.scene import ObjectClass, Symmetry
-from vig_train.building import Builder, BuildResult, BuildSettings
+from vig_train.building import BuildResult, BuildSettings, build_class
+from vig_train.building.build import check_folder
 from vig_train.cli.classes import build
 from vig_train.cli.settings import Build
 from vig_world.assets.held_out import held_out_designs_of
@@ -78,9 +79,9 @@ def test_a_build_that_was_interrupted_gives_the_same_pack(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        Builder(folder, pack, SETTINGS, interrupt).build()
+        build_class(folder, pack, SETTINGS, interrupt)
     assert not (pack / "class.json").exists()
-    Builder(folder, pack, SETTINGS, lambda line: None).build()
+    build_class(folder, pack, SETTINGS, lambda line: None)
     files = [path for path in whole.rglob("*") if path.is_file() and "kept" not in path.parts]
     assert len(files) >= 12
     for path in files:
@@ -92,7 +93,7 @@ def test_one_mesh_makes_a_class_of_its_exact_shape(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     finned(1.0, 1.5, 0.45).export(tmp_path / "meshes" / "only.ply")
     settings = BuildSettings("only", up="z", vertices=300)
-    made = Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()
+    made = build_class(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None)
     model = made.object_class.shape_model
     assert len(made.splits) == 1 and model.rigid
     loaded = ObjectClass.load(tmp_path / "pack")
@@ -106,10 +107,10 @@ def test_one_mesh_makes_a_class_of_its_exact_shape(tmp_path: Path) -> None:
     assert np.median(nearest) < 0.01 * np.ptp(moved, axis=0).max(), "the file's own surface is the class's"
     weights = tmp_path / "pack" / "recognition.safetensors"
     weights.write_bytes(b"of the shapes so far")
-    Builder(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None).build()
+    build_class(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None)
     assert weights.exists()
     other = replace(settings, length=0.3)
-    Builder(tmp_path / "meshes", tmp_path / "pack", other, lambda line: None).build()
+    build_class(tmp_path / "meshes", tmp_path / "pack", other, lambda line: None)
     assert not weights.exists(), "weights of other shapes explain nothing"
     assert (tmp_path / "pack" / "build" / "outdated" / weights.name).read_bytes() == b"of the shapes so far"
 
@@ -117,7 +118,7 @@ def test_one_mesh_makes_a_class_of_its_exact_shape(tmp_path: Path) -> None:
 def test_round_things_stand_by_their_axis_and_become_round(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vig_train.building.build.write_transfer", lambda built, folder: None)
+    monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda built, folder: None)
     folder = tmp_path / "meshes"
     folder.mkdir()
     for number, (wide, tall) in enumerate(((0.5, 1.0), (0.45, 1.2), (0.55, 1.1))):
@@ -130,7 +131,7 @@ def test_round_things_stand_by_their_axis_and_become_round(
             mesh.apply_transform(trimesh.transformations.rotation_matrix(1.5, (0.8, 0.6, 0)))
         mesh.export(folder / f"{number}.ply")
     settings = BuildSettings("bottle", up="z", symmetry="any-turn", vertices=500)
-    made = Builder(folder, tmp_path / "pack", settings, lambda line: None).build()
+    made = build_class(folder, tmp_path / "pack", settings, lambda line: None)
     assert len(made.splits) == 3 and not made.object_class.families
     for shape in (made.components.mean, *(made.components.mean + 2 * made.components.basis)):
         radius, height = np.linalg.norm(shape[:, :2], axis=1), shape[:, 2]
@@ -157,7 +158,7 @@ def test_wrong_settings_get_one_line(
 ) -> None:
     settings = BuildSettings("finned", **told)  # type: ignore[arg-type]
     with pytest.raises(UserError, match=expected):
-        Builder(folder, tmp_path / "pack", settings, lambda line: None).build()
+        build_class(folder, tmp_path / "pack", settings, lambda line: None)
     assert not (tmp_path / "pack" / "class.json").exists()
 
 
@@ -174,7 +175,7 @@ def test_a_folder_of_broken_files_gets_one_line(tmp_path: Path) -> None:
     (folder / "huge.off").write_text("OFF\n9000000 9000000 0\n")
     (folder / "cut.glb").write_bytes(finned(1, 1, 1).export(file_type="glb")[:300])
     with pytest.raises(UserError) as caught:
-        Builder(folder, tmp_path / "pack", BuildSettings("broken"), lambda line: None).build()
+        build_class(folder, tmp_path / "pack", BuildSettings("broken"), lambda line: None)
     assert "\n" not in str(caught.value) and "usable" in str(caught.value)
     assert not (tmp_path / "pack").exists()
 
@@ -185,10 +186,10 @@ def test_what_was_made_otherwise_is_not_overwritten(folder: Path, tmp_path: Path
     (tmp_path / "file").write_text("precious")
     for out in (folder, tmp_path / "mine", tmp_path / "file"):
         with pytest.raises(UserError, match="did not make"):
-            Builder(folder, out, SETTINGS)
+            build_class(folder, out, SETTINGS)
     assert (tmp_path / "mine" / "card.md").read_text() == "precious"
     (tmp_path / "empty").mkdir()
-    Builder(folder, tmp_path / "empty", SETTINGS)
+    check_folder(tmp_path / "empty")
 
 
 @pytest.mark.parametrize("told", [{"name": ""}, {"name": "a\nb"}, {"name": "x" * 101}, {"shows": "a\tb"}])
@@ -205,7 +206,7 @@ def test_a_mesh_is_turned_once(folder: Path, tmp_path: Path) -> None:
 def test_the_card_names_the_authors_of_a_catalogues_meshes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vig_train.building.build.write_transfer", lambda built, folder: None)
+    monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda built, folder: None)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path, lines = tmp_path / "tiny.sh3f", ["license=CC-BY 3.0"]
     with zipfile.ZipFile(path, "w") as archive:
@@ -217,7 +218,7 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
         archive.writestr("PluginFurnitureCatalog.properties", "\n".join([*lines, "name#3=Lost"]))
     said: list[str] = []
     settings = BuildSettings("fin", up="z", vertices=300)
-    made = Builder(f"{path}:fin", tmp_path / "pack", settings, said.append).build()
+    made = build_class(f"{path}:fin", tmp_path / "pack", settings, said.append)
     assert f"2 meshes from {path}:fin" in said
     card = (tmp_path / "pack" / "card.md").read_text()
     assert "| fin/fin.obj | Fin | Ada / Bob | CC-BY 3.0 | tiny.sh3f |" in card

@@ -33,7 +33,7 @@ def test_a_mesh_becomes_a_pack_once(cache: Path, tmp_path: Path, monkeypatch: py
     assert explainer.object_class.name == "thing" and explainer.object_class.shape_model.rigid
     assert isinstance(explainer.recognizer, UninformedRecognizer)
     assert [path.name for path in cache.iterdir()] == [pack.name], "nothing half-made is left"
-    monkeypatch.setattr(single, "Builder", None)
+    monkeypatch.setattr(single, "build_class", None)
     assert pack_of_mesh(file) == pack, "not built again"
 
 

@@ -1,0 +1,167 @@
+"""The object class that registered meshes make: shapes in metres, their components, parts and families."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
+from vig_train.building.families import families_of
+from vig_train.building.model import Components, SymmetryProjection, fit_components
+from vig_train.building.pose import ClassSymmetry
+from vig_train.building.settings import BuildSettings
+from vig_train.building.stage_cache import StageCache
+from vig_train.building.stages import RegisteredMeshes, Template
+from vig_train.building.surface import vertex_areas
+from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
+from vig_train.packs.lights import light_prior
+from vig_world.dataset.spec import Split
+
+DARK_VIEW_WEIGHT = 1000.0
+"""`view_weight` of fits where a class has a dark part: evidence then tells front from back by itself. On 205
+photos of real cars views are as good as with 3,000, and those that are turned have a lower confidence."""
+VIEWING_LENGTHS = 1.5
+"""Distance of the standard camera, in longest sides of the mean shape."""
+MIN_MESHES_TO_HOLD_OUT = 10
+"""From so many meshes on, one in six is held out for validation and one in six for the test."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClassShapes:
+    """Shapes of the accepted meshes, in correspondence, as symmetric as the class is, and how they vary.
+
+    Attributes:
+        registered: The meshes that they come from.
+        symmetries: Of the class.
+        numbers: (A,) indices of the accepted meshes; all that follows is in their order.
+        splits: (A,) that each is for.
+        trained: Which of them, from 0, the components come from; the others are held out.
+        vertices: (A, V, 3) in metres, standing on z = 0.
+        scale: Metres of a unit of the class's frame.
+        components: Of the shapes for training.
+    """
+
+    registered: RegisteredMeshes
+    symmetries: ClassSymmetry
+    numbers: list[int]
+    splits: list[Split]
+    trained: list[int]
+    vertices: np.ndarray
+    scale: float
+    components: Components
+
+    @staticmethod
+    def of(registered: RegisteredMeshes, symmetries: ClassSymmetry, length: float) -> ClassShapes:
+        """Shapes whose mean has a longest side of `length` metres."""
+        numbers, template = registered.accepted, registered.template
+        shapes, symmetrise = _symmetrised(registered.vertices[numbers], template, symmetries)
+        shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
+        scale = length / np.ptp(shapes.mean(0), axis=0).max()
+        shapes = shapes * scale
+        splits = splits_of(len(numbers))
+        trained = [index for index, split in enumerate(splits) if split == "train"]
+        areas = vertex_areas(template.vertices, template.faces)
+        components = fit_components(shapes[trained], areas / areas.sum(), symmetrise)
+        return ClassShapes(registered, symmetries, numbers, splits, trained, shapes, scale, components)
+
+    def object_from_mesh(self, number: int) -> np.ndarray:
+        """The similarity (4, 4) from the coordinates of a mesh's file to the class's frame, metres."""
+        mesh = self.registered.meshes[number]
+        similarity = np.eye(4)
+        similarity[:3, :3] = self.scale * mesh.linear
+        similarity[:3, 3] = self.scale * (mesh.offset - self._ground(number))
+        return similarity
+
+    def template_on(self, number: int) -> np.ndarray:
+        """Vertices (V, 3) of the template as it lies on any mesh, in metres, standing on z = 0."""
+        return self.scale * (self.registered.vertices[number] - self._ground(number))
+
+    def _ground(self, number: int) -> np.ndarray:
+        return np.array([0, 0, self.registered.vertices[number][:, 2].min()])
+
+
+def _symmetrised(
+    shapes: np.ndarray, template: Template, symmetries: ClassSymmetry
+) -> tuple[np.ndarray, SymmetryProjection | None]:
+    """Shapes (A, V, 3) made as symmetric as their class, and how deformations are; one alone stays exact."""
+    if len(shapes) == 1:
+        return shapes, None
+    if symmetries.symmetry == "any-turn":
+        made_round = rotation_projection(template.vertices, template.faces)
+        return made_round(shapes), made_round
+    if not symmetries.mirror:
+        return shapes, None
+    mirrored = mirror_map(template.vertices, template.faces)
+    shapes = np.stack([(shape + (mirrored @ shape) * MIRROR_Y) / 2 for shape in shapes])
+    return shapes, mirror_projection(template.vertices)
+
+
+def splits_of(count: int) -> list[Split]:
+    """Return the split of each of so many accepted meshes: with ten or more, a third are held out."""
+    order: tuple[Split, ...] = ("train", "train", "validation", "train", "train", "test")
+    return [order[index % 6] if count >= MIN_MESHES_TO_HOLD_OUT else "train" for index in range(count)]
+
+
+def object_class_of(
+    settings: BuildSettings, shapes: ClassShapes, dark: tuple[np.ndarray, float] | None, cache: StageCache
+) -> ObjectClass:
+    """The class of these shapes.
+
+    dark: Which vertices (V,) are of its dark part, and their relative reflectance; see `dark_part`.
+    """
+    model = _shape_model(shapes, dark)
+    mean, covariance = light_prior()
+    size = np.ptp(shapes.components.mean, axis=0)
+    return ObjectClass(
+        settings.name,
+        model,
+        target_height=float(np.round(size[2] / 2, 4)),
+        light_prior_mean=mean,
+        light_prior_covariance=covariance,
+        families=_families(model, shapes, cache),
+        symmetry=Symmetry(shapes.symmetries.symmetry),
+        mirror=shapes.symmetries.mirror,
+        front=settings.shows,
+        points=named_points(shapes.components.mean),
+        viewing_distance=float(np.round(VIEWING_LENGTHS * size.max(), 4)),
+        places=settings.places,
+        fit_settings={} if dark is None else {"view_weight": DARK_VIEW_WEIGHT},
+        part_reflectance=None if dark is None else (1.0, round(dark[1], 4)),
+        object_from_mesh=shapes.object_from_mesh(shapes.numbers[0]) if len(shapes.numbers) == 1 else None,
+    )
+
+
+def _shape_model(shapes: ClassShapes, dark: tuple[np.ndarray, float] | None) -> ShapeModel:
+    components = shapes.components
+    return ShapeModel(
+        components.mean.astype(np.float32),
+        components.basis.astype(np.float32),
+        shapes.registered.template.faces.astype(np.int32),
+        np.zeros(len(components.mean), np.int32) if dark is None else dark[0].astype(np.int32),
+        ("body",) if dark is None else ("body", "dark"),
+        components.ratio.astype(np.float32),
+    )
+
+
+def _families(model: ShapeModel, shapes: ClassShapes, cache: StageCache) -> tuple[Family, ...]:
+    """Families by the number of holes; none of surfaces of revolution, whose handles are not of the shape."""
+    if shapes.symmetries.symmetry == "any-turn":
+        return ()
+    meshes = [shapes.registered.meshes[shapes.numbers[index]] for index in shapes.trained]
+    kinds = [_kind(mesh.hole_count(cache)) for mesh in meshes]
+    return families_of(model, shapes.vertices[shapes.trained].astype(np.float32), kinds)
+
+
+def _kind(holes: int) -> str:
+    """A family's name."""
+    return "no hole" if holes == 0 else f"{holes} hole{'s' if holes > 1 else ''}"
+
+
+def named_points(mean: np.ndarray) -> dict[str, int]:
+    """Return vertices that a user may click: the farthest to the front, the back and the top."""
+    return {
+        "front": int(mean[:, 0].argmax()),
+        "back": int(mean[:, 0].argmin()),
+        "top": int(mean[:, 2].argmax()),
+    }

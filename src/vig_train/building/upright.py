@@ -1,0 +1,164 @@
+"""The upright pose of each mesh, as the user states it or as it is estimated from all meshes together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vig.io.errors import UserError
+from vig_train.building.pose import (
+    ClassSymmetry,
+    PointCloud,
+    align_clouds,
+    axis_of_revolution,
+    class_symmetry,
+    cube_turn_to_up,
+    front_angle,
+    levelling_rotation,
+    rotation_to_vertical,
+    straightening_angle,
+    up_axis,
+    usual_axes,
+)
+from vig_train.building.reading import Scan
+from vig_train.building.settings import BuildSettings, axis_name, axis_vector
+from vig_train.building.stage_cache import StageCache
+from vig_train.building.surface import SurfaceSample
+from vig_world.rotations import about_z
+
+
+@dataclass(frozen=True)
+class UprightPoses:
+    """The meshes upright in one frame, +X the front.
+
+    Attributes:
+        rotations: (N, 3, 3) from each file's axes; the identity for dropped meshes.
+        symmetries: Of the class.
+        report: Axes and symmetries, and whether each was estimated or given, one line each.
+    """
+
+    rotations: np.ndarray
+    symmetries: ClassSymmetry
+    report: tuple[str, ...]
+
+
+def upright_poses(
+    scans: Sequence[Scan],
+    surfaces: Sequence[SurfaceSample],
+    used: list[int],
+    settings: BuildSettings,
+    cache: StageCache,
+    say: Callable[[str], None],
+) -> UprightPoses:
+    """Put meshes upright, their fronts to +X.
+
+    Args:
+        scans: (N,) all meshes.
+        surfaces: (N,) of each, in its file's axes.
+        used: Indices of the meshes that are not dropped; the others say nothing of the pose.
+        settings: What the user states of axes, symmetry and turns.
+        cache: Of the rotations into a common pose.
+        say: Called with a line where these are computed.
+
+    Raises:
+        UserError: The front that the user states is not level.
+    """
+    surfaces = [surfaces[n] for n in used]
+    to_common = _common_pose([scans[n] for n in used], surfaces, cache, say)
+    from_usual = usual_axes(to_common)
+    up = up_axis(surfaces, to_common) if settings.up is None else from_usual @ axis_vector(settings.up)
+    report = [f"up: {axis_name(from_usual.T @ up)} of most files, {_source(settings.up)}"]
+    from_common = cube_turn_to_up(up)
+    levelled = [
+        _levelled(surface, from_common @ rotation, from_usual.T @ up, settings.symmetry)
+        for surface, rotation in zip(surfaces, to_common, strict=True)
+    ]
+    clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
+    symmetries = _symmetries(clouds, settings.symmetry)
+    report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}")
+    if settings.front is None:
+        front = _estimated_front(clouds, symmetries)
+    else:
+        ahead = from_common @ from_usual @ axis_vector(settings.front)
+        if abs(ahead[2]) > 0.5:
+            raise UserError(f"expected a front that is level; got {settings.front} with {report[0]}.")
+        front = math.atan2(ahead[1], ahead[0])
+    if symmetries.symmetry != "any-turn":
+        ahead = from_usual.T @ from_common.T @ np.array([math.cos(front), math.sin(front), 0.0])
+        report.append(f"front: {axis_name(ahead)} of most files, {_source(settings.front)}")
+        report.append(f"mirror plane: {'yes' if symmetries.mirror else 'none'}")
+    rotations = np.tile(np.eye(3), (len(scans), 1, 1))
+    for number, surface, rotation in zip(used, surfaces, levelled, strict=True):
+        turned = _faced(surface, about_z(-front) @ rotation, symmetries)
+        rotations[number] = about_z(math.radians(settings.turns.get(number + 1, 0.0))) @ turned
+    return UprightPoses(rotations, symmetries, tuple(report))
+
+
+def _common_pose(
+    scans: Sequence[Scan], surfaces: Sequence[SurfaceSample], cache: StageCache, say: Callable[[str], None]
+) -> list[np.ndarray]:
+    """Rotations (3, 3) of the surfaces from their files' axes to a pose in which they are alike."""
+
+    def compute() -> dict[str, np.ndarray]:
+        say("comparing poses")
+        _, rotations, costs = align_clouds([PointCloud.from_surface(surface) for surface in surfaces])
+        return {"rotations": np.array(rotations), "costs": costs}
+
+    return list(cache.result("pose", [scan.content_hash for scan in scans], compute)["rotations"])
+
+
+def _source(setting: str | None) -> str:
+    """Where a reported axis or symmetry comes from."""
+    return "found" if setting is None else "told"
+
+
+def _turned_cloud(surface: SurfaceSample, rotation: np.ndarray) -> PointCloud:
+    return PointCloud.from_surface(surface.transformed(rotation, np.zeros(3)))
+
+
+def _levelled(
+    surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray, symmetry: str | None
+) -> np.ndarray:
+    """The rotation (3, 3) that puts a mesh level, near the rotation `upright` of the common pose.
+
+    That is its foot level; or, where the user states a class of surfaces of revolution, its axis vertical.
+    """
+    if symmetry == "any-turn":
+        return _upright_by_axis(surface, upright, usual_up)
+    return levelling_rotation(surface.transformed(upright, np.zeros(3))) @ upright
+
+
+def _upright_by_axis(surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) that puts the axis of a surface of revolution upright.
+
+    Which end is up is decided by the up axis `usual_up` (3,) of most files where it is within about 26
+    degrees of the axis, else by the rotation `upright` of the common pose.
+    """
+    own_up = upright[2]
+    axis = axis_of_revolution(PointCloud.from_surface(surface), own_up)
+    return rotation_to_vertical(axis, usual_up if abs(axis @ usual_up) > 0.9 else own_up)
+
+
+def _symmetries(clouds: list[PointCloud], stated: str | None) -> ClassSymmetry:
+    """The symmetries of upright clouds, with the one that the user states in place of the estimated one."""
+    symmetries = class_symmetry(clouds)
+    if stated is not None:
+        symmetries = replace(symmetries, symmetry=stated)
+    return replace(symmetries, mirror=True) if symmetries.symmetry == "any-turn" else symmetries
+
+
+def _estimated_front(clouds: list[PointCloud], symmetries: ClassSymmetry) -> float:
+    """The angle of the front about +Z, radians; 0 where nothing tells front from sides."""
+    if symmetries.mirror and symmetries.symmetry == "none":
+        return front_angle(clouds, symmetries.mirror_plane)
+    return 0.0
+
+
+def _faced(surface: SurfaceSample, rotation: np.ndarray, symmetries: ClassSymmetry) -> np.ndarray:
+    """The rotation (3, 3) of a mesh to the front, near one given: its own mirror plane becomes y = 0."""
+    if symmetries.mirror and symmetries.symmetry == "none":
+        return about_z(straightening_angle(_turned_cloud(surface, rotation))) @ rotation
+    return rotation
