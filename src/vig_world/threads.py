@@ -1,4 +1,4 @@
-"""One core for numpy and torch, where matrices are small or sums must not depend on the number of cores."""
+"""On how many cores numpy and torch compute, for a while."""
 
 from __future__ import annotations
 
@@ -11,18 +11,24 @@ from threadpoolctl import ThreadpoolController
 
 
 @contextmanager
+def torch_threads(count: int) -> Iterator[None]:
+    """Inside, torch computes on so many cores for this thread."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+@contextmanager
 def one_thread() -> Iterator[None]:
     """Inside, torch computes on one core for this thread, and numpy's linear algebra for the whole process.
 
     Small matrices take less time so, and sums do not depend on the number of cores.
     """
-    thread_count = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with _linear_algebra().limit(limits=1, user_api="blas"):
-            yield
-    finally:
-        torch.set_num_threads(thread_count)
+    with torch_threads(1), _linear_algebra().limit(limits=1, user_api="blas"):
+        yield
 
 
 @functools.cache

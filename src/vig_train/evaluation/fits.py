@@ -31,6 +31,7 @@ from vig.parallel.processes import Lost, map_in_processes
 from vig.parallel.threads import map_on_threads
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
+from vig_world.threads import torch_threads
 
 CHUNK_PHOTOS = 50
 """Photos per file of the cache."""
@@ -181,12 +182,8 @@ def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
 def _fit_on_threads(
     photos: list[Photo], object_class: ObjectClass, settings: FitSettings, workers: int
 ) -> FitStream:
-    before = torch.get_num_threads()
-    torch.set_num_threads(workers)
-    try:
+    with torch_threads(workers):
         yield from enumerate(map_on_threads(_photo_fitter((object_class, settings)), photos))
-    finally:
-        torch.set_num_threads(before)
 
 
 def _fit_in_processes(
