@@ -17,13 +17,13 @@ from vig import Explainer
 from vig.explanation import Explanation
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.photo.masks import read_mask
 from vig.scene import ObjectClass, angle_difference
 from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import CheckClass
+from vig_train.packs.card import replace_section
 
 HEADING = "## On photographs"
 """Heading of the card's section, which is replaced."""
@@ -92,22 +92,19 @@ def check_class(settings: CheckClass) -> int:
     check_workers(settings.workers)
     if not 0 < settings.tolerance <= 180:
         raise UserError(f"expected --tolerance from 0 to 180 degrees; got {settings.tolerance:g}.")
-    if object_class.folder is None or object_class.folder.parent == PACKAGED:
-        card = None  # a packaged class's is not the user's
-    else:
-        check_writable(object_class.folder)
-        card = object_class.folder / "card.md"
+    pack = object_class.folder
+    if pack is not None and pack.parent == PACKAGED:
+        pack = None  # its card is not the user's
+    if pack is not None:
+        check_writable(pack)
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
         errors = _errors(settings, object_class, labels)
     groups = sorted({error.shape for error in errors if error.shape})
     rows = [row_of("all", errors, settings.tolerance)]
     rows += [row_of(g, [e for e in errors if e.shape == g], settings.tolerance) for g in groups]
     table = table_of(rows, settings)
-    if card is not None:
-        old = card.read_text(encoding="utf-8") if card.exists() else f"# Class {object_class.name}\n"
-        with atomic_write(card) as temporary:
-            text = old.split(HEADING)[0].rstrip() + f"\n\n{HEADING}\n\n{table}\n"
-            temporary.write_text(text, encoding="utf-8")
+    if pack is not None:
+        replace_section(pack, object_class, f"{HEADING}\n\n{table}\n")
     plain = [{name: _known(value) for name, value in asdict(row).items()} for row in rows]
     print(json.dumps({"rows": plain}, indent=2) if settings.json else table)
     return 0

@@ -12,8 +12,9 @@ from vig_train.cli.settings import Build
 
 def build(settings: Build) -> int:
     """`vig class build`."""
+    from vig.recognition import WEIGHTS_FILE
     from vig_train.building import BuildSettings, build_class
-    from vig_train.class_training import QUICK, WEIGHTS_FILE, ClassTraining
+    from vig_train.class_training import QUICK, ClassTraining
 
     check_workers(settings.workers)
 

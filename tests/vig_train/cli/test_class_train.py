@@ -16,12 +16,15 @@ from tests.toys import toy
 from vig import Explainer
 from vig.io.checks import read_tensors
 from vig.io.errors import UserError
-from vig.recognition import Recognizer
+from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.network import TRUNK_PREFIXES, shared_trunk
 from vig.scene import ObjectClass
-from vig_train import class_training
 from vig_train.calibration import StudioPhotos
-from vig_train.class_training import HEADING, STEPS, WEIGHTS_FILE, ClassTraining, Plan
+from vig_train.class_training import ClassTraining, steps
+from vig_train.class_training import plan as planning
+from vig_train.class_training.card import HEADING
+from vig_train.class_training.plan import Plan
+from vig_train.class_training.steps import STEPS
 from vig_train.cli.class_train import train_class
 from vig_train.cli.settings import TrainClass
 from vig_train.training import class_network
@@ -41,8 +44,8 @@ def tiny() -> object:
     """Two files of images, two passes, two steps, a hundred photos."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ClassTraining, "plan", lambda self: Plan(2, 2, 2))
-        patch.setattr(class_training, "PHOTOS", 110)
-        patch.setattr(class_training, "TEST_PHOTOS", 90)
+        patch.setattr(steps, "PHOTOS", 110)
+        patch.setattr(steps, "TEST_PHOTOS", 90)
         yield
 
 
@@ -124,7 +127,7 @@ def test_what_is_done_is_not_done_again(
     pack: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = (pack / WEIGHTS_FILE).read_bytes()
-    monkeypatch.setattr(class_training, "draw_chunks", None)
+    monkeypatch.setattr(steps, "draw_chunks", None)
     train_class(settings(pack))
     assert capsys.readouterr().out.count("done in") == len(STEPS)
     assert (pack / WEIGHTS_FILE).read_bytes() == before
@@ -185,14 +188,14 @@ def test_the_plan_is_measured_on_new_images_counts_those_there_and_stays(
         asked.append(chunks)
         time.sleep(0.05 * len(chunks))
 
-    monkeypatch.setattr(class_training, "draw_chunks", draw)
+    monkeypatch.setattr(planning, "draw_chunks", draw)
     monkeypatch.setattr(class_network.DecoderTraining, "seconds_per_step", lambda self: 0.1)
     training = ClassTraining(other, 0.05, workers=2, say=print)
     plan = PLAN(training)
     assert asked == [range(4), range(4, 8)]
-    assert 2 + 15 <= plan.chunks <= 2 + round(class_training.IMAGE_SHARE * 3 / 0.05)
-    assert plan.decoder_steps == round(class_training.DECODER_SHARE * 3 / 0.1)
-    monkeypatch.setattr(class_training, "draw_chunks", None)
+    assert 2 + 15 <= plan.chunks <= 2 + round(planning.IMAGE_SHARE * 3 / 0.05)
+    assert plan.decoder_steps == round(planning.DECODER_SHARE * 3 / 0.1)
+    monkeypatch.setattr(planning, "draw_chunks", None)
     assert PLAN(training) == plan
 
 

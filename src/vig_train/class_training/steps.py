@@ -1,4 +1,4 @@
-"""A class's recognition network within a budget of minutes, from images of the studio to the card.
+"""The steps of a training, each done once.
 
 PACK/training keeps what each step leaves, so that a run that was stopped goes on, and a longer one begins
 with the images of a shorter one.
@@ -7,12 +7,9 @@ with the images of a shorter one.
 from __future__ import annotations
 
 import json
-import math
 import os
 import shutil
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,21 +25,22 @@ from vig.io.files import atomic_write
 from vig.io.machine import machine
 from vig.io.progress import Meter
 from vig.parallel import map_in_processes
-from vig.recognition import Recognizer
+from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.network import Heads, shared_trunk
 from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
 from vig_train.calibration.studio_errors import studio_errors
+from vig_train.class_training import card
+from vig_train.class_training.plan import QUICK, QUICK_CHUNKS, QUICK_DECODER_STEPS, Plan, measured_plan
+from vig_train.packs.card import replace_section
 from vig_train.plots import describe_calibration, plot_reliability
 from vig_train.record import Record, read_record
 from vig_train.training.calibration import learn_calibration, write_calibration
 from vig_train.training.checkpoint import save_weights
 from vig_train.training.class_network import (
     CHUNK,
-    EPOCHS,
     PIXEL_CHUNKS,
     DecoderTraining,
-    chunk_path,
     dense_step_count,
     draw_chunks,
     new_network,
@@ -54,17 +52,9 @@ from vig_train.training.examples import Examples
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import Split
+from vig_world.threads import torch_threads
 
-WEIGHTS_FILE = "recognition.safetensors"
 RELIABILITY_FILE = "reliability.png"
-HEADING = "## Recognition"
-"""Heading of the card's section on the network, which is replaced."""
-QUICK = 0.0
-"""Minutes of a training that stands for the quick recognizer of `vig class build`."""
-QUICK_CHUNKS = 16
-"""Files of images of the quick recognizer: 2,048 images, a minute of two cores."""
-QUICK_DECODER_STEPS = 60
-"""Steps of its mask's decoder, half a minute."""
 QUICK_PHOTOS = 160
 """Photos on which the quick recognizer is calibrated; it is not tested."""
 PHOTOS = 640
@@ -75,30 +65,9 @@ FOLDS = 4
 """Of cross-validation: as many networks, each trained without every fourth mesh, calibrate and test."""
 FOLD_EPOCHS = 10
 """Passes over the features for each of these."""
-IMAGE_SHARE = 0.55
-"""Of the time, for drawing images."""
-DECODER_SHARE = 0.15
-"""Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
-MOST_CHUNKS = 480
-"""61,440 images: their features take 2.7 GB of memory."""
 CALIBRATION_SEED = 1
 TEST_SEED = 2
 STEPS = ("images", "heads", "calibration", "test")
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What fits into the time, fixed before the work, so that a run that goes on gives what it would have.
-
-    Attributes:
-        chunks: Files of images.
-        decoder_steps: Of the mask's decoder.
-        epochs: Of the heads.
-    """
-
-    chunks: int
-    decoder_steps: int
-    epochs: int = EPOCHS
 
 
 @dataclass(frozen=True)
@@ -184,7 +153,12 @@ class ClassTraining:
                 do()
         return self._finish()
 
-    # -- steps --------------------------------------------------------------------------------------------
+    def _draw(self) -> None:
+        chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
+        shown = sum(model.mesh is not None for model in models)
+        self.say(f"drawn after {len(models) or 'no'} meshes, {shown or 'none'} with materials")
+        with Meter(CHUNK * len(chunks), 0, unit="images") as meter:
+            draw_chunks(self.object_class, self.images, chunks, self.seed, self.workers, meter.advance)
 
     def plan(self) -> Plan:
         """What fits into the time; measured once, on the first images, which count."""
@@ -194,58 +168,22 @@ class ClassTraining:
         if path.exists():
             with reading(path, "the plan of a training", "Remove it."):
                 return decode(Plan, read_json(path))
-        budget = 60 * self.minutes
-        there = 0
-        while chunk_path(self.images, there).exists():
-            there += 1
-        # The first file of each process takes longer: it starts, and nothing is in its caches.
-        warm, timed = there + self.workers, there + 3 * self.workers
-        draw_chunks(self.object_class, self.images, range(warm), self.seed, self.workers)
-        begin = time.perf_counter()
-        draw_chunks(self.object_class, self.images, range(warm, timed), self.seed, self.workers)
-        per_chunk = (time.perf_counter() - begin) / (timed - warm)
-        with self._threads():
-            examples = read_images(self.images, range(1))
-            decoder = DecoderTraining(new_network(self.object_class), examples, True, self.seed)
-            per_step = decoder.seconds_per_step()
-        chunks = max(timed, min(MOST_CHUNKS, there + round(IMAGE_SHARE * budget / per_chunk)))
-        plan = Plan(chunks, max(1, round(DECODER_SHARE * budget / per_step)))
+        plan = measured_plan(self.object_class, self.images, self.minutes, self.seed, self.workers)
         with atomic_write(path) as temporary:
             temporary.write_text(json.dumps(vars(plan)) + "\n")
         return plan
 
-    @contextmanager
-    def _threads(self) -> Iterator[None]:
-        before = torch.get_num_threads()
-        torch.set_num_threads(self.workers)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(before)
-
-    def _draw(self) -> None:
-        chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
-        shown = sum(model.mesh is not None for model in models)
-        self.say(f"drawn after {len(models) or 'no'} meshes, {shown or 'none'} with materials")
-        with Meter(CHUNK * len(chunks), 0, unit="images") as meter:
-            draw_chunks(self.object_class, self.images, chunks, self.seed, self.workers, meter.advance)
-
     @property
-    def folds(self) -> int:
-        """Of cross-validation; 1, none, where objects are drawn after fewer than two meshes or designs."""
-        models = len(Studio(self.object_class).models)
-        return 1 if models < 2 else min(FOLDS, models)
-
-    def _weights(self, fold: int | None = None) -> Path:
-        """Of the network, or of that of a fold."""
-        return self.run_folder / (WEIGHTS_FILE if fold is None else f"fold-{fold}.safetensors")
+    def image_count(self) -> int:
+        """Images of the studio that the network is trained on."""
+        return CHUNK * self.plan().chunks
 
     def _train(self) -> None:
         plan, symmetry, folds = self.plan(), self.object_class.symmetry, self.folds
-        images = CHUNK * plan.chunks
         fold_epochs = min(FOLD_EPOCHS, plan.epochs) if folds > 1 else 0
-        steps = dense_step_count(images, plan.epochs + fold_epochs * (folds - 1)) + plan.decoder_steps
-        with self._threads(), Meter(steps, 0, unit="steps") as meter:
+        all_epochs = plan.epochs + fold_epochs * (folds - 1)
+        steps = dense_step_count(self.image_count, all_epochs) + plan.decoder_steps
+        with torch_threads(self.workers), Meter(steps, 0, unit="steps") as meter:
             features = read_features(self.images, range(plan.chunks))
             network = new_network(self.object_class)
             scale = train_dense(network, features, symmetry, self.seed, plan.epochs, meter.advance)
@@ -261,25 +199,15 @@ class ClassTraining:
         quick = {"quick": "yes"} if self.quick else {}
         save_weights(network, scale, self._weights(), shared_trunk=True, more=quick)
 
-    def _recognizers(self) -> list[Recognizer]:
-        """One for each fold, which has not seen its meshes; the network itself where there are no folds."""
-        whole = Recognizer.of_class(self.object_class, self._weights())
-        if self.folds == 1:
-            return [whole]
-        parts = [FoldRecognizer.of_class(self.object_class, self._weights(k)) for k in range(self.folds)]
-        for part in parts:
-            part.whole = whole
-        return list(parts)
+    @property
+    def folds(self) -> int:
+        """Of cross-validation; 1, none, where objects are drawn after fewer than two meshes or designs."""
+        models = len(Studio(self.object_class).models)
+        return 1 if models < 2 else min(FOLDS, models)
 
-    def _photos(self, split: Split, count: int, seed: int) -> list[tuple[StudioPhotos, Examples]]:
-        """Photos of each fold of the training's meshes, or of a split of held-out designs."""
-        folds = self.folds if split == "train" else 1
-        items = [(split, count // folds, seed, (k, folds) if folds > 1 else None) for k in range(folds)]
-        drawn = map_in_processes(_photo_drawer, self.pack, items, min(self.workers, folds))
-        return [
-            (photos, Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}))
-            for photos, arrays in drawn
-        ]
+    def _weights(self, fold: int | None = None) -> Path:
+        """Of the network, or of that of a fold."""
+        return self.run_folder / (WEIGHTS_FILE if fold is None else f"fold-{fold}.safetensors")
 
     def _calibrate(self) -> None:
         drawn = self._photos("train", QUICK_PHOTOS if self.quick else PHOTOS, CALIBRATION_SEED)
@@ -302,6 +230,26 @@ class ClassTraining:
             )
         calibration.save(self.run_folder / CALIBRATION_FILE)
         shutil.rmtree(self.calibration_fits, ignore_errors=True)
+
+    def _photos(self, split: Split, count: int, seed: int) -> list[tuple[StudioPhotos, Examples]]:
+        """Photos of each fold of the training's meshes, or of a split of held-out designs."""
+        folds = self.folds if split == "train" else 1
+        items = [(split, count // folds, seed, (k, folds) if folds > 1 else None) for k in range(folds)]
+        drawn = map_in_processes(_photo_drawer, self.pack, items, min(self.workers, folds))
+        return [
+            (photos, Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}))
+            for photos, arrays in drawn
+        ]
+
+    def _recognizers(self) -> list[Recognizer]:
+        """One for each fold, which has not seen its meshes; the network itself where there are no folds."""
+        whole = Recognizer.of_class(self.object_class, self._weights())
+        if self.folds == 1:
+            return [whole]
+        parts = [FoldRecognizer.of_class(self.object_class, self._weights(k)) for k in range(self.folds)]
+        for part in parts:
+            part.whole = whole
+        return list(parts)
 
     def _test(self) -> None:
         held_out = self._held_out
@@ -329,99 +277,25 @@ class ClassTraining:
         description = json.loads((self.pack / "class.json").read_text())
         return any(design["split"] == "test" for design in description.get("held_out_designs", []))
 
-    # -- the pack -----------------------------------------------------------------------------------------
-
     def _finish(self) -> dict[str, Any]:
         """Put weights, calibration and card into the pack."""
         for name in (WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
-        errors: dict[str, Any] = {}
-        if not self.quick:
-            with reading(self.run_folder / "test.json", "the errors of a training", "Train it again."):
-                errors = decode(dict[str, Any], read_json(self.run_folder / "test.json"))
-            self._add_to_history(errors)
-        card = self.pack / "card.md"
-        old = card.read_text(encoding="utf-8") if card.exists() else f"# Class {self.object_class.name}\n"
-        section = self._section(errors)
-        with atomic_write(card) as temporary:
-            temporary.write_text(old.split(HEADING)[0].rstrip() + "\n\n" + section, encoding="utf-8")
-        if not self.quick:
-            self.say(section)
-        return errors
-
-    def _history(self) -> list[dict[str, Any]]:
-        path = self.folder / "history.json"
-        if not path.exists():
-            return []
-        with reading(path, "earlier trainings of a class", "Remove it."):
-            return decode(list[dict[str, Any]], read_json(path))
-
-    def _add_to_history(self, errors: dict[str, Any]) -> None:
-        plan, row = self.plan(), errors["methods"]["fit"]
-        entry = {
-            "minutes": round(sum(self.record.seconds(step) for step in STEPS) / 60, 1),
-            "images": CHUNK * plan.chunks,
-            "trusted": errors["trusted"],
-            **row,
-        }
-        earlier = [old for old in self._history() if old["images"] != entry["images"]]
-        with atomic_write(self.folder / "history.json") as temporary:
-            temporary.write_text(json.dumps([*earlier, entry], indent=1) + "\n")
-
-    def _section(self, errors: dict[str, Any]) -> str:
-        """The card's part on the network."""
         if self.quick:
-            return "\n".join(
-                [
-                    HEADING,
-                    "",
-                    f"A quick recognizer, made by `vig class build` on {CHUNK * QUICK_CHUNKS} images of the"
-                    f" studio. `vig class train {self.pack}` makes a better one in a quarter of an hour, and"
-                    " measures it.",
-                    "",
-                ]
-            )
-        seconds = {name: self.record.seconds(name) for name in STEPS}
-        unseen = "views, lights, surfaces and things before it that the training never saw"
-        if self._held_out:
-            unseen = f"meshes, {unseen}"
-        elif self.folds > 1:
-            unseen = (
-                f"by {self.folds} networks trained as it was, each on meshes that it has not seen: {unseen}"
-            )
-        else:
-            unseen += ", of the shapes that it was trained on"
-        lines = [
-            HEADING,
-            "",
-            f"Trained by `vig class train` on {CHUNK * self.plan().chunks} images of the studio in"
-            f" {sum(seconds.values()) / 60:.0f} minutes on {self.workers} cores: {_listed(seconds)}.",
-            "",
-            f"Tested on {errors['photos']} images of the studio: {unseen}.",
-            "",
-            "| | azimuth, median | within 15 degrees | within 30 | turned by more than 150 |"
-            " elevation, median | visible IoU, mean |",
-            "|---|---|---|---|---|---|---|",
-            *(f"| {name} | {_cells(row)} |" for name, row in errors["methods"].items()),
-            "",
-            f"Of the fits {errors['trusted']:.0%} are `trusted`"
-            + (
-                f", {errors['trusted_right']:.0%} of these within 15 degrees."
-                if errors["trusted_right"] is not None
-                else "."
-            ),
-            "",
-        ]
-        if len(history := self._history()) > 1:
-            lines += [
-                "| minutes | images | fits: azimuth, median | within 15 degrees | within 30 | turned |"
-                " elevation | visible IoU |",
-                "|---|---|---|---|---|---|---|---|",
-                *(f"| {old['minutes']} | {old['images']} | {_cells(old)} |" for old in history),
-                "",
-            ]
-        return "\n".join([*lines, "![reliability](reliability.png)", ""])
+            quick = card.quick_section(self.pack, self.image_count)
+            replace_section(self.pack, self.object_class, quick)
+            return {}
+        with reading(self.run_folder / "test.json", "the errors of a training", "Train it again."):
+            errors = decode(dict[str, Any], read_json(self.run_folder / "test.json"))
+        seconds, history = {step: self.record.seconds(step) for step in STEPS}, self.folder / "history.json"
+        card.add_to_history(history, errors, self.image_count, seconds)
+        unseen = card.unseen_in_test(self._held_out, self.folds)
+        earlier = card.read_history(history)
+        section = card.section(errors, self.image_count, seconds, self.workers, unseen, earlier)
+        replace_section(self.pack, self.object_class, section)
+        self.say(section)
+        return errors
 
 
 class FoldRecognizer(Recognizer):
@@ -447,17 +321,3 @@ def _photo_drawer(
         return photos, {name: value.numpy() for name, value in vars(examples).items()}
 
     return draw
-
-
-def _cells(row: dict[str, float]) -> str:
-    azimuth = "- | - | - | -"
-    if "azimuth_deg" in row:
-        azimuth = (
-            f"{row['azimuth_deg']:.1f} degrees | {row['within_15']:.0%} | {row['within_30']:.0%}"
-            f" | {row['turned']:.0%}"
-        )
-    return f"{azimuth} | {row['elevation_deg']:.1f} degrees | {row['visible_iou']:.2f}"
-
-
-def _listed(seconds: dict[str, float]) -> str:
-    return ", ".join(f"{name} {math.ceil(value)} s" for name, value in seconds.items())

@@ -1,0 +1,124 @@
+"""The section of a class's card on its network, and the history of trainings that it shows."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vig.io.checks import decode, read_json, reading
+from vig.io.files import atomic_write
+
+HEADING = "## Recognition"
+"""Heading of the section, which is replaced."""
+
+
+def quick_section(pack: Path, images: int) -> str:
+    """The section on the quick recognizer of a pack, made on so many images."""
+    return "\n".join(
+        [
+            HEADING,
+            "",
+            f"A quick recognizer, made by `vig class build` on {images} images of the"
+            f" studio. `vig class train {pack}` makes a better one in a quarter of an hour, and"
+            " measures it.",
+            "",
+        ]
+    )
+
+
+def section(
+    errors: Mapping[str, Any],
+    images: int,
+    seconds: Mapping[str, float],
+    workers: int,
+    unseen: str,
+    history: Sequence[Mapping[str, Any]],
+) -> str:
+    """The section on a network that was trained and tested.
+
+    Args:
+        errors: As `studio_errors` gives them.
+        images: That it was trained on.
+        seconds: Each step took.
+        workers: Cores.
+        unseen: See `unseen_in_test`.
+        history: As `read_history` gives it.
+    """
+    lines = [
+        HEADING,
+        "",
+        f"Trained by `vig class train` on {images} images of the studio in"
+        f" {sum(seconds.values()) / 60:.0f} minutes on {workers} cores:"
+        f" {', '.join(f'{name} {math.ceil(value)} s' for name, value in seconds.items())}.",
+        "",
+        f"Tested on {errors['photos']} images of the studio: {unseen}.",
+        "",
+        "| | azimuth, median | within 15 degrees | within 30 | turned by more than 150 |"
+        " elevation, median | visible IoU, mean |",
+        "|---|---|---|---|---|---|---|",
+        *(f"| {name} | {_cells(row)} |" for name, row in errors["methods"].items()),
+        "",
+        f"Of the fits {errors['trusted']:.0%} are `trusted`"
+        + (
+            f", {errors['trusted_right']:.0%} of these within 15 degrees."
+            if errors["trusted_right"] is not None
+            else "."
+        ),
+        "",
+    ]
+    if len(history) > 1:
+        lines += [
+            "| minutes | images | fits: azimuth, median | within 15 degrees | within 30 | turned |"
+            " elevation | visible IoU |",
+            "|---|---|---|---|---|---|---|---|",
+            *(f"| {old['minutes']} | {old['images']} | {_cells(old)} |" for old in history),
+            "",
+        ]
+    return "\n".join([*lines, "![reliability](reliability.png)", ""])
+
+
+def unseen_in_test(held_out: bool, folds: int) -> str:
+    """What the tested networks had never seen, in words.
+
+    held_out: Whether meshes were held out for the test. folds: Of cross-validation; 1, none.
+    """
+    unseen = "views, lights, surfaces and things before it that the training never saw"
+    if held_out:
+        return f"meshes, {unseen}"
+    if folds > 1:
+        return f"by {folds} networks trained as it was, each on meshes that it has not seen: {unseen}"
+    return f"{unseen}, of the shapes that it was trained on"
+
+
+def _cells(row: Mapping[str, float]) -> str:
+    azimuth = "- | - | - | -"
+    if "azimuth_deg" in row:
+        azimuth = (
+            f"{row['azimuth_deg']:.1f} degrees | {row['within_15']:.0%} | {row['within_30']:.0%}"
+            f" | {row['turned']:.0%}"
+        )
+    return f"{azimuth} | {row['elevation_deg']:.1f} degrees | {row['visible_iou']:.2f}"
+
+
+def read_history(path: Path) -> list[dict[str, Any]]:
+    """Errors of the fits of earlier trainings, with "minutes", "images" and "trusted" each."""
+    if not path.exists():
+        return []
+    with reading(path, "earlier trainings of a class", "Remove it."):
+        return decode(list[dict[str, Any]], read_json(path))
+
+
+def add_to_history(path: Path, errors: Mapping[str, Any], images: int, seconds: Mapping[str, float]) -> None:
+    """Add a training, in place of an earlier one on as many images."""
+    entry = {
+        "minutes": round(sum(seconds.values()) / 60, 1),
+        "images": images,
+        "trusted": errors["trusted"],
+        **errors["methods"]["fit"],
+    }
+    earlier = [old for old in read_history(path) if old["images"] != images]
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps([*earlier, entry], indent=1) + "\n")

@@ -1,0 +1,68 @@
+"""What a training does within its minutes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from vig.scene import ObjectClass
+from vig_train.training.class_network import (
+    EPOCHS,
+    DecoderTraining,
+    chunk_path,
+    draw_chunks,
+    new_network,
+    read_images,
+)
+from vig_world.threads import torch_threads
+
+QUICK = 0.0
+"""Minutes of a training that stands for the quick recognizer of `vig class build`."""
+QUICK_CHUNKS = 16
+"""Files of images of the quick recognizer: 2,048 images, a minute of two cores."""
+QUICK_DECODER_STEPS = 60
+"""Steps of its mask's decoder, half a minute."""
+IMAGE_SHARE = 0.55
+"""Of the time, for drawing images."""
+DECODER_SHARE = 0.15
+"""Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
+MOST_CHUNKS = 480
+"""61,440 images: their features take 2.7 GB of memory."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What fits into the time, fixed before the work, so that a run that goes on gives what it would have.
+
+    Attributes:
+        chunks: Files of images.
+        decoder_steps: Of the mask's decoder.
+        epochs: Of the heads.
+    """
+
+    chunks: int
+    decoder_steps: int
+    epochs: int = EPOCHS
+
+
+def measured_plan(object_class: ObjectClass, images: Path, minutes: float, seed: int, workers: int) -> Plan:
+    """What fits into so many minutes, measured on the first images, which count.
+
+    images: Folder of the images; those that are there count as well.
+    """
+    budget = 60 * minutes
+    there = 0
+    while chunk_path(images, there).exists():
+        there += 1
+    # The first file of each process takes longer: it starts, and nothing is in its caches.
+    warm, timed = there + workers, there + 3 * workers
+    draw_chunks(object_class, images, range(warm), seed, workers)
+    begin = time.perf_counter()
+    draw_chunks(object_class, images, range(warm, timed), seed, workers)
+    per_chunk = (time.perf_counter() - begin) / (timed - warm)
+    with torch_threads(workers):
+        examples = read_images(images, range(1))
+        per_step = DecoderTraining(new_network(object_class), examples, True, seed).seconds_per_step()
+    chunks = max(timed, min(MOST_CHUNKS, there + round(IMAGE_SHARE * budget / per_chunk)))
+    return Plan(chunks, max(1, round(DECODER_SHARE * budget / per_step)))
