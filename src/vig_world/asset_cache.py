@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file
 
 import vig.scene
 import vig_world
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_arrays
 
 Arrays = dict[str, np.ndarray]
 KEPT_VERSIONS = 2
@@ -47,8 +47,7 @@ class AssetCache:
             pass
         made = make()
         try:
-            with atomic_write(path) as temporary:
-                save_file({key: np.ascontiguousarray(array) for key, array in made.items()}, temporary)
+            write_arrays(path, made)
         except (OSError, UserError, SafetensorError):  # a full disk, or one that is read only
             self.folder = None
         return made

@@ -6,9 +6,12 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import save_file
 
 from vig.io.errors import UserError
 
@@ -60,6 +63,18 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     finally:
         if os.path.lexists(temporary):
             temporary.unlink()
+
+
+def write_arrays(
+    path: str | Path, arrays: Mapping[str, np.ndarray], metadata: dict[str, str] | None = None
+) -> None:
+    """Write arrays by name as a safetensors file, whole or not at all; see `atomic_write`.
+
+    The format's own writer takes memory as it lies: an array whose axes were moved would be read in another
+    order.
+    """
+    with atomic_write(path) as temporary:
+        save_file({name: np.ascontiguousarray(each) for name, each in arrays.items()}, temporary, metadata)
 
 
 @contextmanager

@@ -13,11 +13,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from safetensors.numpy import save_file
 
 from vig.io.checks import check_arrays, check_indices, check_number, decode, read_json, read_tensors, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import atomic_write, write_arrays
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
 from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
@@ -212,8 +211,7 @@ class ObjectClass:
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
         model = self.shape_model
-        with atomic_write(Path(folder) / "shape.safetensors") as temporary:
-            save_file({name: np.ascontiguousarray(getattr(model, name)) for name in _SHAPE}, temporary)
+        write_arrays(Path(folder) / "shape.safetensors", {name: getattr(model, name) for name in _SHAPE})
         mean, covariance = (np.round(p, 6) for p in (self.light_prior_mean, self.light_prior_covariance))
         description = _Description(
             format=FORMAT,

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file
 
-from vig.io.files import atomic_write
+from vig.io.files import write_arrays
 
 CACHE_VERSION = 1
 """Version of the cached results of stages; those of another version are computed again."""
@@ -39,6 +39,5 @@ class StageCache:
             except Exception:  # a damaged file is made again
                 path.unlink()
         result = {name: np.ascontiguousarray(value) for name, value in compute().items()}
-        with atomic_write(path) as temporary:
-            save_file(result, temporary)
+        write_arrays(path, result)
         return result

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from safetensors import SafetensorError
-from safetensors.numpy import save_file
 
 from vig import __version__
 from vig.inference import (
@@ -25,7 +24,7 @@ from vig.inference import (
 )
 from vig.io.checks import check_arrays, decode, parse_json, read_tensors
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_arrays
 from vig.parallel.cluster import map_on_cluster
 from vig.parallel.processes import Lost, map_in_processes
 from vig.parallel.threads import map_on_threads
@@ -281,5 +280,4 @@ def _write(path: Path, fits: Fits, key: str) -> None:
         "confidence": fits.confidence,
     }
     metadata = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
-    with atomic_write(path) as temporary:
-        save_file(tensors, temporary, metadata)
+    write_arrays(path, tensors, metadata)

@@ -23,9 +23,8 @@ import numpy as np
 import scipy.sparse
 import torch
 import warp as wp
-from safetensors.numpy import save_file
 
-from vig.io.files import atomic_write
+from vig.io.files import atomic_write, write_arrays
 from vig.renderer.device import initialise
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, sh_basis
@@ -293,8 +292,7 @@ def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
     class.json then tells of it, so that it cannot go missing unnoticed.
     """
     table = transfer_model(object_class.at_unit_scale.shape_model)
-    with atomic_write(folder / TRANSFER_FILE) as temporary:
-        save_file({"transfer": table.astype(np.float16)}, temporary)
+    write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})
     if (folder / "class.json").is_file():
         described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}
         with atomic_write(folder / "class.json") as temporary:

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors.numpy import save_file
 
 from vig.io.checks import check_arrays, decode, read_json, read_tensors, reading
-from vig.io.files import atomic_write
+from vig.io.files import atomic_write, write_arrays
 from vig.scene import ObjectClass
 
 DESIGNS_FILE = "designs.safetensors"
@@ -46,8 +45,7 @@ class HeldOutDesigns:
         """Add the designs to a class pack that `ObjectClass.save` has written."""
         named = [{"name": name, "split": split} for name, split in zip(self.names, self.splits, strict=True)]
         described = read_json(folder / "class.json") | {NAMED: named}
-        with atomic_write(folder / DESIGNS_FILE) as temporary:
-            save_file({"vertices": self.vertices}, temporary)
+        write_arrays(folder / DESIGNS_FILE, {"vertices": self.vertices})
         with atomic_write(folder / "class.json") as temporary:
             Path(temporary).write_text(json.dumps(described, indent=1) + "\n")
 

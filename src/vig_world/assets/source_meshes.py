@@ -10,12 +10,11 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import save_file
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from vig.io.checks import check_indices, decode, read_tensors, reading
-from vig.io.files import atomic_write
+from vig.io.files import write_arrays
 from vig.scene import ObjectClass
 from vig_world.assets.own.load import MeshPiece
 from vig_world.assets.own.simplify import simplified
@@ -138,8 +137,7 @@ def save(path: Path, meshes: Sequence[SourceMesh]) -> None:
         for index, texture in enumerate(mesh.textures):
             tensors[f"{number}.texture.{index}"] = np.ascontiguousarray(texture, np.float16)
     metadata = {"meshes": json.dumps([[mesh.design, mesh.split] for mesh in meshes])}
-    with atomic_write(path) as temporary:
-        save_file({n: np.ascontiguousarray(value) for n, value in tensors.items()}, temporary, metadata)
+    write_arrays(path, tensors, metadata)
 
 
 def meshes_fingerprint(pack: Path) -> str:

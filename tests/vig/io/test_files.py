@@ -2,10 +2,12 @@ import errno
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from vig.io.checks import read_tensors
 from vig.io.errors import UserError
-from vig.io.files import atomic_folder, atomic_write
+from vig.io.files import atomic_folder, atomic_write, write_arrays
 
 
 def test_the_file_appears_only_when_the_block_ends_and_nothing_else_stays(tmp_path: Path) -> None:
@@ -97,3 +99,12 @@ def test_a_folder_where_a_file_is_in_the_way_is_the_users_error(tmp_path: Path) 
     with pytest.raises(UserError, match="cannot write"), atomic_folder(tmp_path / "plain"):
         pass
     assert os.listdir(tmp_path) == ["plain"]
+
+
+def test_arrays_are_read_as_they_are_indexed_however_they_lie_in_memory(tmp_path: Path) -> None:
+    moved = np.moveaxis(np.arange(24.0).reshape(2, 3, 4), 0, 2)
+    assert not moved.flags.c_contiguous
+    write_arrays(tmp_path / "a.safetensors", {"moved": moved, "every other": moved[::2]}, {"of": "a test"})
+    read, metadata = read_tensors(tmp_path / "a.safetensors")
+    assert np.array_equal(read["moved"], moved) and np.array_equal(read["every other"], moved[::2])
+    assert metadata == {"of": "a test"}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import trimesh
 
 from tests.vig_train.building.conftest import SETTINGS
@@ -18,6 +19,7 @@ from vig_train.building.build import check_folder
 from vig_train.cli.classes import build
 from vig_train.cli.settings import Build
 from vig_world.assets.held_out import held_out_designs_of
+from vig_world.assets.target import nearest_coefficients
 
 
 def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[BuildResult, Path]) -> None:
@@ -137,6 +139,12 @@ def test_round_things_stand_by_their_axis_and_become_round(
         radius, height = np.linalg.norm(shape[:, :2], axis=1), shape[:, 2]
         ring = np.abs(height - 0.5 * height.max()) < 0.04 * height.max()
         assert np.ptp(radius[ring]) < 0.15 * radius[ring].mean(), "the handle is no part of the shape"
+    saved = ObjectClass.load(tmp_path / "pack")
+    designs = held_out_designs_of(saved)
+    assert designs is not None
+    near = torch.from_numpy(nearest_coefficients(saved.shape_model, designs.vertices).astype(np.float32))
+    off = np.linalg.norm(saved.shape_model.vertices(near).numpy() - designs.vertices, axis=2)
+    assert off.mean() < 0.02 * designs.vertices.max(), "vertices of designs are in the model's order"
 
 
 @pytest.mark.parametrize(
