@@ -284,13 +284,13 @@ def test_numpy_alone_puts_the_object_on_the_photo(
             pen.polygon([tuple(4 * pixels[corner]) for corner in face], fill=1)
     outline = np.asarray(drawn).reshape(size[1], 4, size[0], 4).mean((1, 3)) > 0.5
     within(outline, explanation.render()[..., 3] > 0.5, 1)
-    # The mask has the resolution of the fit, thin tips and sharp corners less, and ends with the window.
+    # The mask is the network's, too: it lies where the model does, but for what the model lacks.
     window = explanation.window
     inside = np.zeros_like(outline)
     for tile in window.tiles(*size):
         inside[tile] = window.paste(np.ones((150, 150)), *tile) > 0.5
     amodal = np.asarray(Image.open(tmp_path / "mask.png")) > 0
-    within(outline & inside, amodal, window.side / 150 + 1, 0.004)
+    assert (outline & inside & amodal).sum() > 0.85 * ((outline & inside) | amodal).sum()
 
 
 def within(one: np.ndarray, other: np.ndarray, pixels: float, left: float = 0.0) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION, FitCalibration
+from vig.inference.hints import PixelLabel, WindowHints
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import UNIFORM_TURN, Fit, FitSettings, OtherView, Verdict
@@ -37,19 +38,25 @@ def assess(
     prediction: Prediction,
     settings: FitSettings,
     calibration: FitCalibration | None,
+    judge: Prediction | None = None,
+    hints: WindowHints | None = None,
 ) -> Fit:
     """Make a `Fit` of a selection: masks, verdict, confidence, deviations.
 
     With a calibration, a fit is trusted when its confidence reaches the threshold; without, when no other
     view comes near it and the recognition model's best guess is of the same view. `objective` is that of the
-    photo at its full size.
+    photo at its full size. `judge` tells confidence in place of the prediction, where views were ruled out
+    in it; `hints` are those of which the prediction knows.
     """
     at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
     assert at_fit.normal is not None
     symmetry = objective.object_class.symmetry
     latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)
-    features = _features(latents, shown, prediction, selection)
+    features = _features(latents, shown, judge or prediction, selection)
+    labels = None if hints is None else hints.labels
+    share = 0.0 if settings.likelihood.mask is None else settings.network_mask_share
+    coverage, visible = _joined(shown, prediction.mask[0], labels, share)
     confidence, verdict, reason = _verdict(
         selection, features, calibration, bool(shown.mask.any()), settings.informed
     )
@@ -70,10 +77,10 @@ def assess(
         framing=objective.framing(selection.point)[0],
         deviation=deviation,
         framing_deviation=objective.framing(deviations)[0],
-        visible=shown.visible,
-        mask=shown.mask,
+        visible=visible,
+        mask=visible > 0.5,
         mask_by_pixel=shown.by_pixel > 0.5,
-        coverage=shown.coverage,
+        coverage=coverage,
         verdict=verdict,
         reason=reason,
         confidence=confidence,
@@ -83,7 +90,7 @@ def assess(
         evidence=float(at_fit.value),
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
-        alternatives=_views(objective, selection, prediction, latents, confidence),
+        alternatives=_views(objective, selection, judge or prediction, latents, confidence),
         descent=torch.cat([path.to_vector(), objective.framing(selection.path)], dim=1),
         view_threshold=math.nan if calibration is None else calibration.threshold,
         mask_threshold=math.nan if calibration is None else calibration.mask_threshold,
@@ -158,6 +165,22 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
         visible = spatial_posterior(observed, rendered, log_prior, amodal, model.mask, decorated)
     images = (observed, rendered, coverage, by_pixel, visible)
     return _Shown(*(image[0] for image in images))
+
+
+def _joined(
+    shown: _Shown, predicted: torch.Tensor, labels: torch.Tensor | None, share: float
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).
+
+    Means of probabilities: where the network is sure it decides, elsewhere the model does. What is visible is
+    covered. Behind what a user says to be in front, see `PixelLabel`, the network knows nothing.
+    """
+    if not share:
+        return shown.coverage, shown.visible
+    coverage = torch.lerp(shown.coverage, 1 - predicted[..., 2], share)
+    if labels is not None:
+        coverage = torch.where(labels == PixelLabel.IN_FRONT, shown.coverage, coverage)
+    return coverage, torch.minimum(torch.lerp(shown.visible, predicted[..., 0], share), coverage)
 
 
 def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection: Selection) -> torch.Tensor:

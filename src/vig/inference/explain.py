@@ -84,6 +84,6 @@ def explain_one(
         # Learned from fits with an outlier model: without one the evidence has another scale.
         calibrated = chosen.calibrated and chosen.likelihood.alpha < 1
         calibration = (chosen.calibration or calibration_of(object_class)) if calibrated else None
-        return assess(objectives[1.0], selection, judge or prediction, chosen, calibration)
+        return assess(objectives[1.0], selection, prediction, chosen, calibration, judge, hints)
 
     return on_one_core(fit)

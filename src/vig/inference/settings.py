@@ -66,10 +66,11 @@ class Fit:
             it says nothing where any turn looks the same.
         framing_deviation: (4,) of the framing, from the curvature alone; 0 where it was held.
         position_deviation: (3,), see `FitCalibration.position`.
-        visible: (H, W) posterior probability that a pixel shows the object.
+        visible: (H, W) probability that a pixel shows the object: the posterior joined with the network's.
         mask: (H, W) bool, the object's visible pixels.
         mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.
-        coverage: (H, W) share of each pixel that the object covers, hidden or not.
+        coverage: (H, W) probability that the object covers a pixel, hidden or not: the share that the model
+            covers joined with the network's probability.
         verdict: How far to believe it.
         reason: One sentence why.
         confidence: Probability that the view is right; NaN without a calibration.
@@ -149,6 +150,7 @@ PICTURE: dict[str, Any] = {
     "appearance_weight": 1.0,
     "prior_weight": 10.0,
     "view_weight": 1000.0,
+    "network_mask_share": 0.0,
 }
 """What settings that are left open are for pictures by the standard camera."""
 
@@ -159,9 +161,11 @@ PHOTO: dict[str, Any] = {
     "appearance_weight": 0.05,
     "prior_weight": 20.0,
     "view_weight": 3000.0,
+    "network_mask_share": 0.7,
 }
 """And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network
-predicts of albedo and light of things like none that it has seen would bend the shape."""
+predicts of albedo and light of things like none that it has seen would bend the shape. Real outlines leave
+the shape model, which the network sees."""
 
 OPEN = tuple(PICTURE)
 """Settings that a user may leave open, and that a class may set in its class.json."""
@@ -203,7 +207,7 @@ class _Settings:
             raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
         if not callable(self.optimizer):
             raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.search.")
-        shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99}
+        shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99, "network_mask_share": 1.0}
         weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
         for name in (*shares, *weights):
             most = shares.get(name, math.inf)
@@ -244,6 +248,8 @@ class ExplainSettings(_Settings):
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
         free_framing: Also fit shift, magnification and roll: boxes are drawn by hand.
         camera_distance_ratio: Distance of the eye and focal length, of the standard camera's.
+        network_mask_share: Weight, 0 to 1, of the network's class probabilities in the outline and the mask
+            that a fit of the `SPATIAL` model states; the rest is the model's silhouette and posterior.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.
@@ -256,6 +262,7 @@ class ExplainSettings(_Settings):
     view_weight: float | None = None
     free_framing: bool | None = None
     camera_distance_ratio: float | None = None
+    network_mask_share: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,6 +275,7 @@ class FitSettings(_Settings):
     view_weight: float
     free_framing: bool
     camera_distance_ratio: float
+    network_mask_share: float
 
 
 def resolve(
@@ -317,6 +325,7 @@ ALL_ROUND: dict[str, Any] = {
     "peaks": 12,
     "azimuth_weight": 0.0,
     "view_weight": 0.0,
+    "network_mask_share": 0.0,
     "calibrated": False,
     "informed": False,
 }

@@ -29,7 +29,7 @@ from vig.inference.posterior import objective_of, objectives_of, pixel_prior, pr
 from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, survivors
 from vig.inference.settings import PICTURE, Stage
 from vig.io.errors import UserError
-from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, log_colour_density
+from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass, latent_layout
@@ -173,6 +173,25 @@ def test_the_spatial_model_has_a_mask_of_its_own_for_the_same_fit(
     seen = occluded.prediction.mask[0, ..., 0] > 0.5
     assert (spatial.mask & seen).sum() / (spatial.mask | seen).sum() > 0.95
     assert not (spatial.mask & ~spatial.amodal).any()
+
+
+def test_outline_and_mask_are_joined_with_the_networks_by_its_share(whole: Case, teapot: ObjectClass) -> None:
+    """The network is sure of a square beside the object, and of nothing else."""
+    mask = torch.full((1, *whole.photo.shape[:2], 3), 1 / 3)
+    mask[0, :20, :20] = torch.tensor([0.98, 0.01, 0.01])
+    prediction = replace(whole.prediction, mask=mask)
+    square = torch.zeros(whole.photo.shape[:2], dtype=torch.bool)
+    square[:20, :20] = True
+
+    def found(share: float, likelihood: PixelModel = SPATIAL) -> Fit:
+        settings = replace(SETTINGS, network_mask_share=share, likelihood=likelihood)
+        return explain_one(whole.photo, prediction, teapot, settings)
+
+    alone, joined = found(0.0), found(0.7)
+    assert not (alone.amodal & square).any() and (joined.amodal & joined.mask)[square].all()
+    assert torch.allclose(joined.coverage, 0.3 * alone.coverage + 0.7 * (1 - mask[0, ..., 2]), atol=1e-6)
+    assert torch.equal(joined.confidence_features, alone.confidence_features)
+    assert not (found(0.7, GAUSSIAN).amodal & square).any(), "a model without occluders has none"
 
 
 def test_the_same_photo_gives_the_same_explanation(occluded: Case, teapot: ObjectClass) -> None:
