@@ -21,7 +21,8 @@ from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calib
 from vig.io.errors import UserError
 from vig.likelihood.kernels.geometry import Geometry
 from vig.recognition import Recognizer
-from vig.recognition.network import FORMAT, RecognitionNetwork
+from vig.recognition.network import RecognitionNetwork
+from vig.recognition.weights import FORMAT
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_paper.network.network import PaperNetworks, PaperSettings

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import torch
@@ -15,7 +12,7 @@ from torch import nn
 from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from vig.io.checks import check_number, read_tensors, reading
+from vig.io.checks import check_number
 from vig.parallel.internals import has_bfloat16
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
@@ -59,17 +56,9 @@ def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tenso
     return full[:, :, :height, :width].softmax(1).permute(0, 2, 3, 1)
 
 
-FORMAT = "4"
-"""Of weights files; 2 had another trunk, 3 a narrower decoder."""
-
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""
 
-
-TRUNK_FILE = Path(__file__).with_name("trunk.safetensors")
-"""The trunk that weights files of classes leave out, as all share it."""
-TRUNK_PREFIXES = ("stem.", "stages.")
-"""What the names of the trunk's weights begin with."""
 
 STRIDES = (1, 2, 2, 2, 1)
 """Of the first convolution of each of the trunk's stages."""
@@ -95,6 +84,8 @@ class NetworkSettings:
         squeezed: Channels from which the dense layer reads.
         features: Of the dense layer.
         dropout: Share of these features.
+        members: Dense layers side by side, each with as many of the squeezed channels and of the features:
+            an ensemble whose logits and numbers the heads average.
     """
 
     modes: int = 10
@@ -107,6 +98,7 @@ class NetworkSettings:
     squeezed: int = 48
     features: int = 384
     dropout: float = 0.1
+    members: int = 1
 
     def __post_init__(self) -> None:
         if (len(self.channels), len(self.blocks)) != (6, 5):
@@ -122,6 +114,9 @@ class NetworkSettings:
             )
         widths = (self.decoder, self.recalled, self.squeezed, self.features)
         check_sizes("decoder, recalled, squeezed, features", widths, 1, 8192)
+        check_sizes("members", (self.members,), 1, 64)
+        if self.squeezed % self.members or self.features % self.members:
+            raise ValueError(f"squeezed and features must be multiples of members; got {self}")
         check_number("dropout", self.dropout, 0.0, 0.99)
 
 
@@ -213,56 +208,6 @@ def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
         raise ValueError(f"{name} must be from {low} to {high}; got {sizes}")
 
 
-def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> None:
-    """Give a network made on torch's "meta" device, which holds no numbers, the tensors of a weights file.
-
-    Floating-point tensors of any precision become float32. Raises ValueError when names, shapes or types
-    are not the network's, so that a file cannot ask for more memory than it fills.
-    """
-    wanted = network.state_dict()
-    if odd := sorted(wanted.keys() ^ tensors.keys()):
-        raise ValueError(f"weights are missing or unknown: {', '.join(odd)[:100]}")
-    for name, held in tensors.items():
-        floats = held.is_floating_point(), wanted[name].is_floating_point()
-        if held.shape != wanted[name].shape or floats[0] != floats[1]:
-            raise ValueError(
-                f"'{name}' must be {tuple(wanted[name].shape)} {wanted[name].dtype};"
-                f" it is {tuple(held.shape)} {held.dtype}"
-            )
-    own = {name: held.to(wanted[name].dtype) for name, held in tensors.items()}
-    for name, value in own.items():
-        if not value.isfinite().all() or (name.endswith("running_var") and (value < 0).any()):
-            raise ValueError(f"'{name}' has numbers that are infinite, or variances below 0")
-    network.load_state_dict(own, assign=True)
-
-
-@functools.lru_cache(maxsize=1)
-def shared_trunk() -> tuple[dict[str, torch.Tensor], str]:
-    """Tensors of the trunk that all classes share, by the network's names; and their fingerprint."""
-    with reading(TRUNK_FILE, "the shared trunk", "Install vig again."):
-        tensors, _ = read_tensors(TRUNK_FILE, "pt")
-    digest = hashlib.sha256()
-    for name in sorted(tensors):
-        digest.update(name.encode() + tensors[name].numpy().tobytes())
-    return tensors, digest.hexdigest()[:16]
-
-
-def with_shared_trunk(
-    tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str]
-) -> dict[str, torch.Tensor]:
-    """The tensors of a weights file, the shared trunk among them where it names its fingerprint.
-
-    Raises:
-        ValueError: It was trained on another trunk.
-    """
-    if "trunk" not in metadata:
-        return dict(tensors)
-    trunk, fingerprint = shared_trunk()
-    if metadata["trunk"] != fingerprint:
-        raise ValueError(f"it goes with trunk {metadata['trunk'][:16]}, where this vig has {fingerprint}")
-    return {**tensors, **{f"network.{name}": value for name, value in trunk.items()}}
-
-
 def fold_normalisation(network: nn.Module) -> None:
     """Make batch normalisation part of the convolution before it: a network that only predicts is faster."""
     for layers in list(network.modules()):
@@ -296,7 +241,7 @@ class RecognitionNetwork(nn.Module):
         self.dense = nn.Sequential(
             _convolution(inputs, settings.squeezed, 1),
             nn.Flatten(),
-            nn.Linear(settings.squeezed * self.COARSE_CELLS**2, settings.features),
+            GroupedLinear(settings.squeezed * self.COARSE_CELLS**2, settings.features, settings.members),
             nn.ReLU(),
             nn.Dropout(settings.dropout),
         )
@@ -340,6 +285,20 @@ class RecognitionNetwork(nn.Module):
             presence,
             self.mask(merged).float(),
         )
+
+
+class GroupedLinear(nn.Linear):
+    """As many linear layers as groups, side by side: each sees its share of the inputs alone."""
+
+    def __init__(self, inputs: int, outputs: int, groups: int):
+        super().__init__(inputs // groups, outputs)
+        self.groups = groups
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        if self.groups == 1:
+            return super().forward(x)
+        weight = self.weight.unflatten(0, (self.groups, -1))
+        return torch.einsum("bgi,goi->bgo", x.unflatten(1, (self.groups, -1)), weight).flatten(1) + self.bias
 
 
 def bfloat16(device: torch.device) -> torch.autocast:

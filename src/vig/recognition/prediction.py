@@ -14,7 +14,6 @@ from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.network import (
-    FORMAT,
     Heads,
     NetworkCalibration,
     NetworkSettings,
@@ -23,10 +22,9 @@ from vig.recognition.network import (
     fold_normalisation,
     latents_of,
     layout_of_numbers,
-    load_network,
     mask_at_pixels,
-    with_shared_trunk,
 )
+from vig.recognition.weights import FORMAT, load_network, whole_tensors
 from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
 
 
@@ -170,7 +168,7 @@ class Recognizer:
                 raise ValueError(f"it is of a network of kind '{kind[:40]}', where '{self.kind}' is read")
             if (version := metadata.get("format", "1")) != FORMAT:
                 raise ValueError(f"it is of format {version[:40]}, where this vig reads {FORMAT}")
-            tensors = with_shared_trunk(tensors, metadata)
+            tensors = whole_tensors(tensors, metadata)
             self._read(settings, tensors)
             numbers = regressed_layout(self.network.settings.modes).size
             self.calibration = NetworkCalibration.of(tensors, numbers)

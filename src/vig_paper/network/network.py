@@ -15,7 +15,8 @@ import torch
 from torch import nn
 
 from vig.io.checks import check_number, decode
-from vig.recognition.network import MASK_CLASSES, check_sizes, load_network
+from vig.recognition.network import MASK_CLASSES, check_sizes
+from vig.recognition.weights import load_network
 from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
 from vig.scene.shape_model import MOST_MODES

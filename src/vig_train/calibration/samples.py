@@ -68,11 +68,13 @@ class StudioPhotos:
         count: int,
         seed: int,
         fold: tuple[int, int] | None = None,
+        props: str = "",
     ) -> tuple[StudioPhotos, Examples]:
         """The first `count` images of a seed, level ones of a split's designs, or of a fold's alone (see
-        `Studio`); and those with the object.
+        `Studio`), refused meshes left out; and those with the object. `props` are those of `StudioSettings`.
         """
-        studio = Studio(object_class, StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE), split, fold)
+        settings = StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE, props=props)
+        studio = Studio(object_class, settings, split, fold, refused=False)
         drawn = [studio.draw(seed, index) for index in range(count)]
         examples = examples_of(drawn)
         model = np.array([image.model for image in drawn]) if studio.models else np.arange(count)

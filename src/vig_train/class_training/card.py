@@ -10,6 +10,7 @@ from typing import Any
 
 from vig.io.checks import decode, read_json, reading
 from vig.io.files import atomic_write
+from vig_world.assets.own.catalogue import mesh_folder, read_sources
 
 HEADING = "## Recognition"
 """Heading of the section, which is replaced."""
@@ -36,6 +37,7 @@ def section(
     workers: int,
     unseen: str,
     history: Sequence[Mapping[str, Any]],
+    props: Sequence[str] = (),
 ) -> str:
     """The section on a network that was trained and tested.
 
@@ -46,12 +48,13 @@ def section(
         workers: Cores.
         unseen: See `unseen_in_test`.
         history: As `read_history` gives it.
+        props: Origins of the models that were put before objects, see `origins`.
     """
     lines = [
         HEADING,
         "",
         f"Trained by `vig class train` on {images} images of the studio in"
-        f" {sum(seconds.values()) / 60:.0f} minutes on {workers} cores:"
+        f" {sum(seconds.values()) / 60:.0f} minutes on {workers} core{'' if workers == 1 else 's'}:"
         f" {', '.join(f'{name} {math.ceil(value)} s' for name, value in seconds.items())}.",
         "",
         f"Tested on {errors['photos']} images of the studio: {unseen}.",
@@ -77,7 +80,31 @@ def section(
             *(f"| {old['minutes']} | {old['images']} | {_cells(old)} |" for old in history),
             "",
         ]
-    return "\n".join([*lines, "![reliability](reliability.png)", ""])
+    lines += ["![reliability](reliability.png)", ""]
+    if props:
+        lines += [
+            "Before and behind the objects were put models of",
+            "",
+            *(f"- {line}" for line in props),
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def origins(source: str) -> list[str]:
+    """Where the models of a folder or of catalogues come from, a line for each catalogue and licence.
+
+    source: What `mesh_folder` takes.
+    """
+    creators: dict[tuple[str, str], set[str]] = {}
+    for model in read_sources(mesh_folder(source)).models:
+        key = model.catalogue, model.licence or "no licence stated"
+        creators.setdefault(key, set()).add(model.creator or "unknown")
+    named = [
+        f"{catalogue}, {licence}: {', '.join(sorted(names))}"
+        for (catalogue, licence), names in sorted(creators.items())
+    ]
+    return named or [f"the folder {Path(source).name}"]
 
 
 def unseen_in_test(held_out: bool, folds: int) -> str:

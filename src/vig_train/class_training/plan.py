@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vig.scene import ObjectClass
+from vig_train.training.class_heads import EPOCHS
 from vig_train.training.class_network import (
-    EPOCHS,
     DecoderTraining,
     chunk_path,
     draw_chunks,
@@ -23,7 +23,7 @@ QUICK_CHUNKS = 16
 """Files of images of the quick recognizer: 2,048 images, a minute of two cores."""
 QUICK_DECODER_STEPS = 60
 """Steps of its mask's decoder, half a minute."""
-IMAGE_SHARE = 0.55
+IMAGE_SHARE = 0.57
 """Of the time, for drawing images."""
 DECODER_SHARE = 0.15
 """Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
@@ -46,10 +46,12 @@ class Plan:
     epochs: int = EPOCHS
 
 
-def measured_plan(object_class: ObjectClass, images: Path, minutes: float, seed: int, workers: int) -> Plan:
+def measured_plan(
+    object_class: ObjectClass, images: Path, minutes: float, seed: int, workers: int, props: str = ""
+) -> Plan:
     """What fits into so many minutes, measured on the first images, which count.
 
-    images: Folder of the images; those that are there count as well.
+    images: Folder of the images; those that are there count as well. props: see `StudioSettings`.
     """
     budget = 60 * minutes
     there = 0
@@ -57,9 +59,9 @@ def measured_plan(object_class: ObjectClass, images: Path, minutes: float, seed:
         there += 1
     # The first file of each process takes longer: it starts, and nothing is in its caches.
     warm, timed = there + workers, there + 3 * workers
-    draw_chunks(object_class, images, range(warm), seed, workers)
+    draw_chunks(object_class, images, range(warm), seed, workers, props=props)
     begin = time.perf_counter()
-    draw_chunks(object_class, images, range(warm, timed), seed, workers)
+    draw_chunks(object_class, images, range(warm, timed), seed, workers, props=props)
     per_chunk = (time.perf_counter() - begin) / (timed - warm)
     with torch_threads(workers):
         examples = read_images(images, range(1))

@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from vig.io.machine import machine
 from vig.io.progress import Meter
 from vig.parallel import map_in_processes
 from vig.recognition import WEIGHTS_FILE, Recognizer
-from vig.recognition.network import Heads, shared_trunk
+from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
 from vig_train.calibration.studio_errors import studio_errors
@@ -37,18 +37,19 @@ from vig_train.plots import describe_calibration, plot_reliability
 from vig_train.record import Record, read_record
 from vig_train.training.calibration import learn_calibration, write_calibration
 from vig_train.training.checkpoint import save_weights
+from vig_train.training.class_heads import PACKED_MATRICES, HeadsTraining, keep_member
 from vig_train.training.class_network import (
     CHUNK,
     PIXEL_CHUNKS,
+    SIZES,
     DecoderTraining,
-    dense_step_count,
+    chunk_path,
     draw_chunks,
     new_network,
-    read_features,
     read_images,
-    train_dense,
 )
 from vig_train.training.examples import Examples
+from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import Split
@@ -61,10 +62,8 @@ PHOTOS = 640
 """Photos of the studio to calibrate on, about half of them without the object."""
 TEST_PHOTOS = 400
 """Photos, likewise, to measure errors on."""
-FOLDS = 4
-"""Of cross-validation: as many networks, each trained without every fourth mesh, calibrate and test."""
-FOLD_EPOCHS = 10
-"""Passes over the features for each of these."""
+FOLDS = SIZES.members
+"""Of cross-validation: each member of the network is trained without every fourth mesh, and tested on it."""
 CALIBRATION_SEED = 1
 TEST_SEED = 2
 STEPS = ("images", "heads", "calibration", "test")
@@ -72,13 +71,14 @@ STEPS = ("images", "heads", "calibration", "test")
 
 @dataclass(frozen=True)
 class _RunSettings:
-    """Settings that must be the same when a training goes on; of shapes, meshes and trunk a hash."""
+    """Settings that must be the same when a training goes on; of shapes, meshes, trunk and props a hash."""
 
     minutes: float
     seed: int
     shapes: str
     meshes: str
     trunk: str
+    props: str
 
     def to_json(self) -> dict[str, Any]:
         return vars(self)
@@ -93,6 +93,7 @@ class ClassTraining:
         seed: Of images and training.
         workers: Processes and threads; one per CPU by default.
         say: Is called with a line for each step.
+        props: Models in files to put before and behind objects as well, see `mesh_folder`; none where empty.
     """
 
     def __init__(
@@ -102,8 +103,9 @@ class ClassTraining:
         seed: int = 0,
         workers: int | None = None,
         say: Callable[[str], None] = lambda line: print(line, flush=True),
+        props: str = "",
     ) -> None:
-        self.pack, self.minutes, self.seed, self.say = Path(pack), minutes, seed, say
+        self.pack, self.minutes, self.seed, self.say, self.props = Path(pack), minutes, seed, say, props
         self.object_class = ObjectClass.load(pack)
         self.workers = workers or os.cpu_count() or 1
         self.folder = self.pack / "training"
@@ -111,7 +113,16 @@ class ClassTraining:
         self.calibration_fits = self.folder / "calibration_fits"
         self.test_fits = self.folder / "test_fits"
         meshes = meshes_fingerprint(self.pack)
-        settings = _RunSettings(minutes, seed, self.object_class.fingerprint, meshes, shared_trunk()[1])
+        if props:
+            say(f"reading the names of the models of {props}; catalogues are unpacked once, in some minutes")
+        settings = _RunSettings(
+            minutes,
+            seed,
+            self.object_class.fingerprint,
+            meshes,
+            shared_trunk()[1],
+            model_cutouts(props, "train", self.object_class.name).fingerprint if props else "",
+        )
         path = self.folder / "run.json"
         if path.exists():
             self._renew(Record(path, read_record(path)), settings)
@@ -157,8 +168,11 @@ class ClassTraining:
         chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
         shown = sum(model.mesh is not None for model in models)
         self.say(f"drawn after {len(models) or 'no'} meshes, {shown or 'none'} with materials")
-        with Meter(CHUNK * len(chunks), 0, unit="images") as meter:
-            draw_chunks(self.object_class, self.images, chunks, self.seed, self.workers, meter.advance)
+        there = sum(chunk_path(self.images, chunk).exists() for chunk in chunks)
+        with Meter(CHUNK * len(chunks), CHUNK * there, unit="images") as meter:
+            draw_chunks(
+                self.object_class, self.images, chunks, self.seed, self.workers, meter.advance, self.props
+            )
 
     def plan(self) -> Plan:
         """What fits into the time; measured once, on the first images, which count."""
@@ -168,7 +182,9 @@ class ClassTraining:
         if path.exists():
             with reading(path, "the plan of a training", "Remove it."):
                 return decode(Plan, read_json(path))
-        plan = measured_plan(self.object_class, self.images, self.minutes, self.seed, self.workers)
+        plan = measured_plan(
+            self.object_class, self.images, self.minutes, self.seed, self.workers, self.props
+        )
         with atomic_write(path) as temporary:
             temporary.write_text(json.dumps(vars(plan)) + "\n")
         return plan
@@ -179,35 +195,36 @@ class ClassTraining:
         return CHUNK * self.plan().chunks
 
     def _train(self) -> None:
-        plan, symmetry, folds = self.plan(), self.object_class.symmetry, self.folds
-        fold_epochs = min(FOLD_EPOCHS, plan.epochs) if folds > 1 else 0
-        all_epochs = plan.epochs + fold_epochs * (folds - 1)
-        steps = dense_step_count(self.image_count, all_epochs) + plan.decoder_steps
+        plan, modes = self.plan(), self.object_class.shape_model.modes
+        heads = HeadsTraining(
+            self.images,
+            plan.chunks,
+            modes,
+            self.object_class.symmetry,
+            self.folds,
+            self.seed,
+            self.run_folder,
+            plan.epochs,
+        )
+        steps = SIZES.members * heads.steps + plan.decoder_steps
         with torch_threads(self.workers), Meter(steps, 0, unit="steps") as meter:
-            features = read_features(self.images, range(plan.chunks))
             network = new_network(self.object_class)
-            scale = train_dense(network, features, symmetry, self.seed, plan.epochs, meter.advance)
-            for fold in range(folds) if folds > 1 else ():
-                of_others = features[torch.nonzero(features.model % folds != fold)[:, 0]]
-                part = new_network(self.object_class)
-                scale_of_part = train_dense(part, of_others, symmetry, self.seed, fold_epochs, meter.advance)
-                save_weights(part, scale_of_part, self._weights(fold), shared_trunk=True)
-            del features
+            scale = heads.run(network, self.workers, meter.advance)
             examples = read_images(self.images, range(min(plan.chunks, PIXEL_CHUNKS)))
             decoder = DecoderTraining(network, examples, self.object_class.mirror, self.seed)
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
         quick = {"quick": "yes"} if self.quick else {}
-        save_weights(network, scale, self._weights(), shared_trunk=True, more=quick)
+        save_weights(network, scale, self._weights, shared_trunk=True, more=quick, packed=PACKED_MATRICES)
 
     @property
     def folds(self) -> int:
-        """Of cross-validation; 1, none, where objects are drawn after fewer than two meshes or designs."""
-        models = len(Studio(self.object_class).models)
+        """Of cross-validation; 1, none, where the class was built from fewer than two meshes or designs."""
+        models = len(Studio(self.object_class, refused=False).models)
         return 1 if models < 2 else min(FOLDS, models)
 
-    def _weights(self, fold: int | None = None) -> Path:
-        """Of the network, or of that of a fold."""
-        return self.run_folder / (WEIGHTS_FILE if fold is None else f"fold-{fold}.safetensors")
+    @property
+    def _weights(self) -> Path:
+        return self.run_folder / WEIGHTS_FILE
 
     def _calibrate(self) -> None:
         drawn = self._photos("train", QUICK_PHOTOS if self.quick else PHOTOS, CALIBRATION_SEED)
@@ -216,8 +233,7 @@ class ClassTraining:
         result = learn_calibration(list(parts))
         self.say(describe_calibration(result))
         plot_reliability(self.run_folder / RELIABILITY_FILE, result)
-        for path in [self._weights(), *(self._weights(k) for k in range(self.folds) if self.folds > 1)]:
-            write_calibration(path, result.calibration)
+        write_calibration(self._weights, result.calibration)
         with Meter(sum(map(fit_count, photos)), 0, unit="fits") as meter:
             calibration, _ = calibrate_fits(
                 photos,
@@ -232,31 +248,29 @@ class ClassTraining:
         shutil.rmtree(self.calibration_fits, ignore_errors=True)
 
     def _photos(self, split: Split, count: int, seed: int) -> list[tuple[StudioPhotos, Examples]]:
-        """Photos of each fold of the training's meshes, or of a split of held-out designs."""
+        """Photos of each fold of the meshes, or of a split of held-out designs; no refused ones."""
         folds = self.folds if split == "train" else 1
         items = [(split, count // folds, seed, (k, folds) if folds > 1 else None) for k in range(folds)]
-        drawn = map_in_processes(_photo_drawer, self.pack, items, min(self.workers, folds))
+        shared = (self.pack, self.props)
+        drawn = map_in_processes(_photo_drawer, shared, items, min(self.workers, folds))
         return [
             (photos, Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}))
             for photos, arrays in drawn
         ]
 
     def _recognizers(self) -> list[Recognizer]:
-        """One for each fold, which has not seen its meshes; the network itself where there are no folds."""
-        whole = Recognizer.of_class(self.object_class, self._weights())
-        if self.folds == 1:
-            return [whole]
-        parts = [FoldRecognizer.of_class(self.object_class, self._weights(k)) for k in range(self.folds)]
-        for part in parts:
-            part.whole = whole
-        return list(parts)
+        """The member of each fold, which has not seen its meshes; the whole where there are no folds."""
+        recognizers = [Recognizer.of_class(self.object_class, self._weights) for _ in range(self.folds)]
+        for number, recognizer in enumerate(recognizers) if self.folds > 1 else ():
+            keep_member(recognizer.network, number)
+        return recognizers
 
     def _test(self) -> None:
         held_out = self._held_out
         parts = self._photos("test" if held_out else "train", TEST_PHOTOS, TEST_SEED)
         recognizers = self._recognizers()
         if held_out:
-            recognizers = [Recognizer.of_class(self.object_class, self._weights())]
+            recognizers = [Recognizer.of_class(self.object_class, self._weights)]
         settings = ExplainSettings(calibration=FitCalibration.load(self.run_folder / CALIBRATION_FILE))
         with Meter(sum(len(photos) for photos, _ in parts), 0, unit="fits") as meter:
             errors = studio_errors(
@@ -292,32 +306,24 @@ class ClassTraining:
         card.add_to_history(history, errors, self.image_count, seconds)
         unseen = card.unseen_in_test(self._held_out, self.folds)
         earlier = card.read_history(history)
-        section = card.section(errors, self.image_count, seconds, self.workers, unseen, earlier)
+        props = card.origins(self.props) if self.props else []
+        section = card.section(errors, self.image_count, seconds, self.workers, unseen, earlier, props)
         replace_section(self.pack, self.object_class, section)
         self.say(section)
         return errors
 
 
-class FoldRecognizer(Recognizer):
-    """A network of a fold, with the whole network's mask: a decoder is not trained for each fold."""
-
-    whole: Recognizer
-
-    def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:
-        """See `Recognizer.heads`."""
-        return replace(super().heads(pixels, twice), mask=self.whole.heads(pixels, twice).mask)
-
-
 def _photo_drawer(
-    pack: Path,
+    shared: tuple[Path, str],
 ) -> Callable[[tuple[Split, int, int, tuple[int, int] | None]], tuple[StudioPhotos, dict[str, np.ndarray]]]:
     """The work of a process: photos, and their examples as arrays."""
+    pack, props = shared
     object_class = ObjectClass.load(pack)
 
     def draw(
         item: tuple[Split, int, int, tuple[int, int] | None],
     ) -> tuple[StudioPhotos, dict[str, np.ndarray]]:
-        photos, examples = StudioPhotos.draw(object_class, *item)
+        photos, examples = StudioPhotos.draw(object_class, *item, props)
         return photos, {name: value.numpy() for name, value in vars(examples).items()}
 
     return draw

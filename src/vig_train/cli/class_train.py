@@ -32,7 +32,13 @@ def train_class(settings: TrainClass) -> int:
     ObjectClass.load(settings.pack)
     check_writable(settings.pack)
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
-        training = ClassTraining(settings.pack, settings.minutes, settings.seed, settings.workers)
+        training = ClassTraining(
+            settings.pack,
+            settings.minutes,
+            settings.seed,
+            settings.workers,
+            props=str(settings.props or ""),
+        )
         errors = training.run()
     if settings.json:
         print(json.dumps({"folder": str(settings.pack), "steps": training.record.data["steps"]} | errors))

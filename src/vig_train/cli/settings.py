@@ -30,8 +30,8 @@ class Build:
     up: str | None = None
     """The axis that points up in most of the files, such as y or z; by default it is found."""
     front: str | None = None
-    """The axis that the front faces in most of the files, such as +x, or =-z; by default the side that
-    reaches out farther."""
+    """The axis that the front faces in most of the files, such as +x (-z is written --front=-z); by default
+    the side that reaches out farther."""
     shows: str = ""
     """What the front shows, such as "the handle": for messages."""
     symmetry: Literal["none", "half-turn", "any-turn"] | None = None
@@ -74,6 +74,8 @@ class Train:
     """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
     level: float = 0.6
     """Share of these that are seen from about the horizon."""
+    props: Path | None = None
+    """Models to put before and behind their objects: a folder of meshes, or furniture catalogues."""
     workers: int = 1
     """Processes that draw."""
     epochs: int = 18
@@ -95,6 +97,9 @@ class TrainClass:
     """Folder of the class pack."""
     minutes: float = 15.0
     """How long it may take, about."""
+    props: Path | None = None
+    """Models of other things to put before and behind yours: a folder of meshes, or furniture catalogues as
+    `vig class build` takes them, such as /usr/share/sweethome3d/furniture."""
     seed: int = 0
     """Of the images and the training."""
     workers: int | None = None

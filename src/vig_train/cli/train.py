@@ -29,7 +29,7 @@ def train(settings: Train) -> int:
         raise UserError(f"expected --level as a share from 0 to 1; got {settings.level:g}.")
     drawing = None
     if settings.studio and object_class.folder is not None:
-        studio = StudioSettings(level=settings.level)
+        studio = StudioSettings(level=settings.level, props=str(settings.props or ""))
         drawing = Drawing(object_class.folder, settings.studio, studio=studio, workers=settings.workers)
     chosen = TrainingSettings(
         seed=settings.seed,

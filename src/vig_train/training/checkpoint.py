@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,8 +14,9 @@ from safetensors.torch import save_file
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.recognition import network as network_module
-from vig.recognition.network import FORMAT, TRUNK_PREFIXES, RecognitionNetwork
+from vig.recognition import weights
+from vig.recognition.network import RecognitionNetwork
+from vig.recognition.weights import FORMAT, PACKED, STEPS, TRUNK_PREFIXES
 
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 """What AdamW keeps of each weight."""
@@ -30,20 +31,30 @@ def save_weights(
     path: Path,
     shared_trunk: bool = False,
     more: Mapping[str, str] | None = None,
+    packed: Sequence[str] = (),
 ) -> None:
     """Write a network in half precision with its settings and the targets' scale.
 
-    With `shared_trunk` the trunk is named in place of written; `more` goes into the file's metadata.
+    Args:
+        network: To write.
+        scale: Of its targets.
+        path: Of the file.
+        shared_trunk: Name the trunk in place of writing it.
+        more: Goes into the file's metadata.
+        packed: Names of matrices that are written in 4 bits, see `vig.recognition.weights.packed`.
     """
     tensors = {
         f"network.{k}": v.half() if v.is_floating_point() else v
         for k, v in network.state_dict().items()
-        if not (shared_trunk and k.startswith(TRUNK_PREFIXES))
+        if not (shared_trunk and k.startswith(TRUNK_PREFIXES)) and k not in packed
     }
+    for name in packed:
+        levels, steps = weights.packed(network.state_dict()[name])
+        tensors |= {f"network.{name}{PACKED}": levels, f"network.{name}{STEPS}": steps}
     tensors |= {f"scale.{k}": v for k, v in scale.items()}
     metadata = {"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))}
     if shared_trunk:
-        metadata["trunk"] = network_module.shared_trunk()[1]
+        metadata["trunk"] = weights.shared_trunk()[1]
     with atomic_write(path) as temporary:
         save_file(
             {k: v.contiguous().cpu() for k, v in tensors.items()},

@@ -15,8 +15,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from safetensors.torch import save_file
-from torch import nn
-from torch.nn.utils.fusion import fuse_linear_bn_eval
 
 from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
@@ -25,38 +23,25 @@ from vig.recognition.network import (
     NetworkSettings,
     RecognitionNetwork,
     bfloat16,
-    shared_trunk,
 )
-from vig.scene import ObjectClass, Symmetry
+from vig.recognition.weights import shared_trunk
+from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.training.augmentation import Augmentation
-from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint
+from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.studio import Studio, StudioSettings
-from vig_train.training.training import (
-    LOSS_WEIGHTS,
-    Schedule,
-    Targets,
-    dense_losses,
-    load_start_weights,
-    mask_loss,
-)
+from vig_train.training.training import Schedule, Targets, load_start_weights, mask_loss
 
-SIZES = NetworkSettings(recalled=8, squeezed=28, features=224, dropout=0.5)
-"""Of a class's heads: with the decoder 0.95 million weights, 2 MB in half precision."""
+SIZES = NetworkSettings(recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
+"""Of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""
 CHUNK = 128
 """Images of a file."""
 PASSES = 2
 """Augmentations of each image whose features are kept."""
 PIXEL_CHUNKS = 128
 """Files that keep their images, for the decoder; the others keep features alone."""
-EPOCHS = 20
-"""Passes over the features; of 12, 20 and 40 twenty was best on real cars."""
-FEATURE_BATCH = 256
-"""Rows of features a step."""
-FEATURE_DECAY = 5e-2
-"""Weight decay of the dense heads."""
 LEARNING_RATE = 2e-3
 """The highest, of heads and decoder alike."""
 DECODER_BATCH = 48
@@ -106,16 +91,23 @@ def draw_chunks(
     seed: int,
     workers: int,
     advance: Callable[[int], None] = lambda count: None,
+    props: str = "",
 ) -> None:
     """Write files of images with their features; those that are there stay.
 
-    advance: is called with the number of images newly there.
+    Args:
+        object_class: A pack's.
+        folder: Of the files.
+        chunks: Numbers of the files.
+        seed: Of the images.
+        workers: Processes.
+        advance: Is called with the number of images newly there.
+        props: See `StudioSettings`.
     """
     missing = [chunk for chunk in chunks if not chunk_path(folder, chunk).exists()]
-    advance(CHUNK * (len(chunks) - len(missing)))
     if object_class.folder is None:
         raise ValueError("the class must be a pack's")
-    shared = (str(object_class.folder), str(folder), seed)
+    shared = (str(object_class.folder), str(folder), seed, props)
     for _ in map_in_processes(_prepare, shared, missing, min(workers, max(1, len(missing)))):
         advance(CHUNK)
 
@@ -125,10 +117,10 @@ def chunk_path(folder: Path, chunk: int) -> Path:
     return folder / f"{chunk:05d}.safetensors"
 
 
-def _prepare(shared: tuple[str, str, int]) -> Callable[[int], None]:
-    pack, folder, seed = shared
+def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
+    pack, folder, seed, props = shared
     object_class = ObjectClass.load(pack)
-    studio = Studio(object_class, STUDIO)
+    studio = Studio(object_class, replace(STUDIO, props=props))
     network = new_network(object_class).eval()
     augment = Augmentation() if object_class.mirror else replace(Augmentation(), flip=0.0)
 
@@ -187,79 +179,6 @@ def read_images(folder: Path, chunks: Sequence[int]) -> Examples:
         tensors = _read(folder, chunk)
         parts.append(Examples(**{k: v for k, v in tensors.items() if not k.startswith("features.")}))
     return Examples.joined(parts)
-
-
-# -- heads ------------------------------------------------------------------------------------------------
-
-
-DenseOutputs = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
-
-
-class _DenseHeads(nn.Module):
-    """The network's dense layer and heads, with normalisation that becomes part of the layer at the end."""
-
-    def __init__(self, network: RecognitionNetwork):
-        super().__init__()
-        self.squeeze, self.dropout = network.dense[0], network.dense[4]
-        self.linear: nn.Linear = network.dense[2]  # type: ignore[assignment]
-        self.normalise = nn.BatchNorm1d(network.settings.features)
-        self.azimuth, self.numbers, self.others = network.azimuth, network.numbers, network.others
-
-    def forward(self, coarse: torch.Tensor) -> DenseOutputs:
-        """azimuth logits, mean, log variance, roll and presence; see `vig.recognition.network.Heads`."""
-        read = self.dropout(self.squeeze(coarse).flatten(1))
-        features = self.dropout(torch.relu(self.normalise(self.linear(read))))
-        mean, log_variance = self.numbers(features).chunk(2, dim=1)
-        roll, presence = self.others(features).unbind(1)
-        return self.azimuth(features), mean, log_variance.clamp(-8.0, 4.0), roll, presence
-
-
-def train_dense(
-    network: RecognitionNetwork,
-    features: Features,
-    symmetry: Symmetry,
-    seed: int,
-    epochs: int = EPOCHS,
-    advance: Callable[[int], None] = lambda steps: None,
-) -> Scale:
-    """Train the dense heads on features, in place; returns the targets' scale.
-
-    advance: is called with 1 for each step.
-    """
-    targets, count = features.targets, len(features.coarse)
-    numbers = targets.numbers[targets.present > 0]
-    scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
-    torch.manual_seed(seed)
-    for layer in (network.dense[2], network.azimuth, network.numbers, network.others):
-        assert isinstance(layer, nn.Linear)
-        layer.reset_parameters()
-    heads = _DenseHeads(network).train()
-    optimizer = torch.optim.AdamW(heads.parameters(), LEARNING_RATE, weight_decay=FEATURE_DECAY, fused=True)
-    batch = min(FEATURE_BATCH, count)
-    steps = count // batch
-    rate = Schedule(LEARNING_RATE, epochs * steps)
-    for epoch in range(epochs):
-        order = torch.from_numpy(np.random.default_rng([seed, epoch, 3]).permutation(count))
-        for step, chosen in enumerate(order[: steps * batch].split(batch)):
-            part = targets[chosen]
-            part = replace(part, numbers=(part.numbers - scale["mean"]) / scale["deviation"])
-            outputs: DenseOutputs = heads(features.coarse[chosen].float())
-            parts = dense_losses(*outputs, part, symmetry)
-            optimizer.zero_grad()
-            torch.stack([LOSS_WEIGHTS[name] * loss for name, loss in parts.items()]).sum().backward()
-            for group in optimizer.param_groups:
-                group["lr"] = rate(epoch * steps + step)
-            optimizer.step()
-            advance(1)
-    heads.eval()
-    network.dense[2] = fuse_linear_bn_eval(heads.linear, heads.normalise)
-    return scale
-
-
-def dense_step_count(images: int, epochs: int = EPOCHS) -> int:
-    """Steps that `train_dense` takes on so many images."""
-    rows = PASSES * images
-    return epochs * (rows // min(FEATURE_BATCH, rows))
 
 
 # -- the mask's decoder -----------------------------------------------------------------------------------

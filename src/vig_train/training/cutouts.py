@@ -87,7 +87,7 @@ def _make_cutout(number: int, lookalike: bool) -> Image.Image:
             tuple((mesh, _random_material(rng, surface)) for mesh, surface in shown_prop.parts),
         )
     fallen = rng.random() < 0.12 and not lookalike
-    return _render_cutout(rng, shown_prop, rng.uniform(0, 2 * math.pi) if fallen else 0.0)
+    return render_cutout(rng, shown_prop, rng.uniform(0, 2 * math.pi) if fallen else 0.0)
 
 
 def place_cutout(
@@ -118,8 +118,11 @@ def place_cutout(
 _LINEAR = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 
 
-def _render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Image.Image:
-    """A picture of a thing, turned at random about the vertical."""
+def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Image.Image:
+    """A picture of a thing, turned at random about the vertical: RGBA, sRGB, as large as its outline.
+
+    roll: of the camera, radians.
+    """
     meshes = [mesh for mesh, _ in shown_prop.parts]
     points = np.concatenate([mesh.vertices for mesh in meshes])
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])

@@ -13,7 +13,8 @@ import torch
 from safetensors.torch import save_file
 
 from vig.io.files import atomic_write
-from vig.recognition.network import TRUNK_PREFIXES, NetworkSettings, RecognitionNetwork
+from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.weights import TRUNK_PREFIXES
 from vig_world.extras import optional_import
 
 

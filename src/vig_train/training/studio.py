@@ -29,6 +29,7 @@ from vig.scene import (
 from vig_train.training.environment import Environment
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Layer, place_of
+from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.painted_meshes import appearance, draw_paint
 from vig_train.training.snapshots import continue_border, photograph
 from vig_train.training.things import draw_lookalike, draw_thing
@@ -72,6 +73,7 @@ class StudioSettings:
         source: Share of objects drawn as the user's mesh with its materials, where there is one; the others
             are the template with a coat.
         own_colours: Share of these whose materials are as their files have them; others are recoloured.
+        props: Models to put before and behind objects as well, see `mesh_folder`; none where empty.
     """
 
     decorated: float = 0.5
@@ -90,6 +92,7 @@ class StudioSettings:
     warp: float = 0.02
     source: float = 0.8
     own_colours: float = 0.4
+    props: str = ""
 
 
 @dataclass(frozen=True)
@@ -117,12 +120,14 @@ class StudioImage:
 @dataclass(frozen=True, eq=False)
 class StudioModel:
     """What objects are drawn after: template (V, 3), metres, as it lies on a mesh, coefficients (K,) of the
-    shape nearest to it, and the mesh where it has materials.
+    shape nearest to it, the mesh where it has materials, and whether the class was built from it; others are
+    refused ones.
     """
 
     template: np.ndarray
     nearest: np.ndarray
     mesh: SourceMesh | None
+    of_class: bool = True
 
 
 class Studio:
@@ -139,9 +144,10 @@ class Studio:
         settings: StudioSettings = StudioSettings(),
         split: Split = "train",
         fold: tuple[int, int] | None = None,
+        refused: bool = True,
     ):
         """Objects are of the class's designs and meshes of a split; of fold k of n those whose numbers are k
-        modulo n.
+        modulo n; without `refused` those alone from which the class was built.
         """
         self.object_class, self.settings, self.split = object_class, settings, split
         model = object_class.shape_model
@@ -151,6 +157,9 @@ class Studio:
         self.models = dict(enumerate(_models(object_class, split)))
         if fold is not None:
             self.models = {n: model for n, model in self.models.items() if n % fold[1] == fold[0]}
+        if not refused:
+            self.models = {n: model for n, model in self.models.items() if model.of_class}
+        self._props = model_cutouts(settings.props, split, object_class.name) if settings.props else None
         self._light_factor = np.linalg.cholesky(
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )
@@ -198,7 +207,7 @@ class Studio:
         picture = cast_shadow(rng, ground, layer.cover, place)
         colours = [*map(np.array, coat.colours[:2]), any_colour(rng)]
         for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.4, 0.3, 0.2, 0.1]))):
-            picture = draw_thing(rng, self.split, colours, place, in_front=False).over(picture)
+            picture = draw_thing(rng, self.split, colours, place, False, self._props).over(picture)
         picture = layer.over(picture)
         visible = layer.cover.copy()
         if rng.random() < settings.occluded:
@@ -231,7 +240,7 @@ class Studio:
         visible, full_area = cover, max(float(cover.sum()), 1e-6)
         target_share = 1 - rng.uniform(0, self.settings.most_hidden)
         for _ in range(MAX_OCCLUDERS):
-            occluder = draw_thing(rng, self.split, colours, place, in_front=True)
+            occluder = draw_thing(rng, self.split, colours, place, True, self._props)
             remaining = visible * (1 - occluder.cover)
             if remaining.sum() < (1 - self.settings.most_hidden) * full_area:
                 continue
@@ -384,10 +393,14 @@ def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
     designs, meshes = held_out_designs_of(object_class), source_meshes_of(object_class)
     of_design = {mesh.design: mesh for mesh in meshes}
     numbers = [] if designs is None else [n for n, of in enumerate(designs.splits) if of == split]
-    shapes = [] if designs is None else [(designs.vertices[n], of_design.get(n)) for n in numbers]
-    shapes += [(mesh.registered, mesh) for mesh in meshes if mesh.design < 0 and mesh.split == split]
-    nearest = [nearest_coefficients(object_class.shape_model, shape[None])[0] for shape, _ in shapes]
-    return tuple(StudioModel(shape, near, mesh) for (shape, mesh), near in zip(shapes, nearest, strict=True))
+    shapes = [] if designs is None else [(designs.vertices[n], of_design.get(n), True) for n in numbers]
+    others = [mesh for mesh in meshes if mesh.design < 0 and mesh.split == split]
+    shapes += [(mesh.registered, mesh, designs is None) for mesh in others]
+    nearest = [nearest_coefficients(object_class.shape_model, shape[None])[0] for shape, _, _ in shapes]
+    return tuple(
+        StudioModel(shape, near, mesh, of_class)
+        for (shape, mesh, of_class), near in zip(shapes, nearest, strict=True)
+    )
 
 
 def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:

@@ -12,6 +12,7 @@ from scipy import ndimage
 from vig.scene import IMAGE_SIZE
 from vig_train.training.cutouts import draw_cutout, draw_vessel, place_cutout
 from vig_train.training.layers import Layer, draw_sheet, pixels
+from vig_train.training.model_cutouts import ModelCutouts
 from vig_world import Split
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 
@@ -21,8 +22,12 @@ REVOLVED_SHARE = 0.2
 """Share of things that are bodies of revolution."""
 FIGURE_SHARE = 0.1
 """Share of things of several round parts. All others are flat shapes, shaded as if they were round."""
+MODEL_SHARE = 0.6
+"""Share of cut-outs that are of models in files, where there are such."""
+LIKE_SHARE = 0.3
+"""Share of these in a colour of the object, as fruit is before a pot."""
 MOTTLED_SHARE = 0.4
-"""Share of cut-outs with an uneven surface."""
+"""Share of other cut-outs with an uneven surface."""
 NOISE_SIDE = 512
 """Side of the noise, pixels, from which uneven surfaces are cropped."""
 
@@ -33,10 +38,16 @@ def draw_thing(
     colours: list[np.ndarray],
     place: tuple[float, float, float],
     in_front: bool,
+    models: ModelCutouts | None = None,
 ) -> Layer:
-    """Something of a split near a place, in one of the given colours, in another, or textured."""
+    """Something of a split near a place, in one of the given colours, in another, or textured.
+
+    models: in files, to be drawn as well.
+    """
     kind = rng.random()
     if kind < CUTOUT_SHARE:
+        if models is not None and rng.random() < MODEL_SHARE:
+            return _model(rng, models, colours, place, in_front)
         return _cutout(rng, split, place, in_front)
     if kind < CUTOUT_SHARE + REVOLVED_SHARE:
         return _revolved(rng, colours, place, in_front)
@@ -88,13 +99,43 @@ def _cutout(
     rng: np.random.Generator, split: Split, place: tuple[float, float, float], in_front: bool
 ) -> Layer:
     """A prop, an animal or a vehicle."""
-    size = max(place[2], 0.3)
-    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if in_front else 1.0) * size
-    reach = size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if in_front else 1.2)))
+    middle, reach = _spot(rng, place, in_front)
     return _place_cutout(rng, draw_cutout(rng, split), middle, reach)
 
 
-def _place_cutout(rng: np.random.Generator, cutout: Image.Image, middle: np.ndarray, size: float) -> Layer:
+def _model(
+    rng: np.random.Generator,
+    models: ModelCutouts,
+    colours: list[np.ndarray],
+    place: tuple[float, float, float],
+    in_front: bool,
+) -> Layer:
+    """A model of a file, in its own colours or tinted like the object."""
+    middle, reach = _spot(rng, place, in_front)
+    layer = _place_cutout(rng, models.draw(rng), middle, reach, mottled=0.1)
+    if rng.random() >= LIKE_SHARE or not layer.cover.any():
+        return layer
+    mean = np.average(layer.colour.reshape(-1, 3), axis=0, weights=layer.cover.ravel())
+    tint = (colours[int(rng.integers(len(colours)))] + 0.02) / (mean + 0.02)
+    return Layer((layer.colour * tint ** rng.uniform(0.5, 1)).astype(np.float32), layer.cover)
+
+
+def _spot(
+    rng: np.random.Generator, place: tuple[float, float, float], in_front: bool
+) -> tuple[np.ndarray, float]:
+    """Where the middle of a cut-out lies (2,), and its longest side, in widths of the picture."""
+    size = max(place[2], 0.3)
+    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if in_front else 1.0) * size
+    return middle, size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if in_front else 1.2)))
+
+
+def _place_cutout(
+    rng: np.random.Generator,
+    cutout: Image.Image,
+    middle: np.ndarray,
+    size: float,
+    mottled: float = MOTTLED_SHARE,
+) -> Layer:
     """A cut-out of a size, either way round, in some light, sometimes turned."""
     angle = rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360)
     if rng.random() < 0.5:
@@ -102,7 +143,7 @@ def _place_cutout(rng: np.random.Generator, cutout: Image.Image, middle: np.ndar
     picture = place_cutout(cutout, (float(middle[0]), float(middle[1])), size, float(angle), IMAGE_SIZE)
     gain = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.05, 3))
     colour = picture[..., :3] * gain.astype(np.float32)
-    if rng.random() < MOTTLED_SHARE:
+    if rng.random() < mottled:
         colour = colour * _mottle(rng)
     return Layer(colour, picture[..., 3])
 

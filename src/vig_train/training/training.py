@@ -19,14 +19,13 @@ from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.progress import Meter
 from vig.recognition.network import (
-    TRUNK_PREFIXES,
     Heads,
     NetworkSettings,
     RecognitionNetwork,
     bfloat16,
     layout_of_numbers,
-    with_shared_trunk,
 )
+from vig.recognition.weights import TRUNK_PREFIXES, whole_tensors
 from vig.scene import Symmetry, angle_difference
 from vig_train.training.augmentation import Augmentation, Batch
 from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
@@ -297,7 +296,7 @@ def load_start_weights(network: RecognitionNetwork, path: Path, trunk_only: bool
     Raises UserError when the file is no weights file or its trunk has other sizes.
     """
     with reading(path, "recognition weights", "Take a file of `vig train`."):
-        tensors = with_shared_trunk(*read_tensors(path, "pt"))
+        tensors = whole_tensors(*read_tensors(path, "pt"))
         own_weights = network.state_dict()
         fitting = {
             name: value.to(own_weights[name].dtype)

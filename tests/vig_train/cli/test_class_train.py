@@ -17,7 +17,7 @@ from vig import Explainer
 from vig.io.checks import read_tensors
 from vig.io.errors import UserError
 from vig.recognition import WEIGHTS_FILE, Recognizer
-from vig.recognition.network import TRUNK_PREFIXES, shared_trunk
+from vig.recognition.weights import TRUNK_PREFIXES, shared_trunk
 from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos
 from vig_train.class_training import ClassTraining, steps
@@ -93,7 +93,7 @@ def test_weights_of_another_trunk_are_refused_in_one_line(
     pack: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trunk, _ = shared_trunk()
-    monkeypatch.setattr("vig.recognition.network.shared_trunk", lambda: (trunk, "0123456789abcdef"))
+    monkeypatch.setattr("vig.recognition.weights.shared_trunk", lambda: (trunk, "0123456789abcdef"))
     with pytest.raises(UserError, match="goes with trunk .*, where this vig has 0123456789abcdef"):
         Explainer(pack)
 
@@ -184,7 +184,9 @@ def test_the_plan_is_measured_on_new_images_counts_those_there_and_stays(
     other = shutil.copytree(pack, tmp_path / "fin")
     asked: list[range] = []
 
-    def draw(object_class: ObjectClass, folder: Path, chunks: range, seed: int, workers: int) -> None:
+    def draw(
+        object_class: ObjectClass, folder: Path, chunks: range, seed: int, workers: int, props: str
+    ) -> None:
         asked.append(chunks)
         time.sleep(0.05 * len(chunks))
 

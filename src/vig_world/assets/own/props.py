@@ -84,9 +84,9 @@ def read_each(
             continue
         try:
             loaded = load(root, path, settings.nodes)
-            pieces, guesses = _standing(path, loaded.pieces, settings, kind)
+            parts, guesses = standing_parts(path, loaded.pieces, settings, kind)
             mark = fingerprint({**loaded.files, "vig.toml": repr(sorted(asdict(settings).items())).encode()})
-            result, notes = made(name, mark, parts_of(pieces), settings)
+            result, notes = made(name, mark, parts, settings)
         except UserError as error:
             problems.append(f"{error} Left out.")
             continue
@@ -101,18 +101,23 @@ def read_each(
     return results, problems
 
 
-def _standing(
+def standing_parts(
     path: Path, pieces: list[MeshPiece], settings: FileSettings, kind: SizedKind
-) -> tuple[list[MeshPiece], list[str]]:
+) -> tuple[Parts, list[str]]:
+    """What a mesh file holds, upright in metres and of `MOST_FACES` at most, and the guesses made.
+
+    Raises UserError when it has no triangle with an area, or no usual unit makes it one of this kind.
+    """
     try:
         pieces = outward(pieces, MOST_FACES)
         if not pieces:
             raise ValueError("triangles with an area; all of its are degenerate")
-        return stand(pieces, settings, path.suffix.lower(), kind)
+        pieces, guesses = stand(pieces, settings, path.suffix.lower(), kind)
     except UserError:
         raise
     except ValueError as error:
         raise UserError(f"{path}: expected {error}.") from error
+    return parts_of(pieces), guesses
 
 
 def parts_of(pieces: list[MeshPiece]) -> Parts:

@@ -1,0 +1,212 @@
+"""The dense heads of a class's network: an ensemble, each member trained on features by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from torch import nn
+from torch.nn.utils.fusion import fuse_linear_bn_eval
+
+from vig.io.checks import read_tensors, reading
+from vig.io.files import atomic_write
+from vig.parallel import map_in_processes
+from vig.recognition.network import RecognitionNetwork, bfloat16
+from vig.recognition.weights import packed, unpacked
+from vig.scene import Symmetry
+from vig_train.training.checkpoint import Scale
+from vig_train.training.class_network import (
+    CHUNK,
+    LEARNING_RATE,
+    PASSES,
+    SIZES,
+    Features,
+    read_features,
+)
+from vig_train.training.training import LOSS_WEIGHTS, Schedule, dense_losses
+
+HEADS = ("azimuth", "numbers", "others")
+"""The network's dense heads."""
+PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
+"""Of the network, those that are written in 4 bits."""
+EPOCHS = 20
+"""Passes over the features; of 12, 20 and 40 twenty was best on real cars."""
+FEATURE_BATCH = 256
+"""Rows of features a step."""
+FEATURE_DECAY = 5e-2
+"""Weight decay."""
+
+DenseOutputs = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
+
+
+class _Member(nn.Module):
+    """Dense layer and heads of one member, with normalisation that becomes part of the layer at the end."""
+
+    def __init__(self, modes: int):
+        super().__init__()
+        count = SIZES.members
+        sizes = replace(
+            SIZES, modes=modes, squeezed=SIZES.squeezed // count, features=SIZES.features // count, members=1
+        )
+        network = RecognitionNetwork(sizes)
+        self.squeeze, self.dropout = network.dense[0], network.dense[4]
+        self.linear: nn.Linear = network.dense[2]  # type: ignore[assignment]
+        self.normalise = nn.BatchNorm1d(sizes.features)
+        self.azimuth, self.numbers, self.others = network.azimuth, network.numbers, network.others
+
+    def forward(self, coarse: torch.Tensor) -> DenseOutputs:
+        """azimuth logits, mean, log variance, roll and presence; see `vig.recognition.network.Heads`."""
+        read = self.dropout(self.squeeze(coarse).flatten(1))
+        features = self.dropout(torch.relu(self.normalise(self.linear(read))))
+        mean, log_variance = self.numbers(features).chunk(2, dim=1)
+        roll, presence = self.others(features).unbind(1)
+        return self.azimuth(features), mean, log_variance.clamp(-8.0, 4.0), roll, presence
+
+
+@dataclass(frozen=True)
+class HeadsTraining:
+    """How the dense heads are trained.
+
+    Attributes:
+        images: Folder of the files of images.
+        chunks: How many of them.
+        modes: Shape components of the class.
+        symmetry: Of the class.
+        folds: Member k below `folds` does not see what was drawn after models k modulo `folds`, so that it
+            can be tested on these, see `keep_member`; with one fold every member sees all.
+        seed: Of weights and order.
+        epochs: Passes over the features.
+        out: Folder where each member's weights are written; those that are there are not trained again.
+    """
+
+    images: Path
+    chunks: int
+    modes: int
+    symmetry: Symmetry
+    folds: int
+    seed: int
+    out: Path
+    epochs: int = EPOCHS
+
+    @property
+    def steps(self) -> int:
+        """That a member takes, about."""
+        rows = PASSES * CHUNK * self.chunks
+        return self.epochs * (rows // min(FEATURE_BATCH, rows))
+
+    def path(self, number: int) -> Path:
+        """Of a member's weights."""
+        return self.out / f"member-{number}.safetensors"
+
+    def run(
+        self,
+        network: RecognitionNetwork,
+        processes: int,
+        advance: Callable[[int], None] = lambda steps: None,
+    ) -> Scale:
+        """Train all members, each on one core, and put them into a network; returns the targets' scale.
+
+        advance: is called with the steps of each member when that is done.
+        """
+        missing = [number for number in range(SIZES.members) if not self.path(number).exists()]
+        advance(self.steps * (SIZES.members - len(missing)))
+        for _ in map_in_processes(_prepare, self, missing, min(processes, max(1, len(missing)))):
+            advance(self.steps)
+        members = []
+        for number in range(SIZES.members):
+            members.append(_Member(self.modes).eval())
+            with reading(self.path(number), "a member of a network", "Remove it: it is trained again."):
+                tensors, _ = read_tensors(self.path(number), "pt")
+                scale = {name: tensors.pop(f"scale.{name}") for name in ("mean", "deviation")}
+                members[-1].load_state_dict(tensors)
+        _put(network, members)
+        return scale
+
+
+def _prepare(training: HeadsTraining) -> Callable[[int], None]:
+    features = read_features(training.images, range(training.chunks))
+    numbers = features.targets.numbers[features.targets.present > 0]
+    scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
+
+    def work(number: int) -> None:
+        seen = features
+        if 1 < training.folds > number:
+            seen = features[torch.nonzero(features.model % training.folds != number)[:, 0]]
+        torch.manual_seed(training.seed * SIZES.members + number)
+        member = _Member(training.modes)
+        _train_member(member, seen, scale, training)
+        tensors = {**member.state_dict(), **{f"scale.{name}": value for name, value in scale.items()}}
+        with atomic_write(training.path(number)) as temporary:
+            save_file({name: value.contiguous() for name, value in tensors.items()}, temporary)
+
+    return work
+
+
+def _train_member(
+    member: _Member,
+    features: Features,
+    scale: Scale,
+    training: HeadsTraining,
+) -> None:
+    targets, count = features.targets, len(features.coarse)
+    member.train()
+    optimizer = torch.optim.AdamW(member.parameters(), LEARNING_RATE, weight_decay=FEATURE_DECAY, fused=True)
+    batch = min(FEATURE_BATCH, count)
+    steps = count // batch
+    rate = Schedule(LEARNING_RATE, training.epochs * steps)
+    for epoch in range(training.epochs):
+        order = torch.from_numpy(np.random.default_rng([training.seed, epoch, 3]).permutation(count))
+        for step, chosen in enumerate(order[: steps * batch].split(batch)):
+            part = targets[chosen]
+            part = replace(part, numbers=(part.numbers - scale["mean"]) / scale["deviation"])
+            with bfloat16(torch.device("cpu")):
+                outputs: DenseOutputs = member(features.coarse[chosen].float())
+            azimuth, mean, log_variance, roll, presence = (output.float() for output in outputs)
+            parts = dense_losses(azimuth, mean, log_variance, roll, presence, part, training.symmetry)
+            optimizer.zero_grad()
+            torch.stack([LOSS_WEIGHTS[name] * loss for name, loss in parts.items()]).sum().backward()
+            for group in optimizer.param_groups:
+                group["lr"] = rate(epoch * steps + step)
+            optimizer.step()
+    member.eval()
+
+
+@torch.no_grad()
+def _put(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
+    """Make members the dense heads of a network, which average what they say."""
+    layers = [fuse_linear_bn_eval(member.linear, member.normalise) for member in members]
+    squeezes = [member.squeeze.state_dict() for member in members]
+    network.dense[0].load_state_dict(
+        {
+            name: torch.cat([each[name] for each in squeezes]) if value.ndim else value
+            for name, value in squeezes[0].items()
+        }
+    )
+    joined = {name: torch.cat([getattr(each, name) for each in layers]) for name in ("weight", "bias")}
+    # What the decoder is trained on is what the file will hold.
+    network.dense[2].load_state_dict(joined | {"weight": unpacked(*packed(joined["weight"]))})
+    for name in HEADS:
+        heads: list[nn.Linear] = [getattr(member, name) for member in members]
+        mean = {
+            "weight": torch.cat([head.weight for head in heads], 1) / len(heads),
+            "bias": torch.stack([head.bias for head in heads]).mean(0),
+        }
+        getattr(network, name).load_state_dict(mean)
+
+
+@torch.no_grad()
+def keep_member(network: RecognitionNetwork, number: int) -> None:
+    """Let the dense heads of a network of several members hear one alone, in place; the decoder hears all.
+
+    Their biases stay the mean of all members'.
+    """
+    count, width = network.settings.members, network.settings.features // network.settings.members
+    for name in HEADS:
+        weight = getattr(network, name).weight
+        own = weight[:, number * width : (number + 1) * width] * count
+        weight.zero_()
+        weight[:, number * width : (number + 1) * width] = own

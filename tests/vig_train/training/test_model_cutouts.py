@@ -1,0 +1,88 @@
+"""Models of files as cut-outs: of one split each, none of the class's like, whatever a file holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vig.io.errors import UserError
+from vig.scene import ObjectClass
+from vig_train.training import model_cutouts as module
+from vig_train.training.model_cutouts import model_cutouts
+from vig_train.training.studio import Studio, StudioSettings
+from vig_world import SPLITS
+
+BOX = """mtllib paint.mtl
+usemtl red
+v 0 0 0
+v {x} 0 0
+v {x} 1 0
+v 0 1 0
+v 0 0 1
+v {x} 0 1
+v {x} 1 1
+v 0 1 1
+f 4 3 2 1
+f 5 6 7 8
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+"""
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("models")
+    (folder / "paint.mtl").write_text("newmtl red\nKd 0.8 0.1 0.1\n")
+    for number in range(40):
+        (folder / f"box-{number}.obj").write_text(BOX.format(x=1 + number / 10))
+    (folder / "tea-cup.obj").write_text(BOX.format(x=1))
+    (folder / "old-teapot.obj").write_text(BOX.format(x=1))
+    return folder
+
+
+def test_a_model_is_of_one_split_and_never_of_the_class(models: Path) -> None:
+    files = [model_cutouts(str(models), split, "teapot").files for split in SPLITS]
+    together = [name for names in files for name in names]
+    assert len(together) == len(set(together)) == 41
+    assert "old-teapot.obj" not in together and "tea-cup.obj" in together
+    assert len(files[0]) > len(files[1]) and len(files[0]) > len(files[2])
+
+
+def test_cutouts_show_the_material_and_are_the_same_again(models: Path) -> None:
+    def drawn() -> np.ndarray:
+        return np.asarray(model_cutouts(str(models), "train", "teapot").draw(np.random.default_rng(3)))
+
+    first = drawn()
+    module._cutouts.cache_clear()
+    assert np.array_equal(first, drawn())
+    covered = first[first[..., 3] > 200].astype(int)
+    assert len(covered) > 500 and (covered[:, 0] > covered[:, 1] + 20).mean() > 0.8
+
+
+def test_what_cannot_be_read_is_passed_over_until_nothing_is_left(tmp_path: Path) -> None:
+    for number in range(12):
+        (tmp_path / f"bad-{number}.obj").write_text("v 0 0 0\n")
+    with pytest.raises(UserError, match="models that can be drawn"):
+        model_cutouts(str(tmp_path), "train", "mug").draw(np.random.default_rng(0))
+
+
+def test_a_folder_without_models_for_a_split_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "mug.obj").write_text(BOX.format(x=1))
+    with pytest.raises(UserError, match="expected models for the train split; got none of 0"):
+        model_cutouts(str(tmp_path), "train", "mug")
+
+
+def test_the_studio_draws_them_before_objects(models: Path) -> None:
+    teapot = ObjectClass.load("teapot")
+    plain = Studio(teapot, StudioSettings(occluded=1.0, absent=0.0))
+    with_models = Studio(teapot, StudioSettings(occluded=1.0, absent=0.0, props=str(models)))
+    differ = sum(
+        not np.array_equal(plain.draw(0, index).image, with_models.draw(0, index).image) for index in range(6)
+    )
+    assert differ >= 3
+    image = with_models.draw(1, 0)
+    assert np.array_equal(image.image, with_models.draw(1, 0).image)
