@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
 from vig import Camera, Explainer, Explanation
-from vig.inference import Fit, OtherView, Verdict
+from vig.inference import ExplainSettings, Fit, OtherView, Verdict
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.io.errors import UserError
 from vig.output import glb_from_object, write_glb
@@ -256,12 +256,12 @@ def as_others_take_it(photo: Image.Image, how: str) -> Image.Image:
 
 @pytest.mark.parametrize("how", ["as it is", "enlarged", "turned"])
 @pytest.mark.parametrize("number", range(8))
-def test_numpy_alone_puts_the_object_on_the_photo(
-    number: int, how: str, tmp_path: Path, explainer: Explainer
-) -> None:
-    """What the JSON and the GLB hold, and nothing of vig: the projected faces cover what the mask does."""
+def test_numpy_alone_puts_the_object_on_the_photo(number: int, how: str, tmp_path: Path) -> None:
+    """What the JSON and the GLB hold, and nothing of vig: the projected faces cover what the model's mask
+    does, without the network's share.
+    """
     photo = as_others_take_it(Image.open(example_photos()[number].photo).convert("RGB"), how)
-    explanation = explainer.explain(photo)
+    explanation = Explainer("teapot", ExplainSettings(network_mask_share=0.0)).explain(photo)
     explanation.save(tmp_path)
     said = json.loads((tmp_path / "explanation.json").read_text())
     data = (tmp_path / "object.glb").read_bytes()
@@ -284,13 +284,13 @@ def test_numpy_alone_puts_the_object_on_the_photo(
             pen.polygon([tuple(4 * pixels[corner]) for corner in face], fill=1)
     outline = np.asarray(drawn).reshape(size[1], 4, size[0], 4).mean((1, 3)) > 0.5
     within(outline, explanation.render()[..., 3] > 0.5, 1)
-    # The mask is the network's, too: it lies where the model does, but for what the model lacks.
+    # The mask has the resolution of the fit, thin tips and sharp corners less, and ends with the window.
     window = explanation.window
     inside = np.zeros_like(outline)
     for tile in window.tiles(*size):
         inside[tile] = window.paste(np.ones((150, 150)), *tile) > 0.5
     amodal = np.asarray(Image.open(tmp_path / "mask.png")) > 0
-    assert (outline & inside & amodal).sum() > 0.85 * ((outline & inside) | amodal).sum()
+    within(outline & inside, amodal, window.side / 150 + 1, 0.004)
 
 
 def within(one: np.ndarray, other: np.ndarray, pixels: float, left: float = 0.0) -> None:

@@ -58,7 +58,7 @@ def assess(
     share = 0.0 if settings.likelihood.mask is None else settings.network_mask_share
     coverage, visible = _joined(shown, prediction.mask[0], labels, share)
     confidence, verdict, reason = _verdict(
-        selection, features, calibration, bool(shown.mask.any()), settings.informed
+        selection, features, calibration, bool((visible > 0.5).any()), settings.informed
     )
     mask_confidence, mask_trusted = math.nan, False
     if calibration is not None:

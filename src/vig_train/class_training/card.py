@@ -108,7 +108,7 @@ def origins(source: str) -> list[str]:
 
 
 def unseen_in_test(held_out: bool, folds: int) -> str:
-    """What the tested networks had never seen, in words.
+    """What the tested members had never seen, in words.
 
     held_out: Whether meshes were held out for the test. folds: Of cross-validation; 1, none.
     """
@@ -116,7 +116,7 @@ def unseen_in_test(held_out: bool, folds: int) -> str:
     if held_out:
         return f"meshes, {unseen}"
     if folds > 1:
-        return f"by {folds} networks trained as it was, each on meshes that it has not seen: {unseen}"
+        return f"by each of the network's {folds} members on meshes that it has not seen: {unseen}"
     return f"{unseen}, of the shapes that it was trained on"
 
 

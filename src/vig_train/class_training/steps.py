@@ -121,12 +121,17 @@ class ClassTraining:
             self.object_class.fingerprint,
             meshes,
             shared_trunk()[1],
-            model_cutouts(props, "train", self.object_class.name).fingerprint if props else "",
+            self._props_fingerprint() if props else "",
         )
         path = self.folder / "run.json"
         if path.exists():
             self._renew(Record(path, read_record(path)), settings)
         self.record = Record.open(path, settings, machine(), f"vig {__version__} class train")
+
+    def _props_fingerprint(self) -> str:
+        """Of the models of the splits that are drawn; UserError where one has none."""
+        splits: tuple[Split, ...] = ("train", "test") if self._held_out else ("train",)
+        return "".join(model_cutouts(self.props, of, self.object_class.name).fingerprint for of in splits)
 
     def _renew(self, record: Record, settings: _RunSettings) -> None:
         """Forget the results of an earlier run with other settings; images that are the same stay."""

@@ -34,7 +34,7 @@ HEADS = ("azimuth", "numbers", "others")
 PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
 """Of the network, those that are written in 4 bits."""
 EPOCHS = 20
-"""Passes over the features; of 12, 20 and 40 twenty was best on real cars."""
+"""Passes over the features; of 12, 20 and 40 twenty was best on real cars, of one network."""
 FEATURE_BATCH = 256
 """Rows of features a step."""
 FEATURE_DECAY = 5e-2
@@ -79,8 +79,8 @@ class HeadsTraining:
         folds: Member k below `folds` does not see what was drawn after models k modulo `folds`, so that it
             can be tested on these, see `keep_member`; with one fold every member sees all.
         seed: Of weights and order.
-        epochs: Passes over the features.
         out: Folder where each member's weights are written; those that are there are not trained again.
+        epochs: Passes over the features.
     """
 
     images: Path
@@ -123,7 +123,7 @@ class HeadsTraining:
                 tensors, _ = read_tensors(self.path(number), "pt")
                 scale = {name: tensors.pop(f"scale.{name}") for name in ("mean", "deviation")}
                 members[-1].load_state_dict(tensors)
-        _put(network, members)
+        _join(network, members)
         return scale
 
 
@@ -176,7 +176,7 @@ def _train_member(
 
 
 @torch.no_grad()
-def _put(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
+def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
     """Make members the dense heads of a network, which average what they say."""
     layers = [fuse_linear_bn_eval(member.linear, member.normalise) for member in members]
     squeezes = [member.squeeze.state_dict() for member in members]

@@ -78,7 +78,9 @@ def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
     names = [name for name, _ in files_of(root, SUFFIXES) if not _is_like(name, class_name)]
     files = tuple(name for name in names if _split_of(name) == split)
     if not files:
-        raise UserError(f"{source}: expected models for the {split} split; got none of {len(names)}.")
+        raise UserError(
+            f"{source}: expected models for the {split} split; got none of {len(names)}. Give more."
+        )
     return ModelCutouts(root, files)
 
 

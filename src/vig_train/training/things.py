@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from PIL import Image
@@ -26,8 +28,8 @@ MODEL_SHARE = 0.6
 """Share of cut-outs that are of models in files, where there are such."""
 LIKE_SHARE = 0.3
 """Share of these in a colour of the object, as fruit is before a pot."""
-MOTTLED_SHARE = 0.4
-"""Share of other cut-outs with an uneven surface."""
+MOTTLED_SHARE, MOTTLED_MODEL_SHARE = 0.4, 0.1
+"""Shares of cut-outs with an uneven surface: of things by code, and of models, which have textures."""
 NOISE_SIDE = 512
 """Side of the noise, pixels, from which uneven surfaces are cropped."""
 
@@ -47,8 +49,9 @@ def draw_thing(
     kind = rng.random()
     if kind < CUTOUT_SHARE:
         if models is not None and rng.random() < MODEL_SHARE:
-            return _model(rng, models, colours, place, in_front)
-        return _cutout(rng, split, place, in_front)
+            layer = _cutout(rng, partial(models.draw, rng), place, in_front, MOTTLED_MODEL_SHARE)
+            return _tinted(rng, layer, colours) if rng.random() < LIKE_SHARE else layer
+        return _cutout(rng, partial(draw_cutout, rng, split), place, in_front)
     if kind < CUTOUT_SHARE + REVOLVED_SHARE:
         return _revolved(rng, colours, place, in_front)
     if kind < CUTOUT_SHARE + REVOLVED_SHARE + FIGURE_SHARE:
@@ -96,37 +99,26 @@ def draw_lookalike(rng: np.random.Generator, split: Split, name: str) -> Layer:
 
 
 def _cutout(
-    rng: np.random.Generator, split: Split, place: tuple[float, float, float], in_front: bool
-) -> Layer:
-    """A prop, an animal or a vehicle."""
-    middle, reach = _spot(rng, place, in_front)
-    return _place_cutout(rng, draw_cutout(rng, split), middle, reach)
-
-
-def _model(
     rng: np.random.Generator,
-    models: ModelCutouts,
-    colours: list[np.ndarray],
+    draw: Callable[[], Image.Image],
     place: tuple[float, float, float],
     in_front: bool,
+    mottled: float = MOTTLED_SHARE,
 ) -> Layer:
-    """A model of a file, in its own colours or tinted like the object."""
-    middle, reach = _spot(rng, place, in_front)
-    layer = _place_cutout(rng, models.draw(rng), middle, reach, mottled=0.1)
-    if rng.random() >= LIKE_SHARE or not layer.cover.any():
+    """A cut-out that `draw` gives, near a place."""
+    size = max(place[2], 0.3)
+    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if in_front else 1.0) * size
+    reach = size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if in_front else 1.2)))
+    return _place_cutout(rng, draw(), middle, reach, mottled)
+
+
+def _tinted(rng: np.random.Generator, layer: Layer, colours: list[np.ndarray]) -> Layer:
+    """The same thing, its mean colour moved towards one of the given colours."""
+    if not layer.cover.any():
         return layer
     mean = np.average(layer.colour.reshape(-1, 3), axis=0, weights=layer.cover.ravel())
     tint = (colours[int(rng.integers(len(colours)))] + 0.02) / (mean + 0.02)
     return Layer((layer.colour * tint ** rng.uniform(0.5, 1)).astype(np.float32), layer.cover)
-
-
-def _spot(
-    rng: np.random.Generator, place: tuple[float, float, float], in_front: bool
-) -> tuple[np.ndarray, float]:
-    """Where the middle of a cut-out lies (2,), and its longest side, in widths of the picture."""
-    size = max(place[2], 0.3)
-    middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if in_front else 1.0) * size
-    return middle, size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if in_front else 1.2)))
 
 
 def _place_cutout(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from tests.source_meshes import two_boxes
 from tests.toys import toy
@@ -20,7 +21,7 @@ from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.weights import TRUNK_PREFIXES, shared_trunk
 from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos
-from vig_train.class_training import ClassTraining, steps
+from vig_train.class_training import ClassTraining, card, steps
 from vig_train.class_training import plan as planning
 from vig_train.class_training.card import HEADING
 from vig_train.class_training.plan import Plan
@@ -28,6 +29,7 @@ from vig_train.class_training.steps import STEPS
 from vig_train.cli.class_train import train_class
 from vig_train.cli.settings import TrainClass
 from vig_train.training import class_network
+from vig_train.training.class_heads import HeadsTraining
 from vig_train.training.training import load_start_weights
 from vig_world.assets.source_meshes import FILE, save
 
@@ -118,7 +120,7 @@ def test_the_card_has_the_errors_that_were_measured(pack: Path) -> None:
     text = (pack / "card.md").read_text()
     assert 30 <= errors["photos"] <= 80 and set(errors["methods"]) == {"network", "fit"}
     assert f"{errors['methods']['fit']['azimuth_deg']:.1f} degrees" in text
-    assert "by 3 networks trained as it was, each on meshes that it has not seen" in text
+    assert "by each of the network's 3 members on meshes that it has not seen" in text
     assert "256 images" in text
     assert (pack / "reliability.png").exists() and "reliability.png" in text
 
@@ -175,6 +177,38 @@ def test_a_killed_decoder_goes_on_to_the_same_weights(
     for name in class_network.DECODER_PARTS:
         for key in (key for key in whole if key.startswith(f"{name}.")):
             assert torch.equal(whole[key], resumed[key]), key
+
+
+def test_a_member_that_is_missing_is_trained_again_to_the_same_bytes(pack: Path, tmp_path: Path) -> None:
+    shutil.copytree(pack / "training" / "run", tmp_path / "run")
+    object_class, path = ObjectClass.load(pack), tmp_path / "run" / "member-1.safetensors"
+    heads = HeadsTraining(
+        pack / "training" / "images", 2, object_class.shape_model.modes, object_class.symmetry, 3, 0,
+        tmp_path / "run", 2,
+    )  # fmt: skip
+    before, other = path.read_bytes(), heads.path(0).stat().st_mtime_ns
+    path.unlink()
+    heads.run(class_network.new_network(object_class), 1)
+    assert path.read_bytes() == before and heads.path(0).stat().st_mtime_ns == other
+
+
+def test_other_props_make_the_images_anew_and_are_named_on_the_card(pack: Path, tmp_path: Path) -> None:
+    other, props = shutil.copytree(pack, tmp_path / "fin"), tmp_path / "things"
+    props.mkdir()
+    for number in range(12):
+        trimesh.creation.box((1, 1, 1 + number)).export(props / f"box-{number}.ply")
+    training = ClassTraining(other, 15.0, workers=1, say=print, props=str(props))
+    assert not (other / "training" / "images").exists() and training.record.data["settings"]["props"]
+    class_network.draw_chunks(training.object_class, tmp_path / "new", range(1), 0, 1, props=str(props))
+    new, old = (
+        class_network.read_images(path, range(1)) for path in (tmp_path / "new", pack / "training/images")
+    )
+    assert not torch.equal(new.images, old.images) and card.origins(str(props)) == ["the folder things"]
+    errors = json.loads((pack / "training/run/test.json").read_text())
+    text = card.section(errors, 256, {"images": 1.0}, 1, "", [], ["Scopia.sh3f, CC-BY 3.0: Ada"])
+    assert "- Scopia.sh3f, CC-BY 3.0: Ada" in text and "on 1 core:" in text
+    with pytest.raises(UserError, match="nothing of that name"):
+        ClassTraining(other, 15.0, workers=1, say=print, props=str(tmp_path / "nothing"))
 
 
 def test_the_plan_is_measured_on_new_images_counts_those_there_and_stays(

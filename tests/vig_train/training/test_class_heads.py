@@ -37,7 +37,7 @@ def network(members: list[class_heads._Member], monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(class_heads, "packed", lambda matrix: (None, matrix))
     sizes = NetworkSettings(**{**vars(SIZES), "modes": MODES})
     network = RecognitionNetwork(sizes).eval()
-    class_heads._put(network, members)
+    class_heads._join(network, members)
     return network
 
 
