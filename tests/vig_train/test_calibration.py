@@ -23,6 +23,7 @@ from vig.scene import ObjectClass, Symmetry, linear_from_srgb
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_train.calibration.learning import (
+    FOLDS,
     PRECISION,
     CalibrationSamples,
     describe,
@@ -58,7 +59,7 @@ def samples() -> CalibrationSamples:
     deviation = np.exp(rng.normal(0, 0.5, (4000, 5)))
     noise = np.exp(features[:, [CONFIDENCE_FEATURES.index("log_residual")]])
     error = 3 * noise * deviation * rng.normal(size=(4000, 5))
-    fold = np.arange(4000) % 5
+    fold = np.arange(4000) % FOLDS
     mask_right = rng.random(4000) < 1 / (1 + np.exp(-2 * features[:, MASK_CLUE] - 1))
     return CalibrationSamples(
         features, right, mask_right, error, deviation, ALIKE, fold, np.arange(4000), features[:0], fold[:0]
@@ -236,8 +237,8 @@ def test_a_rolled_photo_is_the_photo_turned_by_a_good_angle_about_its_centre() -
 def test_a_rolled_photo_is_in_the_fold_of_the_photo_it_was(samples: CalibrationSamples) -> None:
     given = with_others(samples, off=1.0)
     left = given.without(2)
-    assert set(left.fold) == set(left.out_of_distribution_fold) == {0, 1, 3, 4}
-    assert len(left.out_of_distribution) == 800 and len(left.features) == len(left.weight) == 3200
+    assert set(left.fold) == set(left.out_of_distribution_fold) == set(range(FOLDS)) - {2}
+    assert len(left.out_of_distribution) == 950 and len(left.features) == len(left.weight) == 3800
 
 
 def hand_made(azimuth_off: np.ndarray) -> tuple[Fits, Dataset, np.ndarray]:
@@ -269,8 +270,8 @@ def test_a_view_is_right_within_15_degrees_and_errors_go_round_the_circle() -> N
     np.testing.assert_array_equal(learned.features, fits.confidence_features)
     np.testing.assert_array_equal(learned.deviation, fits.deviation)
     assert learned.weight.sum() == pytest.approx(1), "a dataset counts alike whatever its size"
-    assert learned.fold.tolist() == [0, 1, 2, 3, 4, 0, 1]
-    assert learned.out_of_distribution_fold.tolist() == [2, 1], "that of the photo that was rolled"
+    assert learned.fold.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert learned.out_of_distribution_fold.tolist() == [2, 6], "that of the photo that was rolled"
 
 
 def test_a_view_that_looks_the_same_is_right_and_its_light_too() -> None:
@@ -315,6 +316,13 @@ def test_nothing_is_learned_from_a_fit_for_the_confidence_in_itself(samples: Cal
         strange_before[some.out_of_distribution_fold == 1], strange_after[some.out_of_distribution_fold == 1]
     )
     assert (np.abs(before - after)[~here] > 1e-3).mean() > 0.9
+
+
+def test_what_the_photo_looks_like_says_nothing_of_the_view(samples: CalibrationSamples) -> None:
+    learned = learn(samples)
+    weights = dict(zip(CONFIDENCE_FEATURES, learned.view_weights.tolist(), strict=True))
+    assert weights["log_residual"] == weights["mask_log_probability"] == 0.0
+    assert weights["evidence_gap"] > 0.0 and learned.mask_weights.any()
 
 
 def test_the_threshold_is_learned_out_of_sample(samples: CalibrationSamples) -> None:
@@ -368,7 +376,7 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     assert found.right.tolist() == (np.abs(np.degrees((off + np.pi) % (2 * np.pi) - np.pi)) < 15).tolist()
     origin = np.concatenate([photos_to_roll(each) for each in two])
     assert len(found.out_of_distribution) == len(origin) > 0
-    np.testing.assert_array_equal(found.out_of_distribution_fold, origin % 5)
+    np.testing.assert_array_equal(found.out_of_distribution_fold, origin % FOLDS)
     first = photos_to_roll(dataset)[:1]
     turned = roll_photos(dataset.images[first], roll_angles(len(photos_to_roll(dataset)))[:1])
     turned_photo = torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()

@@ -35,8 +35,22 @@ ROLL_STRIDE = 2
 MAX_ROLLED_ELEVATION = math.radians(50.0)
 """Radians. A photo from below this elevation is out of distribution when rolled; one from above it looks like
 a photo of another azimuth."""
-ABSENT_SHARE = 0.45
-"""Share of a studio's photos that show something else."""
+AS_USERS_TAKE_THEM = StudioSettings(
+    boxed=1.0,
+    small=0.0,
+    occluded=0.4,
+    most_hidden=0.6,
+    source=1.0,
+    own_colours=0.7,
+    decorated=0.3,
+    metal=0.03,
+    glass=0.01,
+    continued=0.1,
+    roll=0.03,
+    absent=0.45,
+)
+"""Photos of a studio to calibrate and to test on: nearer to what users have than those of the training, which
+are as wide as they can be. `absent` is the share that show something else."""
 MIN_ROLL_DEG = 20.0
 """Least roll, degrees, of a photo out of distribution."""
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
@@ -73,7 +87,7 @@ class StudioPhotos:
         """The first `count` images of a seed, level ones of a split's designs, or of a fold's alone (see
         `Studio`), refused meshes left out; and those with the object. `props` are those of `StudioSettings`.
         """
-        settings = StudioSettings(roll=0.03, small=0.0, absent=ABSENT_SHARE, props=props)
+        settings = replace(AS_USERS_TAKE_THEM, props=props)
         studio = Studio(object_class, settings, split, fold, refused=False)
         drawn = [studio.draw(seed, index) for index in range(count)]
         examples = examples_of(drawn)
