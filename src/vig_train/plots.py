@@ -9,10 +9,11 @@ from pathlib import Path
 
 import torch
 
+from vig.inference.calibration import WITHIN_90
 from vig.io.files import atomic_write
 from vig.recognition.network import layout_of_numbers
 from vig.scene import ObjectClass
-from vig_train.training.calibration import WITHIN_90, CalibrationResult, azimuth_bins, calibrate_network
+from vig_train.training.calibration import CalibrationResult, azimuth_bins, calibrate_network
 from vig_train.training.examples import Examples
 from vig_train.training.training import Epoch, TrainingSettings, train
 from vig_world.dataset import Dataset

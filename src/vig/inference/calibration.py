@@ -46,6 +46,8 @@ CONFIDENCE_FEATURES = (
 
 UNCALIBRATED_POSITION = (0.1, 0.1, 0.3)
 """Position deviations of a class without a calibration, see `FitCalibration.position`: rough ones."""
+WITHIN_90 = 1.6449
+"""Standard deviations on either side that hold 90 % of a Gaussian."""
 LEAST_DEVIATION = 1e-3
 """Of any latent: even one that never varied, such as L00 at a set exposure, is not certain."""
 

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.inference.calibration import CONFIDENCE_FEATURES, UNCALIBRATED_POSITION, FitCalibration
+from vig.inference.calibration import (
+    CONFIDENCE_FEATURES,
+    UNCALIBRATED_POSITION,
+    WITHIN_90,
+    FitCalibration,
+)
 from vig.inference.hints import PixelLabel, WindowHints
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
@@ -28,6 +33,8 @@ UNTRUSTED_FACTOR = 0.99
 """A verdict below trusted has at most this share of the threshold as its confidence."""
 UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
 """Reason for doubt where views are compared by the objective alone."""
+QUANTILES = (torch.arange(40, dtype=torch.float64) + 0.5) / 40
+"""Of a Gaussian, by which it enters a mixture."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
@@ -68,9 +75,12 @@ def assess(
     path = symmetry.canonical(objective.latents(selection.path))
     deviation, position = objective.latents(deviations).to_vector()[0], torch.tensor(UNCALIBRATED_POSITION)
     if calibration is not None:
-        deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
         place = latent_layout(latents.shape.shape[1]).at("azimuth")
-        deviation[place] = min(float(deviation[place]), UNIFORM_TURN / max(symmetry.fold, 1))
+        about_view = float(calibration.widened(deviation, features, True)[place])
+        deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
+        if verdict is not Verdict.TRUSTED:
+            about_view = _among_views(about_view, confidence, judge or prediction, latents.azimuth)
+        deviation[place] = min(about_view, UNIFORM_TURN / max(symmetry.fold, 1))
         position = calibration.position[0 if verdict is Verdict.TRUSTED else 1]
     return Fit(
         latents=latents,
@@ -96,6 +106,23 @@ def assess(
         mask_threshold=math.nan if calibration is None else calibration.mask_threshold,
         position_deviation=position,
     )
+
+
+def _among_views(deviation: float, confidence: float, prediction: Prediction, azimuth: torch.Tensor) -> float:
+    """Standard deviation, radians, of a Gaussian that has the 90 % interval of the azimuth's posterior.
+
+    The posterior is a mixture: with the confidence the fit's azimuth (1,) is right, up to a Gaussian of
+    `deviation`; else views are as probable as the recognition model says, that one taken out.
+    """
+    off = prediction.azimuth_offsets(azimuth).abs()
+    other = prediction.azimuth[0].double() * (off > DISTINCT_AZIMUTH)
+    about = deviation * torch.special.ndtri(0.5 + 0.5 * QUANTILES)
+    mass = torch.cat([torch.full_like(about, confidence / len(about)), other / other.sum().clamp_min(1e-12)])
+    mass[len(about) :] *= 1 - confidence
+    order = (reach := torch.cat([about, off.double()])).argsort()
+    within = mass[order].cumsum(0) / mass.sum().clamp_min(1e-12)
+    place = min(int(torch.searchsorted(within, 0.9)), len(order) - 1)
+    return float(reach[order][place]) / WITHIN_90
 
 
 def _views(

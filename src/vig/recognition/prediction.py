@@ -130,6 +130,13 @@ class Prediction:
         mass = torch.as_tensor(smooth)[low] * (1 - share) + torch.as_tensor(smooth)[(low + 1) % bins] * share
         return mass.clamp_min(1e-3).log()
 
+    def azimuth_offsets(self, azimuth: torch.Tensor) -> torch.Tensor:
+        """Radians (bins,) by which each bin of the azimuth lies off one (); of views alike the least."""
+        bins = self.azimuth.shape[1]
+        centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins / max(self.symmetry.fold, 1))
+        offsets: torch.Tensor = self.symmetry.difference(centres, azimuth)
+        return offsets
+
     def __getitem__(self, index: slice) -> Prediction:
         return Prediction(*(tensor[index] for tensor in self.tensors), symmetry=self.symmetry)
 

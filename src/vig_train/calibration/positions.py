@@ -11,13 +11,13 @@ import torch
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings, FitCalibration, Verdict
+from vig.inference.calibration import WITHIN_90
 from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_train.calibration.learning import MIN_GROUP
 from vig_train.calibration.samples import StudioPhotos
 from vig_train.evaluation.framing import box_of_silhouette
-from vig_train.training.calibration import WITHIN_90
 from vig_world.dataset import Dataset
 from vig_world.raster.view import View
 

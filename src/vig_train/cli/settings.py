@@ -72,10 +72,20 @@ class Train:
     """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
     studio: int = 24
     """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
+    again: int = 0
+    """Images drawn for earlier steps that each step takes besides: drawing takes most of the time."""
     level: float = 0.6
-    """Share of these that are seen from about the horizon."""
+    """Share of the images drawn that are seen from about the horizon."""
+    occluded: float = 0.6
+    """Share that have things before the object, which hide up to 0.8 of it."""
+    absent: float = 0.15
+    """Share that show something else."""
     props: Path | None = None
     """Models to put before and behind their objects: a folder of meshes, or furniture catalogues."""
+    frozen: int = 3
+    """Stages of the trunk, of five, that stay as they are: with 5 heads and mask are trained alone."""
+    rate: float = 2e-3
+    """The highest learning rate; less to go on with weights that are good."""
     workers: int = 1
     """Processes that draw."""
     epochs: int = 18

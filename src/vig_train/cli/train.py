@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from vig.io.errors import UserError
+from vig.recognition.network import NetworkSettings
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_writable
@@ -14,6 +15,9 @@ from vig_train.training.drawing import Drawing
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import read_dataset
+
+TRUNK_STAGES = len(NetworkSettings().blocks)
+MOST_RATE = 0.1
 
 
 def train(settings: Train) -> int:
@@ -25,12 +29,23 @@ def train(settings: Train) -> int:
     datasets = [read_dataset(path, "train") for path in settings.dataset]
     check_writable(settings.out)
     object_class = ObjectClass.load(settings.object_class)
-    if not 0 <= settings.level <= 1:
-        raise UserError(f"expected --level as a share from 0 to 1; got {settings.level:g}.")
+    shares = {name: getattr(settings, name) for name in ("level", "occluded", "absent")}
+    for name, share in shares.items():
+        if not 0 <= share <= 1:
+            raise UserError(f"expected --{name} as a share from 0 to 1; got {share:g}.")
+    for name in ("studio", "again"):
+        if getattr(settings, name) < 0:
+            raise UserError(f"expected --{name} as a number of images; got {getattr(settings, name)}.")
+    if not 0 <= settings.frozen <= TRUNK_STAGES:
+        raise UserError(f"expected --frozen from 0 to {TRUNK_STAGES}; got {settings.frozen}.")
+    if not 0 < settings.rate <= MOST_RATE:
+        raise UserError(f"expected --rate above 0 and at most {MOST_RATE}; got {settings.rate:g}.")
     drawing = None
     if settings.studio and object_class.folder is not None:
-        studio = StudioSettings(level=settings.level, props=str(settings.props or ""))
-        drawing = Drawing(object_class.folder, settings.studio, studio=studio, workers=settings.workers)
+        studio = StudioSettings(**shares, props=str(settings.props or ""))
+        drawing = Drawing(
+            object_class.folder, settings.studio, settings.again, studio=studio, workers=settings.workers
+        )
     chosen = TrainingSettings(
         seed=settings.seed,
         epochs=settings.epochs,
@@ -39,6 +54,8 @@ def train(settings: Train) -> int:
         drawing=drawing,
         start=settings.start or PACKAGED / "teapot" / "recognition.safetensors",
         trunk_only=settings.start is None,
+        frozen=settings.frozen,
+        learning_rate=settings.rate,
     )
     path = train_network(datasets, settings.out, chosen, report, not settings.json)
     if settings.json:

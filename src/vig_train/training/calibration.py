@@ -11,6 +11,7 @@ import torch
 from safetensors.torch import save_file
 from torch.nn import functional
 
+from vig.inference.calibration import WITHIN_90
 from vig.io.checks import read_tensors
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
@@ -20,8 +21,6 @@ from vig.scene import ObjectClass
 from vig_train.training.examples import Examples
 from vig_world.dataset import Dataset
 
-WITHIN_90 = 1.6449
-"""Standard deviations on either side that hold 90 % of a Gaussian."""
 MIN_DEVIATION_FACTOR = 0.5
 """Least factor of a stated deviation: a number that hardly varies, as L00 at a set exposure, is not known
 infinitely well."""

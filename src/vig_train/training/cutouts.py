@@ -43,6 +43,14 @@ def draw_cutout(rng: np.random.Generator, split: Split) -> Image.Image:
     )
 
 
+def draw_other(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
+    """One of a split's things that are not of the class of this name; see `draw_cutout`."""
+    first, number = CUTOUTS_PER_SPLIT * SPLITS.index(split), int(rng.integers(CUTOUTS_PER_SPLIT))
+    while is_of_class(_family_of(first + number), name):
+        number = (number + 1) % CUTOUTS_PER_SPLIT
+    return _numbered_cutout(first + number, False)
+
+
 def draw_vessel(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
     """One of a split's vessels that are not of the class of this name; see `draw_cutout`."""
     number = int(rng.integers(CUTOUTS_PER_SPLIT))
@@ -71,16 +79,10 @@ def _code() -> str:
 
 def _make_cutout(number: int, lookalike: bool) -> Image.Image:
     """A prop in a random pose under a random light."""
-    rng = np.random.default_rng(np.random.SeedSequence([number, 33, int(lookalike)]))
+    rng = _stream(number, lookalike)
     kind = rng.random()
-    if lookalike:
-        shown_prop = FAMILIES[LOOKALIKES[number % len(LOOKALIKES)]](rng)
-    elif kind < ANIMAL_SHARE:
-        shown_prop = _animal(rng)
-    elif kind < ANIMAL_SHARE + VEHICLE_SHARE:
-        shown_prop = _vehicle(rng)
-    else:
-        shown_prop = FAMILIES[list(FAMILIES)[number % len(FAMILIES)]](rng)
+    family = LOOKALIKES[number % len(LOOKALIKES)] if lookalike else _family_of(number, kind)
+    shown_prop = {"animal": _animal, "vehicle": _vehicle, **FAMILIES}[family](rng)
     if rng.random() < 0.4:  # in other colours than such things have
         shown_prop = Prop(
             shown_prop.family,
@@ -88,6 +90,20 @@ def _make_cutout(number: int, lookalike: bool) -> Image.Image:
         )
     fallen = rng.random() < 0.12 and not lookalike
     return render_cutout(rng, shown_prop, rng.uniform(0, 2 * math.pi) if fallen else 0.0)
+
+
+def _stream(number: int, lookalike: bool) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence([number, 33, int(lookalike)]))
+
+
+def _family_of(number: int, kind: float | None = None) -> str:
+    """Of the thing of a number, of any kind; `kind` is the first number of its stream."""
+    kind = float(_stream(number, False).random()) if kind is None else kind
+    if kind < ANIMAL_SHARE:
+        return "animal"
+    if kind < ANIMAL_SHARE + VEHICLE_SHARE:
+        return "vehicle"
+    return list(FAMILIES)[number % len(FAMILIES)]
 
 
 def place_cutout(

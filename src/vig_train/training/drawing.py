@@ -29,6 +29,7 @@ class Drawing:
     Attributes:
         object_class: Folder of the class pack whose objects are drawn.
         count: Images of the studio.
+        again: Of those that earlier steps of an epoch drew, so many more: they take no time to draw.
         recoloured: Share of the dataset's images whose object gets other colours.
         studio: Of the images.
         workers: Processes.
@@ -36,6 +37,7 @@ class Drawing:
 
     object_class: Path
     count: int = 24
+    again: int = 0
     recoloured: float = 0.7
     studio: StudioSettings = field(default_factory=StudioSettings)
     workers: int = 1
@@ -66,6 +68,33 @@ def add_drawn_examples(
     )
     for step, arrays in map_in_processes(_prepare, (drawing, seed), items, drawing.workers):
         yield Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}), step
+
+
+def add_earlier_examples(
+    steps: Iterator[tuple[Examples, int]], drawing: Drawing, seed: int, epoch_steps: int
+) -> Iterator[tuple[Examples, int]]:
+    """Add images of the studio that earlier steps of the same epoch drew, `drawing.again` or all there are.
+
+    Args:
+        steps: What `add_drawn_examples` gives.
+        drawing: How many.
+        seed: Of the training.
+        epoch_steps: Steps of an epoch: a run that resumes begins with one.
+    """
+    earlier: list[Examples] = []
+    for examples, step in steps:
+        if step % epoch_steps == 0:
+            earlier.clear()
+        count = drawing.count * len(earlier)
+        rng = np.random.default_rng([seed, step, 3])
+        chosen = rng.choice(count, min(drawing.again, count), replace=False)
+        own = examples[len(examples) - drawing.count :]
+        picked = [
+            earlier[index // drawing.count][index % drawing.count : index % drawing.count + 1]
+            for index in chosen.tolist()
+        ]
+        earlier.append(own)
+        yield Examples.joined([examples, *picked]), step
 
 
 def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:

@@ -32,7 +32,7 @@ from vig_train.training.layers import Layer, place_of
 from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.painted_meshes import appearance, draw_paint
 from vig_train.training.snapshots import continue_border, photograph
-from vig_train.training.things import draw_lookalike, draw_thing
+from vig_train.training.things import draw_instead, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.source_meshes import SourceMesh, source_meshes_of
@@ -48,7 +48,7 @@ MAX_OCCLUDERS = 5
 """Things in front of the object, at most."""
 MAX_ATTEMPTS = 8
 """Attempts at drawing an image, each from its own random stream, before an error is raised."""
-NOTHING, OTHER_VESSEL, PART, WHOLE = range(4)
+NOTHING, OTHER_VESSEL, OTHER_THING, PART, WHOLE = range(5)
 """What images show in the object's place."""
 
 
@@ -61,8 +61,8 @@ class StudioSettings:
         metal: Share that are of metal.
         glass: Share through which the ground shows.
         occluded: Share with things before the object, which hide up to `most_hidden` of it.
-        absent: Share of images without the object; a third of these show part of one, such as a body alone,
-            a third another vessel.
+        absent: Share of images without the object; a quarter of these show part of one, such as a body alone,
+            a quarter a vessel, a quarter any other thing in its place.
         level: Share of views from within 15 degrees of the horizon.
         boxed: Share framed by a box about the object; others by the class's standard camera.
         small: Share in which the object is small and away from the middle.
@@ -199,8 +199,9 @@ class Studio:
             else:
                 layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
-        elif shown == OTHER_VESSEL:
-            layer = draw_lookalike(rng, self.split, self.object_class.name)
+        elif shown in (OTHER_VESSEL, OTHER_THING):
+            vessel, name = shown == OTHER_VESSEL, self.object_class.name
+            layer = draw_instead(rng, self.split, name, vessel, self._props)
         else:
             layer = Layer(ground, np.zeros(ground.shape[:2], np.float32))
         place = place_of(layer.cover)

@@ -12,7 +12,7 @@ from PIL import Image
 from scipy import ndimage
 
 from vig.scene import IMAGE_SIZE
-from vig_train.training.cutouts import draw_cutout, draw_vessel, place_cutout
+from vig_train.training.cutouts import draw_cutout, draw_other, draw_vessel, place_cutout
 from vig_train.training.layers import Layer, draw_sheet, pixels
 from vig_train.training.model_cutouts import ModelCutouts
 from vig_world import Split
@@ -92,10 +92,19 @@ def draw_thing(
     return Layer(shaded.astype(np.float32), cover.astype(np.float32))
 
 
-def draw_lookalike(rng: np.random.Generator, split: Split, name: str) -> Layer:
-    """A vessel that is not of the class of this name, in the middle of the picture."""
-    middle = rng.normal(0, 0.04, 2)
-    return _place_cutout(rng, draw_vessel(rng, split, name), middle, rng.uniform(0.5, 0.85))
+def draw_instead(
+    rng: np.random.Generator, split: Split, name: str, vessel: bool, models: ModelCutouts | None = None
+) -> Layer:
+    """A vessel, or any thing, that is not of the class of this name, in the middle of the picture.
+
+    models: in files, to be drawn as well; they have none of the class.
+    """
+    middle, size = rng.normal(0, 0.04, 2), rng.uniform(0.5, 0.85)
+    if vessel:
+        return _place_cutout(rng, draw_vessel(rng, split, name), middle, size)
+    if models is not None and rng.random() < MODEL_SHARE:
+        return _place_cutout(rng, models.draw(rng), middle, size, MOTTLED_MODEL_SHARE)
+    return _place_cutout(rng, draw_other(rng, split, name), middle, size)
 
 
 def _cutout(

@@ -29,7 +29,7 @@ from vig.recognition.weights import TRUNK_PREFIXES, whole_tensors
 from vig.scene import Symmetry, angle_difference
 from vig_train.training.augmentation import Augmentation, Batch
 from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
-from vig_train.training.drawing import Drawing, add_drawn_examples
+from vig_train.training.drawing import Drawing, add_drawn_examples, add_earlier_examples
 from vig_train.training.examples import Examples, hold_out
 from vig_train.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
@@ -249,11 +249,11 @@ class _TrainingState:
                     yield examples[part], epoch * steps + step
 
         steps_of_dataset = ((part, step) for part, step in dataset_steps())
-        examples_of_steps = (
-            add_drawn_examples(steps_of_dataset, settings.drawing, settings.seed)
-            if settings.drawing
-            else steps_of_dataset
-        )
+        examples_of_steps: Iterator[tuple[Examples, int]] = steps_of_dataset
+        if drawing := settings.drawing:
+            examples_of_steps = add_drawn_examples(steps_of_dataset, drawing, settings.seed)
+            if drawing.again:
+                examples_of_steps = add_earlier_examples(examples_of_steps, drawing, settings.seed, steps)
         augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
         for part, step in examples_of_steps:
             yield augment(part, np.random.default_rng([settings.seed, step, 1]))

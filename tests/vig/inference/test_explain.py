@@ -24,7 +24,7 @@ from vig.inference import (
     resolve,
 )
 from vig.inference.calibration import LEAST_DEVIATION
-from vig.inference.confidence import MOST_GAP, assess
+from vig.inference.confidence import MOST_GAP, _among_views, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
 from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, survivors
 from vig.inference.settings import PICTURE, Stage
@@ -284,7 +284,14 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
     row = 0 if verdict is Verdict.TRUSTED else 1
     expected = residual * scale[row] * plain.deviation
     assert (expected > 2 * LEAST_DEVIATION).all(), "or every factor would do"
-    torch.testing.assert_close(found.deviation, expected)
+    azimuth, other = latent_layout(10).at("azimuth"), torch.arange(24) != latent_layout(10).at("azimuth")
+    torch.testing.assert_close(found.deviation[other], expected[other])
+    if verdict is Verdict.TRUSTED:
+        torch.testing.assert_close(found.deviation[azimuth], expected[azimuth])
+    else:
+        about_view = float(residual * scale[0, azimuth] * plain.deviation[azimuth])
+        spread = _among_views(about_view, found.confidence, whole.prediction, found.latents.azimuth)
+        assert float(found.deviation[azimuth]) == pytest.approx(spread)
     flat = replace(given, likelihood=GAUSSIAN)  # of which nothing was learned
     assert math.isnan(explain_one(whole.photo, whole.prediction, teapot, flat).confidence)
 
@@ -756,3 +763,25 @@ def test_a_fit_of_another_view_than_the_recognition_models_is_not_trusted(
     assert found.verdict is Verdict.AMBIGUOUS
     assert found.reason == "the recognition model sees it turned by 90 degrees"
     assert azimuth_off(found.alternatives[0].latents, whole.truth) == pytest.approx(90, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("confidence", "peak_deg", "expected_deg"),
+    [
+        (0.95, 180, 5.0 * 1.94 / 1.645),  # nine tenths of all are 94.7 % of the Gaussian
+        (0.5, 90, 90 / 1.645),
+        (0.0, 140, 140 / 1.645),
+        (0.0, None, (25 + 0.9 * 155) / 1.645),  # the view itself is taken out
+    ],
+)
+def test_a_doubtful_azimuth_is_as_wide_as_its_views(
+    confidence: float, peak_deg: float | None, expected_deg: float
+) -> None:
+    azimuth = torch.full((1, 72), 1 / 72)
+    if peak_deg is not None:
+        azimuth = torch.zeros(1, 72)
+        azimuth[0, int((350 + peak_deg) % 360 / 5)] = 1.0
+    empty = torch.zeros(1, 0)
+    prediction = Prediction(azimuth, empty, empty, torch.zeros(1, 1, 1, 3), torch.zeros(1), torch.ones(1))
+    found = _among_views(math.radians(5), confidence, prediction, torch.tensor([math.radians(350.0)]))
+    assert math.degrees(found) == pytest.approx(expected_deg, abs=2.0)

@@ -12,6 +12,7 @@ from vig.scene.object_class import PACKAGED
 from vig_app.cli.main import main
 from vig_train.cli import train as verb
 from vig_train.training.drawing import Drawing
+from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
 
 TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
@@ -24,6 +25,16 @@ TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
         (
             ["--epochs", "3", "--seed", "4", "--studio", "0", "--start", "other.safetensors"],
             TrainingSettings(epochs=3, seed=4, start=Path("other.safetensors")),
+        ),
+        (
+            "--studio 8 --again 16 --occluded 0.75 --absent 0.25 --frozen 5 --rate 5e-4".split(),
+            TrainingSettings(
+                drawing=Drawing(TEAPOT, 8, 16, studio=StudioSettings(occluded=0.75, absent=0.25)),
+                start=TRUNK,
+                trunk_only=True,
+                frozen=5,
+                learning_rate=5e-4,
+            ),
         ),
         (
             ["--studio", "8", "--workers", "2"],
@@ -55,6 +66,26 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["train", "--dataset", "--out", str(tmp_path / "w")])
     assert ended.value.code == 2 and "expected at least one dataset" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (["--level", "1.5"], "expected --level as a share from 0 to 1; got 1.5"),
+        (["--occluded", "-0.1"], "expected --occluded as a share from 0 to 1; got -0.1"),
+        (["--absent", "nan"], "expected --absent as a share from 0 to 1; got nan"),
+        (["--again", "-1"], "expected --again as a number of images; got -1"),
+        (["--frozen", "6"], "expected --frozen from 0 to 5; got 6"),
+        (["--rate", "0"], "expected --rate above 0 and at most 0.1; got 0"),
+    ],
+)
+def test_numbers_out_of_range_are_told(
+    given: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(verb, "read_dataset", lambda folder, split: f"{folder.name} {split}")
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "--dataset", "D", "--out", str(tmp_path / "w"), *given])
+    assert ended.value.code == 2 and expected in capsys.readouterr().err
 
 
 def test_several_datasets_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ ZONE_NAMES = (
 """The functional zones of rooms."""
 
 
-ALIKE = {"mug": {"cup_saucer"}}
+ALIKE = {"mug": {"cup_saucer"}, "car": {"vehicle"}}
 """Families of props, by a word of a class's name, that look like it under another name."""
 
 
