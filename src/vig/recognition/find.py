@@ -33,6 +33,9 @@ SAME_PLACE = 0.4
 """Overlap of windows from which they are of one object."""
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
+TURNS = 3
+"""So often at most: of a large roll the network sees a part. Real pots rolled by 30 degrees are 8 off in the
+median after one turn, 2 after two."""
 GROWN = (1.0, 1.25, 1.6, 2.2)
 """Boxes of the object over those of what is known of it."""
 HIDDEN_PART = 1.15
@@ -212,8 +215,12 @@ def overlap(one: Window, other: Window) -> float:
 
 def upright(photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
     """Turn a window so that the object in it stands upright; as it is where that is nearly so."""
-    roll = float(predict_windows(photo, [window], recognizer).roll[0])
-    return window if abs(roll) < LEAST_ROLL else replace(window, roll=window.roll + roll)
+    for _ in range(TURNS):
+        roll = float(predict_windows(photo, [window], recognizer).roll[0])
+        if abs(roll) < LEAST_ROLL:
+            break
+        window = replace(window, roll=window.roll + roll)
+    return window
 
 
 def predict_windows(

@@ -40,7 +40,9 @@ def calibrate(settings: Calibrate) -> int:
     calibration_sets: list[Dataset | StudioPhotos] = [*datasets]
     studio_examples = []
     if settings.studio:
-        photos, examples = StudioPhotos.draw(object_class, settings.split, settings.studio, settings.seed)
+        photos, examples = StudioPhotos.draw(
+            object_class, settings.split, settings.studio, settings.seed, props=str(settings.props or "")
+        )
         calibration_sets.append(photos)
         studio_examples.append(examples)
     calibrate_network(settings.weights, datasets, lines.append, studio_examples, object_class)

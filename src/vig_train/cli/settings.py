@@ -159,6 +159,8 @@ class Calibrate:
     """Photos that are drawn in the studio, of the split's designs, some without the object; 0: none."""
     seed: int = 1
     """Of these."""
+    props: Path | None = None
+    """Models to put before and behind their objects: a folder of meshes, or furniture catalogues."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack."""
     workers: int | None = None

@@ -82,6 +82,21 @@ def test_a_window_is_turned_upright(angle: float) -> None:
     assert turned.side == 224
 
 
+def test_a_window_is_turned_on_where_only_a_part_of_a_roll_is_seen() -> None:
+    class SeesHalf(SeesDiscs):
+        looks = 0
+
+        @classmethod
+        def roll(cls, photo: torch.Tensor) -> float:
+            cls.looks += 1
+            return 0.6 * SeesDiscs.roll(photo)
+
+    photo = disc(300, 300, 150, 150, 80, 0.6)
+    turned = upright(photo, Window(38, 38, 224), SeesHalf())  # type: ignore[arg-type]
+    assert turned.roll == pytest.approx(0.6 * (1 - 0.4**2), abs=0.04)
+    assert SeesHalf.looks == 3, "the third sees less than 5 degrees"
+
+
 def test_the_box_of_what_is_seen_is_in_sides_of_the_window() -> None:
     photo = torch.zeros(1, 150, 150, 3)
     photo[:, 30:90, 15:135] = 1.0
