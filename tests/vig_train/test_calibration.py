@@ -35,6 +35,9 @@ from vig_train.calibration.learning import (
 )
 from vig_train.calibration.positions import calibrate_positions
 from vig_train.calibration.samples import (
+    AS_USERS_TAKE_THEM,
+    StudioPhotos,
+    _by_mesh,
     calibrate_fits,
     fit_count,
     photos_to_roll,
@@ -164,7 +167,27 @@ def test_what_is_wrong_of_one_mesh_weighs_more_than_what_is_wrong_here_and_there
     assert lowest_threshold(confidence, of_one, weight, mesh) > 0.8
     assert lowest_threshold(confidence, of_one, weight) == pytest.approx(0.7)
     one = lowest_threshold(confidence, scattered, weight, np.zeros(300, int))
-    assert one == pytest.approx(0.7), "of a single mesh nothing is known of others"
+    independent = lowest_threshold(confidence, scattered, weight)
+    assert one == independent, "of a single mesh nothing is known of others"
+
+
+@pytest.mark.parametrize("count", [1, 5, 18])
+def test_a_few_right_fits_prove_nothing(count: int) -> None:
+    confidence, right = np.linspace(1, 0.5, 100), np.arange(100) < count
+    assert lowest_threshold(confidence, right, np.ones(100), np.arange(100) % 3) == 1.0
+    many = np.arange(100) < 40
+    assert lowest_threshold(confidence, many, np.ones(100), np.arange(100) % 3) < 0.82
+
+
+def test_all_fits_of_a_mesh_are_in_one_fold_where_there_are_enough_meshes() -> None:
+    photo = np.arange(60) % FOLDS
+    model = np.arange(60) % 7
+    fold = _by_mesh(model, photo)
+    assert [len(set(fold[model == mesh])) for mesh in range(7)] == [1] * 7 and len(set(fold)) == 7
+    few = np.arange(60) % 4
+    assert (_by_mesh(few, photo) == photo).all()
+    mixed = np.concatenate([model, -1 - np.arange(60)])  # beside the photos of a dataset
+    assert (_by_mesh(mixed, np.tile(photo, 2))[60:] == photo).all()
 
 
 def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
@@ -325,13 +348,28 @@ def test_what_the_photo_looks_like_says_nothing_of_the_view(samples: Calibration
     assert weights["evidence_gap"] > 0.0 and learned.mask_weights.any()
 
 
+def test_each_fold_of_meshes_has_photos_of_its_own() -> None:
+    car = ObjectClass.load("car")
+    draws = [StudioPhotos.draw(car, "train", 6, 3, (fold, 4), things="test")[0] for fold in range(2)]
+    azimuth = np.concatenate([photos.latents[:, -14] for photos in draws])
+    assert len(np.unique(azimuth)) == len(azimuth) > 4
+    assert set(draws[0].model % 4) == {0} and set(draws[1].model % 4) == {1}
+    again, _ = StudioPhotos.draw(car, "train", 6, 3, (0, 4), things="validation")
+    place = {float(row[-14]): number for number, row in enumerate(again.latents)}
+    shared = [
+        (n, place[float(row[-14])]) for n, row in enumerate(draws[0].latents) if float(row[-14]) in place
+    ]
+    assert any((draws[0].images[n] != again.images[m]).any() for n, m in shared), "other things"
+    assert AS_USERS_TAKE_THEM.rolled == 0.0
+
+
 def test_the_threshold_is_learned_out_of_sample(samples: CalibrationSamples) -> None:
-    """60 fits whose features say nothing: in sample, fifteen numbers find some that are all right."""
+    """200 fits whose features say nothing: in sample, fifteen numbers find many that are all right."""
     rng = np.random.default_rng(2)
-    features = rng.normal(size=(60, len(CONFIDENCE_FEATURES)))
-    some = {name: array[:60] for name, array in vars(samples).items()}
+    features = rng.normal(size=(200, len(CONFIDENCE_FEATURES)))
+    some = {name: array[:200] for name, array in vars(samples).items()}
     none = CalibrationSamples(
-        **some | {"features": features, "right": rng.random(60) < 0.5, "out_of_distribution": features[:0]}
+        **some | {"features": features, "right": rng.random(200) < 0.9, "out_of_distribution": features[:0]}
     )
     learned = learn(none)
     in_sample = np.array([learned.confidence(row) for row in torch.from_numpy(features)])
@@ -425,7 +463,7 @@ def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_
     assert lines[-1] == str(tmp_path)
 
 
-@pytest.mark.parametrize("wrong", ["none", "split", "weights", "workers", "modes"])
+@pytest.mark.parametrize("wrong", ["none", "split", "weights", "workers", "studio", "seed", "class", "modes"])
 def test_mistakes_are_told_before_any_work(
     capsys, wrong: str, photos: Path, untrained, tmp_path: Path
 ) -> None:
@@ -446,6 +484,9 @@ def test_mistakes_are_told_before_any_work(
             [photos, "--weights", weights, "--workers", 0],
             "--workers of at least 1",
         ),
+        "studio": ([photos, "--weights", weights, "--studio", -5], "--studio of at least 0; got -5"),
+        "seed": ([photos, "--weights", weights, "--seed", -1], "--seed of at least 0; got -1"),
+        "class": ([photos, "--weights", weights, "--class", "car"], "dataset of class 'car' with 15"),
         "modes": (
             [photos, "--weights", untrained(tmp_path / "w", modes=4)],
             "10 shape components",

@@ -13,6 +13,7 @@ from vig_train.building import pictures
 from vig_train.building.card import card
 from vig_train.building.object_class import ClassShapes
 from vig_train.building.result import BuildResult
+from vig_train.packs.card import read_sections
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.own.load import load
@@ -20,6 +21,8 @@ from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
 TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png")
 """Files of a pack that `vig class train` writes."""
+CARD_SECTIONS = ("## Recognition", "## On photographs")
+"""Of a card, by `vig class train` and `vig class check`."""
 
 
 def write_pack(result: BuildResult, shapes: ClassShapes, out: Path, say: Callable[[str], None]) -> None:
@@ -30,9 +33,10 @@ def write_pack(result: BuildResult, shapes: ClassShapes, out: Path, say: Callabl
     result.object_class.save(staged)
     HeldOutDesigns(names, tuple(shapes.splits), shapes.vertices.astype(np.float32)).save(staged)
     write_transfer(result.object_class, staged)
-    with atomic_write(staged / "card.md") as temporary:
-        temporary.write_text(card(result), encoding="utf-8")
     _put_aside_weights(out, staged, say)
+    kept = _sections_of_weights(out)
+    with atomic_write(staged / "card.md") as temporary:
+        temporary.write_text("\n\n".join([card(result).rstrip(), *kept]) + "\n", encoding="utf-8")
     for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
         file.replace(out / file.name)
     shutil.rmtree(staged)
@@ -50,6 +54,14 @@ def _put_aside_weights(out: Path, staged: Path, say: Callable[[str], None]) -> N
             aside.mkdir(exist_ok=True)
             (out / name).replace(aside / name)
             say(f"{name} was trained on other shapes: it lies in {aside}; run vig class train again")
+
+
+def _sections_of_weights(out: Path) -> list[str]:
+    """What a pack's card says of the weights that stay in it: how they were trained, and what they do."""
+    if not (out / TRAINED_FILES[0]).exists():
+        return []
+    _, sections = read_sections(out / "card.md")
+    return [sections[heading].strip() for heading in CARD_SECTIONS if heading in sections]
 
 
 def source_meshes(shapes: ClassShapes, folder: Path, say: Callable[[str], None]) -> list[SourceMesh]:

@@ -65,7 +65,7 @@ FOLDS = 20
 REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 """Limits of the ranges of confidence in the report."""
 MIN_GROUP = 40
-"""Number of fits below which a group takes the deviations of all fits."""
+"""Number of fits below which a group takes the deviations of others."""
 CERTAIN_LOG_ODDS = 20.0
 """Log odds of a photo being in distribution where the samples hold none out of distribution."""
 
@@ -118,7 +118,9 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
     noise = residual(torch.from_numpy(samples.features)).numpy()
     scale, floor = np.empty((2, 2, samples.error.shape[1]))
     for row, group in enumerate((trusted, ~trusted)):
-        chosen = group if group.sum() >= MIN_GROUP else np.ones_like(group)
+        # Where few are trusted the right ones stand for them, elsewhere all.
+        substitute = samples.right if row == 0 and samples.right.sum() >= MIN_GROUP else np.ones_like(group)
+        chosen = group if group.sum() >= MIN_GROUP else substitute
         for latent in range(samples.error.shape[1]):
             error = samples.error[chosen, latent] / noise[chosen]
             deviation, weight = samples.deviation[chosen, latent], samples.weight[chosen]
@@ -266,6 +268,11 @@ def lowest_threshold(
     present = (of_group > 0).sum(0)
     factor = present / np.maximum(present - 1, 1)
     error = np.sqrt(factor * ((right_of_group - share * of_group) ** 2).sum(0)) / total
+    # With few fits or groups that is too small by chance: at least that of as many independent ones, one
+    # right and one wrong added (Agresti and Coull 1998).
+    count = total**2 / np.cumsum(weight[order] ** 2)
+    expected = (share * count + 1) / (count + 2)
+    error = np.maximum(error, np.sqrt(expected * (1 - expected) / count))
     enough = np.flatnonzero(share - error >= PRECISION)
     return float(confidence[order][enough[-1]]) if len(enough) else 1.0
 

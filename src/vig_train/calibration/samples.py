@@ -47,12 +47,15 @@ AS_USERS_TAKE_THEM = StudioSettings(
     glass=0.01,
     continued=0.1,
     roll=0.03,
+    rolled=0.0,
     absent=0.45,
 )
 """Photos of a studio to calibrate and to test on: nearer to what users have than those of the training, which
 are as wide as they can be. `absent` is the share that show something else."""
 MIN_ROLL_DEG = 20.0
 """Least roll, degrees, of a photo out of distribution."""
+FEW_MESHES = 4
+"""Up to so many meshes folds of the cross-validation are by photo."""
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 """Its multiples modulo one spread evenly (a Weyl sequence)."""
 
@@ -83,13 +86,17 @@ class StudioPhotos:
         seed: int,
         fold: tuple[int, int] | None = None,
         props: str = "",
+        things: Split | None = None,
     ) -> tuple[StudioPhotos, Examples]:
-        """The first `count` images of a seed, level ones of a split's designs, or of a fold's alone (see
-        `Studio`), refused meshes left out; and those with the object. `props` are those of `StudioSettings`.
+        """Images of a seed, level ones of a split's designs, or of a fold's alone (see `Studio`), refused
+        meshes left out; and those with the object. Each fold has `count` of its own.
+
+        things: The split of grounds and other things, the same by default; props: see `StudioSettings`.
         """
         settings = replace(AS_USERS_TAKE_THEM, props=props)
-        studio = Studio(object_class, settings, split, fold, refused=False)
-        drawn = [studio.draw(seed, index) for index in range(count)]
+        studio = Studio(object_class, settings, split, fold, refused=False, things=things)
+        first = 0 if fold is None else fold[0] * count
+        drawn = [studio.draw(seed, index) for index in range(first, first + count)]
         examples = examples_of(drawn)
         model = np.array([image.model for image in drawn]) if studio.models else np.arange(count)
         shows_object = examples.present() > 0
@@ -168,7 +175,16 @@ def calibrate_fits(
     samples = CalibrationSamples(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
+    samples = replace(samples, fold=_by_mesh(samples.model, samples.fold))
     return learn(samples), samples
+
+
+def _by_mesh(model: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """Folds (N,) with all fits of a mesh, numbered from 0 on, in one, where there are enough meshes: what is
+    learned is then tried on other meshes. Others keep theirs.
+    """
+    meshes, of_mesh = np.unique(model, return_inverse=True)
+    return np.where(model >= 0, of_mesh % FOLDS, fold) if (meshes >= 0).sum() > FEW_MESHES else fold
 
 
 def low_views(dataset: Dataset | StudioPhotos) -> np.ndarray:
@@ -228,11 +244,11 @@ def samples_of(
     error = fits.latents.astype(np.float64) - true.to_vector().numpy()
     error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
     right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < MAX_RIGHT_ERROR
-    weight = np.full(len(right), 1 / len(right))
-    deviation, fold = fits.deviation.astype(np.float64), np.arange(len(right)) % FOLDS
+    weight, deviation = np.full(len(right), 1 / len(right)), fits.deviation.astype(np.float64)
     features, mask_right = fits.confidence_features, segmentation_iou(fits.masks, visible) >= MASK_RIGHT
     # Photos of a dataset, whose objects differ, count each by itself; below 0, where no number of a mesh is.
-    model = dataset.model if isinstance(dataset, StudioPhotos) else -1 - np.arange(len(right))
+    number = np.arange(len(right))
+    model, fold = dataset.model if isinstance(dataset, StudioPhotos) else -1 - number, number % FOLDS
     return CalibrationSamples(
         features, right, mask_right, error, deviation, weight, fold, model, rolled_features, origin % FOLDS
     )

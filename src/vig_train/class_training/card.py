@@ -112,11 +112,14 @@ def unseen_in_test(held_out: bool, folds: int) -> str:
 
     held_out: Whether meshes were held out for the test. folds: Of cross-validation; 1, none.
     """
-    unseen = "views, lights, surfaces and things before it that the training never saw"
+    unseen = "views, lights, grounds and things before it that the training never saw"
     if held_out:
         return f"meshes, {unseen}"
     if folds > 1:
-        return f"by each of the network's {folds} members on meshes that it has not seen: {unseen}"
+        return (
+            f"by each of the network's {folds} members on meshes that it has not seen (the mask's decoder has"
+            f" seen all): {unseen}"
+        )
     return f"{unseen}, of the shapes that it was trained on"
 
 

@@ -52,7 +52,7 @@ from vig_train.training.examples import Examples
 from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
-from vig_world.dataset.spec import Split
+from vig_world.dataset.spec import SPLITS, Split
 from vig_world.threads import torch_threads
 
 RELIABILITY_FILE = "reliability.png"
@@ -64,8 +64,8 @@ TEST_PHOTOS = 400
 """Photos, likewise, to measure errors on."""
 FOLDS = SIZES.members
 """Of cross-validation: each member of the network is trained without every fourth mesh, and tested on it."""
-CALIBRATION_SEED = 1
-TEST_SEED = 2
+CALIBRATION_SEED, TEST_SEED = 2**31 + 1, 2**31 + 2
+"""Of their images: not those of a training, whose seeds are below 2**31."""
 STEPS = ("images", "heads", "calibration", "test")
 
 
@@ -130,8 +130,7 @@ class ClassTraining:
 
     def _props_fingerprint(self) -> str:
         """Of the models of the splits that are drawn; UserError where one has none."""
-        splits: tuple[Split, ...] = ("train", "test") if self._held_out else ("train",)
-        return "".join(model_cutouts(self.props, of, self.object_class.name).fingerprint for of in splits)
+        return "".join(model_cutouts(self.props, of, self.object_class.name).fingerprint for of in SPLITS)
 
     def _renew(self, record: Record, settings: _RunSettings) -> None:
         """Forget the results of an earlier run with other settings; images that are the same stay."""
@@ -232,7 +231,8 @@ class ClassTraining:
         return self.run_folder / WEIGHTS_FILE
 
     def _calibrate(self) -> None:
-        drawn = self._photos("train", QUICK_PHOTOS if self.quick else PHOTOS, CALIBRATION_SEED)
+        count = QUICK_PHOTOS if self.quick else PHOTOS
+        drawn = self._photos("train", count, CALIBRATION_SEED, "validation")
         photos = [each for each, _ in drawn]
         parts = zip(self._recognizers(), (examples for _, examples in drawn), strict=True)
         result = learn_calibration(list(parts))
@@ -252,11 +252,15 @@ class ClassTraining:
         calibration.save(self.run_folder / CALIBRATION_FILE)
         shutil.rmtree(self.calibration_fits, ignore_errors=True)
 
-    def _photos(self, split: Split, count: int, seed: int) -> list[tuple[StudioPhotos, Examples]]:
-        """Photos of each fold of the meshes, or of a split of held-out designs; no refused ones."""
+    def _photos(
+        self, split: Split, count: int, seed: int, things: Split
+    ) -> list[tuple[StudioPhotos, Examples]]:
+        """Photos of each fold of the meshes, or of a split of held-out designs, no refused ones; with grounds
+        and other things of a split.
+        """
         folds = self.folds if split == "train" else 1
         items = [(split, count // folds, seed, (k, folds) if folds > 1 else None) for k in range(folds)]
-        shared = (self.pack, self.props)
+        shared = (self.pack, self.props, things)
         drawn = map_in_processes(_photo_drawer, shared, items, min(self.workers, folds))
         return [
             (photos, Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}))
@@ -272,7 +276,7 @@ class ClassTraining:
 
     def _test(self) -> None:
         held_out = self._held_out
-        parts = self._photos("test" if held_out else "train", TEST_PHOTOS, TEST_SEED)
+        parts = self._photos("test" if held_out else "train", TEST_PHOTOS, TEST_SEED, "test")
         recognizers = self._recognizers()
         if held_out:
             recognizers = [Recognizer.of_class(self.object_class, self._weights)]
@@ -298,6 +302,8 @@ class ClassTraining:
 
     def _finish(self) -> dict[str, Any]:
         """Put weights, calibration and card into the pack."""
+        # Killed in between it leaves weights without a calibration, not with that of others.
+        (self.pack / CALIBRATION_FILE).unlink(missing_ok=True)
         for name in (WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
@@ -319,16 +325,16 @@ class ClassTraining:
 
 
 def _photo_drawer(
-    shared: tuple[Path, str],
+    shared: tuple[Path, str, Split],
 ) -> Callable[[tuple[Split, int, int, tuple[int, int] | None]], tuple[StudioPhotos, dict[str, np.ndarray]]]:
     """The work of a process: photos, and their examples as arrays."""
-    pack, props = shared
+    pack, props, things = shared
     object_class = ObjectClass.load(pack)
 
     def draw(
         item: tuple[Split, int, int, tuple[int, int] | None],
     ) -> tuple[StudioPhotos, dict[str, np.ndarray]]:
-        photos, examples = StudioPhotos.draw(object_class, *item, props)
+        photos, examples = StudioPhotos.draw(object_class, *item, props, things)
         return photos, {name: value.numpy() for name, value in vars(examples).items()}
 
     return draw

@@ -20,6 +20,7 @@ from vig_train.calibration import (
 )
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import Calibrate
+from vig_train.evaluation.protocol import check_class
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.training.calibration import check_count
 from vig_world.dataset import Dataset, read_dataset
@@ -30,12 +31,19 @@ def calibrate(settings: Calibrate) -> int:
     if not settings.datasets:
         raise UserError("expected at least one dataset to calibrate on; got none")
     check_workers(settings.workers)
+    for name in ("studio", "seed"):
+        if getattr(settings, name) < 0:
+            raise UserError(f"expected --{name} of at least 0; got {getattr(settings, name)}.")
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split) for path in settings.datasets]
+    for dataset in datasets:
+        check_class(dataset, object_class)
     check_count(sum(map(len, datasets)) + settings.studio)
     Recognizer.of_class(object_class, settings.weights)  # refuses invalid weights
     folder = settings.weights.parent
     check_writable(folder)
+    # Stopped before the end it leaves weights without a calibration, not with that of others.
+    (folder / FILE).unlink(missing_ok=True)
     lines: list[str] = []
     calibration_sets: list[Dataset | StudioPhotos] = [*datasets]
     studio_examples = []

@@ -8,7 +8,7 @@ from vig.io.errors import UserError
 from vig.recognition.network import NetworkSettings
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
-from vig_train.cli.common import check_writable
+from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import Train
 from vig_train.plots import train_and_plot as train_network
 from vig_train.training.drawing import Drawing
@@ -26,8 +26,7 @@ def train(settings: Train) -> int:
     report = lines.append if settings.json else lambda line: print(line, flush=True)
     if not settings.dataset:
         raise UserError("expected at least one dataset to train on; got none")
-    datasets = [read_dataset(path, "train") for path in settings.dataset]
-    check_writable(settings.out)
+    check_workers(settings.workers)
     object_class = ObjectClass.load(settings.object_class)
     shares = {name: getattr(settings, name) for name in ("level", "occluded", "absent")}
     for name, share in shares.items():
@@ -40,6 +39,10 @@ def train(settings: Train) -> int:
         raise UserError(f"expected --frozen from 0 to {TRUNK_STAGES}; got {settings.frozen}.")
     if not 0 < settings.rate <= MOST_RATE:
         raise UserError(f"expected --rate above 0 and at most {MOST_RATE}; got {settings.rate:g}.")
+    if settings.props and not settings.studio:
+        raise UserError("expected --studio above 0 with --props: they stand before the studio's objects.")
+    datasets = [read_dataset(path, "train") for path in settings.dataset]
+    check_writable(settings.out)
     drawing = None
     if settings.studio and object_class.folder is not None:
         studio = StudioSettings(**shares, props=str(settings.props or ""))

@@ -151,10 +151,13 @@ def _check(dataset: Dataset, object_class: ObjectClass, methods: tuple[str, ...]
     unknown = [method for method in methods if method not in METHODS]
     if unknown:
         raise UserError(f"expected methods among {', '.join(METHODS)}; got {', '.join(unknown)}")
-    modes, dataset_modes = (
-        object_class.shape_model.modes,
-        layout_of_width(dataset.latents.shape[1]).count("shape"),
-    )
+    check_class(dataset, object_class)
+
+
+def check_class(dataset: Dataset, object_class: ObjectClass) -> None:
+    """Raise UserError where a dataset has other shape components than a class."""
+    modes = object_class.shape_model.modes
+    dataset_modes = layout_of_width(dataset.latents.shape[1]).count("shape")
     if dataset_modes != modes:
         raise UserError(
             f"expected a dataset of class '{object_class.name}' with {modes} shape components;"

@@ -100,7 +100,7 @@ def _split_of(name: str) -> Split:
 @functools.lru_cache(maxsize=2048)
 def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
     """All cut-outs of a model; none where it cannot be read."""
-    seed = hashlib.sha256(f"{root.name}/{name}".encode()).digest()
+    seed = hashlib.sha256(name.encode() + (root / name).read_bytes()).digest()
 
     def make() -> Arrays:
         path = root / name

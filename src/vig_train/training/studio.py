@@ -145,11 +145,13 @@ class Studio:
         split: Split = "train",
         fold: tuple[int, int] | None = None,
         refused: bool = True,
+        things: Split | None = None,
     ):
         """Objects are of the class's designs and meshes of a split; of fold k of n those whose numbers are k
-        modulo n; without `refused` those alone from which the class was built.
+        modulo n; without `refused` those alone from which the class was built. Grounds and other things are
+        of that split, too, or of another.
         """
-        self.object_class, self.settings, self.split = object_class, settings, split
+        self.object_class, self.settings, self.split = object_class, settings, things or split
         model = object_class.shape_model
         self.size = float(np.ptp(model.mean, axis=0).max())
         self.height = float(model.mean[:, 2].max())
@@ -159,7 +161,7 @@ class Studio:
             self.models = {n: model for n, model in self.models.items() if n % fold[1] == fold[0]}
         if not refused:
             self.models = {n: model for n, model in self.models.items() if model.of_class}
-        self._props = model_cutouts(settings.props, split, object_class.name) if settings.props else None
+        self._props = model_cutouts(settings.props, self.split, object_class.name) if settings.props else None
         self._light_factor = np.linalg.cholesky(
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )

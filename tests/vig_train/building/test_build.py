@@ -109,11 +109,13 @@ def test_one_mesh_makes_a_class_of_its_exact_shape(tmp_path: Path) -> None:
     assert np.median(nearest) < 0.01 * np.ptp(moved, axis=0).max(), "the file's own surface is the class's"
     weights = tmp_path / "pack" / "recognition.safetensors"
     weights.write_bytes(b"of the shapes so far")
+    card = tmp_path / "pack" / "card.md"
+    card.write_text(card.read_text() + "\n## Recognition\n\nhours of training\n")
     build_class(tmp_path / "meshes", tmp_path / "pack", settings, lambda line: None)
-    assert weights.exists()
+    assert weights.exists() and card.read_text().endswith("\n\n## Recognition\n\nhours of training\n")
     other = replace(settings, length=0.3)
     build_class(tmp_path / "meshes", tmp_path / "pack", other, lambda line: None)
-    assert not weights.exists(), "weights of other shapes explain nothing"
+    assert not weights.exists() and "hours" not in card.read_text(), "weights of other shapes explain nothing"
     assert (tmp_path / "pack" / "build" / "outdated" / weights.name).read_bytes() == b"of the shapes so far"
 
 

@@ -76,6 +76,8 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
         (["--absent", "nan"], "expected --absent as a share from 0 to 1; got nan"),
         (["--again", "-1"], "expected --again as a number of images; got -1"),
         (["--frozen", "6"], "expected --frozen from 0 to 5; got 6"),
+        (["--workers", "0"], "expected --workers of at least 1; got 0"),
+        (["--studio", "0", "--props", "P"], "expected --studio above 0 with --props"),
         (["--rate", "0"], "expected --rate above 0 and at most 0.1; got 0"),
     ],
 )
@@ -86,6 +88,7 @@ def test_numbers_out_of_range_are_told(
     with pytest.raises(SystemExit) as ended:
         main(["train", "--dataset", "D", "--out", str(tmp_path / "w"), *given])
     assert ended.value.code == 2 and expected in capsys.readouterr().err
+    assert not (tmp_path / "w").exists()
 
 
 def test_several_datasets_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -22,14 +23,14 @@ ZONE_NAMES = (
 """The functional zones of rooms."""
 
 
-ALIKE = {"mug": {"cup_saucer"}, "car": {"vehicle"}}
+ALIKE = {"mug": {"cup_saucer"}, "cup": {"mug", "teacups"}, "car": {"vehicle"}}
 """Families of props, by a word of a class's name, that look like it under another name."""
 
 
 def is_of_class(family: str, name: str) -> bool:
     """Whether a family of props, such as `mug`, is named like a class or known to be alike."""
-    words = set(name.lower().split())
-    return bool(set(family.lower().split("_")) & words) or any(
+    words = {word.removesuffix("s") for word in re.split(r"[^a-z]+", name.lower())} - {""}
+    return bool({word.removesuffix("s") for word in family.lower().split("_")} & words) or any(
         family in ALIKE.get(word, ()) for word in words
     )
 
