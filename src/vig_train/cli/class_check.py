@@ -39,6 +39,7 @@ class PhotoLabel(msgspec.Struct, frozen=True):
         azimuth_deg: Of the view, as elevation_deg.
         box: x, y, width, height round the whole object, pixels; None where it is to be found.
         silhouette: File of the object's whole outline, None where there is none.
+        visible: File of what is seen of it; None where nothing is before the object.
         shape: Group of photos that gets a row of its own.
     """
 
@@ -47,6 +48,7 @@ class PhotoLabel(msgspec.Struct, frozen=True):
     elevation_deg: float
     box: tuple[float, float, float, float] | None = None
     silhouette: str | None = None
+    visible: str | None = None
     shape: str = ""
 
 
@@ -123,7 +125,7 @@ def read_labels(folder: Path, path: Path) -> list[PhotoLabel]:
     if not labels:
         raise UserError(f"expected labels of one photo or more; '{path}' has none.")
     for label in labels:
-        for name in (label.photo, label.silhouette):
+        for name in (label.photo, label.silhouette, label.visible):
             if name is not None and not (folder / name).is_file():
                 raise UserError(f"expected '{name}' of '{path}' in '{folder}'; it is not there.")
         if not -90 <= label.elevation_deg <= 90 or not np.isfinite(label.azimuth_deg):
@@ -174,12 +176,12 @@ def errors_of(
     turn = np.radians(explanation.azimuth_deg - label.azimuth_deg)
     azimuth = np.degrees(abs(angle_difference(turn * fold, 0.0))) / fold if fold else np.nan
     outline = visible = np.nan
+    seen = label.visible or label.silhouette
     if label.silhouette is not None:
-        truth = read_mask(folder / label.silhouette)
-        if truth.shape != explanation.mask.shape:
-            raise UserError(f"expected a silhouette as large as '{label.photo}'; got '{label.silhouette}'.")
-        outline = _iou(explanation.amodal | explanation.mask, truth)
-        visible = _iou(explanation.mask, truth)
+        whole = _mask_of(folder, label, label.silhouette, explanation)
+        outline = _iou(explanation.amodal | explanation.mask, whole)
+    if seen is not None:
+        visible = _iou(explanation.mask, _mask_of(folder, label, seen, explanation))
     side = "other"
     for name, middle in (("right", 0.0), ("left", 180.0)):
         if abs((label.azimuth_deg - middle + 180) % 360 - 180) <= SIDE:
@@ -194,6 +196,14 @@ def errors_of(
         visible,
         str(explanation.verdict),
     )
+
+
+def _mask_of(folder: Path, label: PhotoLabel, name: str, explanation: Explanation) -> np.ndarray:
+    """A mask (H, W) bool of a label; UserError where it is not as large as the photo."""
+    mask = read_mask(folder / name)
+    if mask.shape != explanation.mask.shape:
+        raise UserError(f"expected a mask as large as '{label.photo}'; got '{name}'.")
+    return mask
 
 
 def _iou(a: np.ndarray, b: np.ndarray) -> float:

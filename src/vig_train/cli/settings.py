@@ -123,8 +123,9 @@ class CheckClass:
     """Measure a class on your own labelled photos, and put the table on the pack's card.
 
     labels.json is a list of objects: {"photo": "a.jpg", "box": [x, y, w, h], "azimuth_deg": 30,
-    "elevation_deg": 10, "silhouette": "a_outline.png", "shape": "estate"}, of which silhouette, shape, which
-    groups photos, and box may be left out. Azimuth 0 shows the front to the right, 90 to the eye.
+    "elevation_deg": 10, "silhouette": "a_outline.png", "visible": "a_seen.png", "shape": "estate"}. Of these
+    silhouette, visible (where something is before it), shape, which groups photos, and box may be left out.
+    Azimuth 0 shows the front to the right, 90 to the eye.
     """
 
     pack: tyro.conf.Positional[str]

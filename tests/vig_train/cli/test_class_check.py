@@ -33,6 +33,7 @@ def labelled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[
     height, width = np.asarray(Image.open(example)).shape[:2]
     found = vig.Explainer("teapot").explain(folder / "a.png", box=(0, 0, width, height))
     Image.fromarray((found.amodal | found.mask).astype(np.uint8) * 255).save(folder / "outline.png")
+    Image.fromarray(found.mask.astype(np.uint8) * 255).save(folder / "seen.png")
     label: dict[str, object] = {
         "photo": "a.png",
         "box": [0, 0, width, height],
@@ -42,7 +43,12 @@ def labelled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[
         "shape": "plain",
         "object": 7,
     }
-    turned = label | {"photo": "b.png", "azimuth_deg": found.azimuth_deg + 170, "shape": "turned"}
+    turned = label | {
+        "visible": "seen.png",
+        "photo": "b.png",
+        "azimuth_deg": found.azimuth_deg + 170,
+        "shape": "turned",
+    }
     (folder / "labels.json").write_text(json.dumps([label, turned]))
     return folder, [label, turned]
 
@@ -56,6 +62,7 @@ def test_errors_are_those_of_the_labels(
     assert rows["plain"]["azimuth_deg"] == pytest.approx(0, abs=1e-3)
     assert rows["plain"]["outline_iou"] == 1 and rows["plain"]["elevation_deg"] == pytest.approx(0, abs=1e-3)
     assert rows["turned"]["azimuth_deg"] == pytest.approx(170, abs=1e-3)
+    assert rows["turned"]["visible_iou"] == 1 > rows["plain"]["visible_iou"] > 0.3, "something is before it"
     assert (rows["all"]["count"], rows["all"]["within_15"], rows["all"]["turned"]) == (2, 0.5, 0.5)
     assert (PACKAGED / "teapot" / "card.md").read_bytes() == before, "a packaged card is not the user's"
 
@@ -164,7 +171,7 @@ def test_a_silhouette_of_another_size_gets_one_line(
         (tmp_path / name).write_bytes((folder / name).read_bytes())
     Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
     (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}]))
-    with pytest.raises(UserError, match="none of 1 can.*a silhouette as large as 'a.png'"):
+    with pytest.raises(UserError, match="none of 1 can.*a mask as large as 'a.png'"):
         check_class(CheckClass("teapot", tmp_path))
 
 
@@ -172,7 +179,7 @@ def test_one_silhouette_that_does_not_fit_ends_no_run(
     labelled: tuple[Path, list[dict[str, object]]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, labels = labelled
-    for name in ("a.png", "b.png", "outline.png"):
+    for name in ("a.png", "b.png", "outline.png", "seen.png"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
     Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
     (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}, labels[1]]))
