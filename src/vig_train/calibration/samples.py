@@ -48,7 +48,7 @@ AS_USERS_TAKE_THEM = StudioSettings(
     continued=0.1,
     roll=0.03,
     rolled=0.0,
-    absent=0.45,
+    absent=0.25,
 )
 """Photos of a studio to calibrate and to test on: nearer to what users have than those of the training, which
 are as wide as they can be. `absent` is the share that show something else."""
