@@ -18,6 +18,7 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExplainSettings, Fit, OtherView, Verdict, all_round, explain, resolve
 from vig.inference.calibration import FILE as CALIBRATION_FILE
+from vig.inference.confidence import unsure
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
@@ -41,6 +42,8 @@ PRESENCE_MIDDLE = 0.83
 the object by chance. Real pots and mugs that are found have medians of 0.93 and 0.98."""
 PRESENCE_SLOPE = 35.0
 """Log odds of presence per unit of score, on the same photos."""
+LIKELY = 0.5
+"""Presence below which a doubt is about what was found, not about its view."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 SURELY_FOUND = 0.75
 """Score from which a place counts as one of several objects, or as where a lost one is found again."""
@@ -296,9 +299,12 @@ def _lowered_by_presence(fit: Fit, score: float, name: str) -> Fit:
     doubted = replace(fit, confidence=confidence, mask_confidence=mask_confidence, alternatives=views)
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
     doubted = replace(doubted, present=present, mask_trusted=sure)
-    if fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold:
+    lost = fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold
+    if lost or (fit.verdict is Verdict.AMBIGUOUS and present < LIKELY):
         reason = f"what was found in the photo may be no {name}; give a box if it is one"
         doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)
+    elif fit.reason == unsure(fit.confidence):
+        doubted = replace(doubted, reason=unsure(confidence))
     return doubted
 
 

@@ -20,6 +20,7 @@ from scipy.ndimage import binary_dilation
 
 import vig
 from vig.explainer import presence_of
+from vig.inference.confidence import unsure
 from vig.photo import Window
 from vig.recognition.find import Candidate
 from vig.scene import srgb8_from_linear
@@ -218,6 +219,30 @@ def test_what_is_not_surely_found_is_not_trusted(
     assert ("mask" in found.trusted) == (found.mask_confidence >= found.fit.mask_threshold)
     assert bool(found.amodal.any()) == (verdict != "absent")
     assert str(explainer.explain(photo, BOX).verdict) == "trusted"
+
+
+@pytest.mark.parametrize(
+    ("score", "expected"),
+    [
+        (0.81, "what was found in the photo may be no teapot; give a box if it is one"),
+        (0.86, "its view is right with a probability of {confidence:.0%} only"),
+    ],
+)
+def test_the_reason_says_what_the_confidence_says(
+    explainer: vig.Explainer, photo: np.ndarray, score: float, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    explained = vig.explainer.explain
+
+    def unsure_of_its_view(*given: Any) -> Any:
+        doubt = {"confidence": 0.6, "verdict": vig.Verdict.AMBIGUOUS, "reason": unsure(0.6)}
+        return (replace(fit, **doubt) for fit in explained(*given))
+
+    window = Window.of(photo.shape[1], photo.shape[0], BOX)
+    monkeypatch.setattr(vig.explainer, "explain", unsure_of_its_view)
+    monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, score))
+    found = explainer.explain(photo)
+    assert found.confidence == pytest.approx(0.6 * presence_of(score))
+    assert found.reason == expected.format(confidence=found.confidence)
 
 
 def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:

@@ -290,8 +290,13 @@ def _verdict(
     elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > MUCH_HIDDEN:
         reason = "too little of the object is seen to be sure of its view"
     else:
-        reason = f"its view is right with a probability of {confidence:.0%} only"
+        reason = unsure(confidence)
     return confidence, Verdict.AMBIGUOUS, reason
+
+
+def unsure(confidence: float) -> str:
+    """The reason for doubt where there is no other than a low confidence."""
+    return f"its view is right with a probability of {confidence:.0%} only"
 
 
 def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:

@@ -110,7 +110,9 @@ def _taken(shapes: ClassShapes, families: int) -> str:
     held_out = count - len(shapes.trained)
     kept = f", {held_out} of them held out for validation and test" if held_out else ""
     modes = f"{_counted(len(components.basis), 'component')}, {_counted(families or 1, 'family')}"
-    error = f"; leave-one-out error {min(components.errors):.2%} of the size" if components.errors else ""
+    error = ""
+    if components.errors:
+        error = f"; leave-one-out error {components.errors[len(components.basis)]:.2%} of the size"
     return f"{_counted(count, 'mesh')} taken{kept}: {'its shape is held' if count == 1 else modes}{error}"
 
 

@@ -49,9 +49,10 @@ class Build:
     """Zones of the generator's rooms where such things stand, such as floor for chairs; by default where
     tableware does."""
     materials: bool = True
-    """Train with the colours and textures of the files: they tell front from back."""
+    """Whether training shows the colours and textures of the files: they tell front from back."""
     recognizer: bool = True
-    """Train a quick recognizer at once, in two minutes, so that `vig fit --class PACK` works."""
+    """Whether a quick recognizer is trained at once, in two idle minutes, so that `vig fit --class PACK`
+    works."""
     workers: int | None = None
     """Processes that draw images for it; one per CPU by default."""
     json: bool = False
