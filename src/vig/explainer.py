@@ -42,7 +42,7 @@ PRESENCE_MIDDLE = 0.83
 the object by chance. Real pots and mugs that are found have medians of 0.93 and 0.98."""
 PRESENCE_SLOPE = 35.0
 """Log odds of presence per unit of score, on the same photos."""
-LIKELY = 0.5
+PROBABLY_PRESENT = 0.5
 """Presence below which a doubt is about what was found, not about its view."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 SURELY_FOUND = 0.75
@@ -300,7 +300,7 @@ def _lowered_by_presence(fit: Fit, score: float, name: str) -> Fit:
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
     doubted = replace(doubted, present=present, mask_trusted=sure)
     lost = fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold
-    if lost or (fit.verdict is Verdict.AMBIGUOUS and present < LIKELY):
+    if lost or (fit.verdict is Verdict.AMBIGUOUS and present < PROBABLY_PRESENT):
         reason = f"what was found in the photo may be no {name}; give a box if it is one"
         doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)
     elif fit.reason == unsure(fit.confidence):
