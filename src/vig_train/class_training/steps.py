@@ -66,7 +66,7 @@ TEST_PHOTOS = 320
 FOLDS = SIZES.members
 """Of cross-validation: each member of the network is trained without every fourth mesh, and tested on it."""
 CALIBRATION_SEED, TEST_SEED = 2**31 + 1, 2**31 + 2
-"""Of their images: not those of a training, whose seeds are below 2**31."""
+"""Of their images: larger than seeds of trainings usually are, whose images these must not be."""
 STEPS = ("images", "heads", "calibration", "test")
 
 
