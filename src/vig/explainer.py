@@ -187,7 +187,11 @@ class Explainer:
             too_wide = window.ratio(pixels) < DISTANCE_RATIO_BOUNDS[0]
         cut, inside = window.crop(pyramid)
         photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(inside)[None]
-        window_hints = None if hints is None else hints.in_window(window, self.object_class)
+        # A network sees for itself where in a box the object is.
+        held_box = None if self.recognizer.informed or box is None else checked_box(box)
+        window_hints = None
+        if hints is not None or held_box is not None:
+            window_hints = (hints or Hints()).in_window(window, self.object_class, held_box)
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, window_hints))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)

@@ -410,11 +410,11 @@ class Explanation:
 
     @property
     def distance_known(self) -> bool:
-        """Whether the object's distance is more than a guess: the focal length is known.
+        """Whether the object's distance is more than a guess: focal length and class's size are known.
 
         Even then distances are those of an object of the class's usual size.
         """
-        return self.focal_from != "assumed"
+        return self.focal_from != "assumed" and self.object_class.size_known
 
     def __repr__(self) -> str:
         height, width = self.picture.shape[:2]

@@ -19,6 +19,8 @@ from vig.scene import IMAGE_SIZE, ObjectClass
 
 FARTHEST = 100.0
 """Usual distances beyond which an object is not: a pose in millimetres."""
+BOX_MARGIN = 0.03
+"""The object may reach beyond a box drawn by hand by this share of its longer side."""
 BEYOND = 1.5
 """Photo's sides from its middle within which a named point must be: the object may reach beyond the photo."""
 
@@ -137,9 +139,14 @@ class Hints:
         )
         return azimuth, elevation, roll
 
-    def in_window(self, window: Window, object_class: ObjectClass) -> WindowHints:
-        """The hints as the window shows them."""
+    def in_window(
+        self, window: Window, object_class: ObjectClass, box: tuple[float, float, float, float] | None = None
+    ) -> WindowHints:
+        """The hints as the window shows them, with a box of the photo round the whole object."""
         labels = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
+        if box is not None:
+            labels[_beyond(box, window)] = PixelLabel.NOTHING
+            box = None if window.roll else _in_window(box, window)
         if self.mask is not None:
             visible_share = _share(self.mask, window)
             labels[visible_share > 0.9] = PixelLabel.SEEN
@@ -163,6 +170,7 @@ class Hints:
             azimuth,
             elevation,
             held,
+            box,
         )
 
 
@@ -222,6 +230,22 @@ def _share(mask: np.ndarray, window: Window) -> torch.Tensor:
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
     cut, inside = window.crop(grey)
     return torch.from_numpy(cut[..., 0] * inside)
+
+
+def _beyond(box: tuple[float, float, float, float], window: Window) -> torch.Tensor:
+    """The window's pixels (S, S) bool clearly outside a box of the photo."""
+    middle = ((np.arange(IMAGE_SIZE) + 0.5) / IMAGE_SIZE - 0.5) * window.side
+    x, y = window.to_photo(*np.meshgrid(middle, middle))
+    margin = BOX_MARGIN * max(box[2:])
+    off_x, off_y = abs(x - box[0] - box[2] / 2) - box[2] / 2, abs(y - box[1] - box[3] / 2) - box[3] / 2
+    return torch.from_numpy(np.maximum(off_x, off_y) > margin)
+
+
+def _in_window(box: tuple[float, float, float, float], window: Window) -> tuple[float, float, float, float]:
+    """A box (x, y, w, h) of the photo in sides of the window, which is not turned."""
+    x, y = window.to_window(np.array([box[0], box[0] + box[2]]), np.array([box[1], box[1] + box[3]]))
+    left, top = x[0] / window.side + 0.5, y[0] / window.side + 0.5
+    return float(left), float(top), float(np.ptp(x) / window.side), float(np.ptp(y) / window.side)
 
 
 def _finite(what: str, value: Any, count: int) -> tuple[Any, ...]:

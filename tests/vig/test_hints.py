@@ -15,7 +15,7 @@ from PIL import Image
 
 import vig
 from vig.hints import Hints, checked_pose, view_of
-from vig.inference import Objective, PixelLabel, PointTerm, objective_of, resolve
+from vig.inference import Objective, PixelLabel, PlaceTerm, objective_of, resolve
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.masks import read_mask
@@ -174,30 +174,38 @@ def test_a_pose_tells_its_view(azimuth: float, elevation: float, roll: float) ->
     assert found == pytest.approx((azimuth, elevation, roll), abs=1e-6)
 
 
-def points_objective(explainer: vig.Explainer, example: Example) -> tuple[Objective, PointTerm, torch.Tensor]:
+def points_objective(
+    explainer: vig.Explainer, example: Example
+) -> tuple[Objective, list[PlaceTerm], torch.Tensor]:
     """An objective, a term of all named points, and a point some way from where they are."""
     truth, unit = explainer.explain(example.photo), explainer.object_class.at_unit_scale
     cut = torch.from_numpy(truth.window.crop(truth.picture)[0])
     settings = resolve(explainer.settings, explainer.object_class, photo=True)
     objective = objective_of(cut, explainer.recognizer(cut[None]), explainer.object_class, settings)
     hints = Hints(points={name: point_of(truth, name) for name in unit.points})
-    told = hints.in_window(truth.window, explainer.object_class)
     camera = unit.camera(150, truth.camera_distance_ratio)
-    return (
-        objective,
-        PointTerm(told, unit, camera, objective.layout),
-        objective.point(truth.latents, truth.fit.framing[None]),
-    )
+    matrix, fit = truth.camera.K, truth.camera_from_object
+    seen = truth.vertices @ fit[:3, :3].T + fit[:3, 3]
+    places = (seen @ matrix.T)[:, :2] / seen[:, 2:]
+    box = (*places.min(0), *np.ptp(places, axis=0))
+    told = hints.in_window(truth.window, explainer.object_class, box)
+    terms = told.terms(unit, camera, objective.layout)
+    return objective, terms, objective.point(truth.latents, truth.fit.framing[None])
 
 
-def test_the_points_of_a_fit_are_where_it_puts_them(explainer: vig.Explainer, example: Example) -> None:
-    """The term's projection is that of the answer: at the fit itself it costs nothing."""
-    _, term, at = points_objective(explainer, example)
-    assert float(term.value(at)[0]) > -1e-3
+def test_points_and_box_of_a_fit_are_where_it_puts_them(explainer: vig.Explainer, example: Example) -> None:
+    """The terms' projection is that of the answer: at the fit itself they cost nothing."""
+    _, (points, box), at = points_objective(explainer, example)
+    assert float(points.value(at)[0]) > -1e-3
+    assert float(box.value(at)[0]) > -3, "but for vertices that are on the hull of this shape alone"
 
 
-def test_the_terms_derivatives_are_those_of_its_value(explainer: vig.Explainer, example: Example) -> None:
-    _, term, at = points_objective(explainer, example)
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_terms_derivatives_are_those_of_its_value(
+    explainer: vig.Explainer, example: Example, number: int
+) -> None:
+    objective, terms, at = points_objective(explainer, example)
+    term = terms[number]
     generator = torch.Generator().manual_seed(0)
     points = (at + 0.05 * torch.randn(2, at.shape[1], generator=generator)).double()
     value, gradient = torch.zeros(2, dtype=torch.float64), torch.zeros(points.shape, dtype=torch.float64)
@@ -209,7 +217,7 @@ def test_the_terms_derivatives_are_those_of_its_value(explainer: vig.Explainer, 
     torch.testing.assert_close(gradient, expected)
     slopes = torch.func.vmap(torch.func.jacfwd(term.residuals))(points)
     torch.testing.assert_close(normal, slopes.mT @ slopes)
-    assert (gradient[:, term.layout["framing"]] != 0).all()
+    assert (gradient[:, objective.layout["framing"]] != 0).all()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one, load_fit_kernels
 from vig.inference.families import family_of
-from vig.inference.hints import PixelLabel, PointTerm, WindowHints
+from vig.inference.hints import PixelLabel, PlaceTerm, WindowHints
 from vig.inference.objective import Objective, ObjectiveValue, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import starts
@@ -28,7 +28,7 @@ __all__ = [
     "ObjectiveValue",
     "OtherView",
     "PixelLabel",
-    "PointTerm",
+    "PlaceTerm",
     "RecognitionPrior",
     "Stage",
     "Verdict",

@@ -46,6 +46,9 @@ CONFIDENCE_FEATURES = (
 
 UNCALIBRATED_POSITION = (0.1, 0.1, 0.3)
 """Position deviations of a class without a calibration, see `FitCalibration.position`: rough ones."""
+UNCALIBRATED_WIDENING = 35.0
+"""Factor of the deviations of fits without a calibration, as evidence counts pixels as independent: on 200
+scenes of four meshes right views were 3.7 degrees off (68 % quantile) where evidence alone says 0.1."""
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""
 LEAST_DEVIATION = 1e-3

@@ -10,6 +10,7 @@ import torch
 from vig.inference.calibration import (
     CONFIDENCE_FEATURES,
     UNCALIBRATED_POSITION,
+    UNCALIBRATED_WIDENING,
     WITHIN_90,
     FitCalibration,
 )
@@ -73,14 +74,21 @@ def assess(
         mask_trusted = mask_confidence >= calibration.mask_threshold
     deviations = _deviation(objective, at_fit.normal[0].cpu())
     path = symmetry.canonical(objective.latents(selection.path))
-    deviation, position = objective.latents(deviations).to_vector()[0], torch.tensor(UNCALIBRATED_POSITION)
-    if calibration is not None:
-        place = latent_layout(latents.shape.shape[1]).at("azimuth")
+    place, uniform = latent_layout(latents.shape.shape[1]).at("azimuth"), UNIFORM_TURN / max(symmetry.fold, 1)
+    position = torch.tensor(UNCALIBRATED_POSITION)
+    if calibration is None:
+        deviations = UNCALIBRATED_WIDENING * deviations
+    deviation = objective.latents(deviations).to_vector()[0]
+    if calibration is None:
+        # How probable other views are was not learned: unless it is trusted, any is possible.
+        unsure_view = verdict is not Verdict.TRUSTED and symmetry.fold > 0
+        deviation[place] = uniform if unsure_view else min(float(deviation[place]), uniform)
+    else:
         about_view = float(calibration.widened(deviation, features, True)[place])
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
         if verdict is not Verdict.TRUSTED:
             about_view = _among_views(about_view, confidence, judge or prediction, latents.azimuth)
-        deviation[place] = min(about_view, UNIFORM_TURN / max(symmetry.fold, 1))
+        deviation[place] = min(about_view, uniform)
         position = calibration.position[0 if verdict is Verdict.TRUSTED else 1]
     return Fit(
         latents=latents,

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
+import numpy as np
 import torch
+from scipy.spatial import ConvexHull
 
 from vig.recognition import Prediction, box_in_window
-from vig.scene import Camera, LatentLayout, ObjectClass
+from vig.scene import Camera, LatentLayout, ObjectClass, ShapeModel
 
 POINT_NOISE = 0.02
 """Standard deviation of a named point, in sides of the window: of clicks, and of the class's own points."""
 POINT_WEIGHT = 100.0
 """Power of the points' Gaussian: evidence counts pixels as independent, which they are not."""
+BOX_NOISE = 0.02
+"""The same of the sides of a box drawn by hand."""
 COARSE_NOISE = 0.08
 """The same deviation where views are compared before the shape is fitted."""
 LEAST_VIEW = 0.002
@@ -53,6 +58,7 @@ class WindowHints:
         azimuth: Radians, as `elevation`; None where unknown.
         elevation: Known to `ELEVATION_SPREAD`.
         held: Single latents of a fit that are held, radians: "elevation", "roll".
+        box: x, y, w, h of the whole object, in sides of the window; None where it is not known, or turned.
     """
 
     labels: torch.Tensor
@@ -62,6 +68,17 @@ class WindowHints:
     azimuth: float | None
     elevation: float | None
     held: Mapping[str, float]
+    box: tuple[float, float, float, float] | None = None
+
+    def terms(self, object_class: ObjectClass, camera: Camera, layout: LatentLayout) -> list[PlaceTerm]:
+        """What the hints add to the objective of a camera."""
+        projection = Projection(object_class.shape_model, camera, layout)
+        terms: list[PlaceTerm] = []
+        if len(self.vertices):
+            terms.append(PointTerm(self.vertices, self.places, projection))
+        if self.box is not None:
+            terms.append(BoxTerm(self.box, projection))
+        return terms
 
     def corrected(self, prediction: Prediction, object_class: ObjectClass, camera: Camera) -> Prediction:
         """What the network would predict (N = 1) if it knew of the hints.
@@ -132,33 +149,43 @@ class WindowHints:
         return torch.exp(-0.5 * (off - off.min()))
 
 
-class PointTerm:
-    """The Gaussian of named points' places in the objective: log p, its gradient and Gauss-Newton matrix.
+@dataclass(frozen=True)
+class Projection:
+    """Where a shape model's vertices are in a window, as the objective's points place them."""
 
-    A point of the object's frame is projected as the renderer does: rotated, divided by its depth, framed.
-    Residuals are in sides of the window.
+    model: ShapeModel
+    camera: Camera
+    layout: LatentLayout
+
+    def of(self, chosen: np.ndarray) -> Callable[[torch.Tensor], torch.Tensor]:
+        """Places (N, 2) of the chosen vertices (N,), in sides of the window, from one point (P') float64."""
+        mean = torch.from_numpy(self.model.mean[chosen]).double()
+        basis = torch.from_numpy(self.model.basis[:, chosen]).double()
+        at, camera = self.layout, self.camera
+
+        def places(point: torch.Tensor) -> torch.Tensor:
+            vertices = mean + torch.einsum("k,kjc->jc", point[at["shape"]], basis)
+            # As `look` and `place` in likelihood/kernels/templates/vertices.py.
+            rotation, translation = camera.pose(point[at["azimuth"]], point[at["elevation"]])
+            x, y, z = (vertices @ rotation[0].T + translation[0]).unbind(1)
+            framing = point[at["framing"]] if "framing" in at else point.new_zeros(4)
+            shift_x, shift_y, log_scale, roll = framing.unbind(0)
+            cos, sin = torch.cos(roll), torch.sin(roll)
+            scale = camera.focal / camera.width * torch.exp(log_scale)
+            across, down = scale * (cos * x - sin * y) / z, scale * (sin * x + cos * y) / z
+            return torch.stack([across + 0.5 + shift_x, down + 0.5 + shift_y], 1)
+
+        return places
+
+
+class PlaceTerm(ABC):
+    """A Gaussian in the objective of where things are in the window: log p, its gradient and Gauss-Newton
+    matrix.
     """
 
-    def __init__(self, hints: WindowHints, object_class: ObjectClass, camera: Camera, layout: LatentLayout):
-        model = object_class.shape_model
-        chosen = hints.vertices.numpy()
-        self.mean = torch.from_numpy(model.mean[chosen]).double()
-        self.basis = torch.from_numpy(model.basis[:, chosen]).double()
-        self.given, self.camera, self.layout = hints.places.double(), camera, layout
-
+    @abstractmethod
     def residuals(self, point: torch.Tensor) -> torch.Tensor:
-        """(2 J,) in deviations, of one point (P') of the objective, float64."""
-        at, camera = self.layout, self.camera
-        vertices = self.mean + torch.einsum("k,kjc->jc", point[at["shape"]], self.basis)
-        # As `look` and `place` in likelihood/kernels/templates/vertices.py.
-        rotation, translation = camera.pose(point[at["azimuth"]], point[at["elevation"]])
-        x, y, z = (vertices @ rotation[0].T + translation[0]).unbind(1)
-        framing = point[at["framing"]] if "framing" in at else point.new_zeros(4)
-        shift_x, shift_y, log_scale, roll = framing.unbind(0)
-        cos, sin, scale = torch.cos(roll), torch.sin(roll), camera.focal / camera.width * torch.exp(log_scale)
-        across, down = scale * (cos * x - sin * y) / z, scale * (sin * x + cos * y) / z
-        predicted = torch.stack([across + 0.5 + shift_x, down + 0.5 + shift_y], 1)
-        return ((predicted - self.given) / POINT_NOISE).flatten() * math.sqrt(POINT_WEIGHT)
+        """(R,) in deviations, of one point (P') of the objective, float64."""
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
         """log p of points (B, P') up to a constant: (B,) float64."""
@@ -175,3 +202,29 @@ class PointTerm:
         value += (-0.5 * off.square().sum(1)).to(value)
         gradient -= torch.einsum("bj,bjp->bp", off, slopes).to(gradient)
         normal += torch.einsum("bjp,bjq->bpq", slopes, slopes).to(normal)
+
+
+class PointTerm(PlaceTerm):
+    """Of named points: vertices (J,) are at places (J, 2)."""
+
+    def __init__(self, vertices: torch.Tensor, places: torch.Tensor, projection: Projection):
+        self.given, self.places = places.double(), projection.of(vertices.numpy())
+
+    def residuals(self, point: torch.Tensor) -> torch.Tensor:
+        """Both coordinates of each point, (2 J,)."""
+        return ((self.places(point) - self.given) / POINT_NOISE).flatten() * math.sqrt(POINT_WEIGHT)
+
+
+class BoxTerm(PlaceTerm):
+    """Of the whole object's box (x, y, w, h); its vertices are those of the mean shape's convex hull."""
+
+    def __init__(self, box: tuple[float, float, float, float], projection: Projection):
+        x, y, w, h = box
+        self.given = torch.tensor([x, y, x + w, y + h], dtype=torch.float64)
+        self.places = projection.of(ConvexHull(projection.model.mean).vertices)
+
+    def residuals(self, point: torch.Tensor) -> torch.Tensor:
+        """Left, top, right and bottom, (4,)."""
+        places = self.places(point)
+        sides = torch.cat([places.amin(0), places.amax(0)])
+        return (sides - self.given) / BOX_NOISE * math.sqrt(POINT_WEIGHT)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import torch
 
-from vig.inference.hints import PointTerm
+from vig.inference.hints import PlaceTerm
 from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Evaluation, Likelihood
 from vig.renderer.device import launch
@@ -121,8 +121,8 @@ class Objective:
 
     The likelihood's `layout` defines a point's numbers and their bounds. The framing is held at 0 unless
     `free_framing`, azimuth where any turn looks the same, the shape where the class has but one. For
-    `recognition` and `prior_weight` see `Prior`, for `decorated` `pixel_prior`. `points` is a term of named
-    points' places; `held` are single numbers, by name, and where they are held.
+    `recognition` and `prior_weight` see `Prior`, for `decorated` `pixel_prior`. `terms` are of
+    places in the window; `held` are single numbers, by name, and where they are held.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class Objective:
         recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
         decorated: torch.Tensor | None = None,
-        points: PointTerm | None = None,
+        terms: Sequence[PlaceTerm] = (),
         held: Mapping[str, float] = MappingProxyType({}),
     ):
         self.likelihood, self.object_class, self.decorated = likelihood, object_class, decorated
@@ -155,7 +155,7 @@ class Objective:
             in_framing = layout["framing"].start + FRAMING.labels.index(name) if name == "roll" else None
             index = layout.at(name) if in_framing is None else in_framing
             self.lower[index] = self.upper[index] = number
-        self.points = points
+        self.terms = terms
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
         """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
@@ -192,10 +192,10 @@ class Objective:
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         if evaluation.gradient is None or evaluation.normal is None:
             value = evaluation.value + self.prior.value(points)
-            if self.points is not None:
-                value = value + self.points.value(points).to(value)
+            for term in self.terms:
+                value = value + term.value(points).to(value)
             return ObjectiveValue(value, None, None, evaluation)
         self.prior.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
-        if self.points is not None:
-            self.points.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
+        for term in self.terms:
+            term.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
         return ObjectiveValue(evaluation.value, evaluation.gradient, evaluation.normal, evaluation)

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import torch
 
 from vig.inference.families import shape_deviation
-from vig.inference.hints import PointTerm, WindowHints
+from vig.inference.hints import WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.refinement import AZIMUTH_SPREAD
 from vig.inference.settings import ExplainSettings, FitSettings, resolve
@@ -77,9 +77,8 @@ def objectives_of(
             settings.silhouette,
             density=settings.likelihood.density,
         )
-        points, held = None, {} if hints is None else hints.held
-        if hints is not None and len(hints.vertices):
-            points = PointTerm(hints, object_class, likelihood.camera, likelihood.layout)
+        held = {} if hints is None else hints.held
+        terms = () if hints is None else hints.terms(object_class, likelihood.camera, likelihood.layout)
         objectives[scale] = Objective(
             likelihood,
             object_class,
@@ -87,7 +86,7 @@ def objectives_of(
             predicted,
             settings.prior_weight,
             decorated,
-            points,
+            terms,
             held,
         )
     return objectives

@@ -129,7 +129,7 @@ def describe(
             "K": pinhole[0].tolist(),
             "camera_from_object": pinhole[1].tolist(),
             "covariance": pinhole[2].tolist(),
-            "distance_known": focal_from != "assumed",
+            "distance_known": focal_from != "assumed" and object_class.size_known,
             **camera_from_mesh(pinhole[1], object_class),
         },
         "glb_from_object": glb_from_object(float(fit.latents.azimuth)).tolist(),

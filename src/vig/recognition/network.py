@@ -14,6 +14,8 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from vig.io.checks import check_number
 from vig.parallel.internals import has_bfloat16
+from vig.recognition.decoder import CELLS, HEADS, ContextDecoder
+from vig.recognition.layers import GroupedLinear, InvertedResidual, convolution
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
 
@@ -79,6 +81,8 @@ class NetworkSettings:
         blocks: Inverted residual blocks of each stage.
         expansion: Channels within a block over those between blocks; the first stage has no expansion.
         decoder: Channels of the mask's decoder.
+        context: Channels, from coarse to fine, of a decoder that sees the whole image, in its place; or
+            none.
         recalled: Channels that the dense layer adds to the decoder's coarsest map, so that what is hidden
             can be drawn from what the whole looks like.
         squeezed: Channels from which the dense layer reads.
@@ -94,6 +98,7 @@ class NetworkSettings:
     blocks: tuple[int, ...] = (1, 2, 2, 3, 3)
     expansion: int = 6
     decoder: int = 64
+    context: tuple[int, ...] = ()
     recalled: int = 16
     squeezed: int = 48
     features: int = 384
@@ -105,6 +110,9 @@ class NetworkSettings:
             raise ValueError(f"channels and blocks must be 6 and 5; got {self.channels} and {self.blocks}")
         check_sizes("channels", self.channels, 1, 2048)
         check_sizes("blocks", self.blocks, 1, 64)
+        if len(self.context) not in (0, 4) or (self.context and self.context[0] % HEADS):
+            raise ValueError(f"context must be four numbers of channels, or none; got {self.context}")
+        check_sizes("context", self.context, 1, 2048)
         check_sizes("expansion", (self.expansion,), 1, 16)
         check_sizes("modes", (self.modes,), 1, MOST_MODES)
         check_sizes("azimuth_bins", (self.azimuth_bins,), 6, 3600)
@@ -220,26 +228,25 @@ def fold_normalisation(network: nn.Module) -> None:
 class RecognitionNetwork(nn.Module):
     """From an image (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
 
-    COARSE_CELLS = 10
-    """The image's side at a sixteenth of its size."""
+    COARSE_CELLS = CELLS
 
     def __init__(self, settings: NetworkSettings):
         super().__init__()
         self.settings = settings
         first, *outputs = settings.channels
-        self.stem = _convolution(3, first, 3, stride=2)
+        self.stem = convolution(3, first, 3, stride=2)
         inputs, stages = first, []
         for number, (width, count) in enumerate(zip(outputs, settings.blocks, strict=True)):
             expansion = settings.expansion if number else 1
-            blocks = [_InvertedResidual(inputs, width, expansion, KERNELS[number], STRIDES[number])]
+            blocks = [InvertedResidual(inputs, width, expansion, KERNELS[number], STRIDES[number])]
             blocks += [
-                _InvertedResidual(width, width, expansion, KERNELS[number], 1) for _ in range(count - 1)
+                InvertedResidual(width, width, expansion, KERNELS[number], 1) for _ in range(count - 1)
             ]
             stages.append(nn.Sequential(*blocks))
             inputs = width
         self.stages = nn.ModuleList(stages)
         self.dense = nn.Sequential(
-            _convolution(inputs, settings.squeezed, 1),
+            convolution(inputs, settings.squeezed, 1),
             nn.Flatten(),
             GroupedLinear(settings.squeezed * self.COARSE_CELLS**2, settings.features, settings.members),
             nn.ReLU(),
@@ -248,17 +255,23 @@ class RecognitionNetwork(nn.Module):
         self.azimuth = nn.Linear(settings.features, settings.azimuth_bins)
         self.numbers = nn.Linear(settings.features, 2 * regressed_layout(settings.modes).size)
         self.others = nn.Linear(settings.features, 2)
-        half, quarter, eighth, _, coarse = outputs
+        half, quarter, eighth, sixteenth, coarse = outputs
         wide, narrow = settings.decoder, settings.decoder // 2
+        if settings.context:
+            widths = settings.squeezed, settings.features, settings.recalled
+            maps = (coarse, sixteenth), (eighth, quarter, half)
+            self.context = ContextDecoder(*maps, settings.context, *widths)
+            self.mask = nn.Conv2d(settings.context[-1], len(MASK_CLASSES), 1)
+            return
         self.recalled = nn.Linear(settings.features, settings.recalled * self.COARSE_CELLS**2)
         self.deep = nn.Sequential(
-            _convolution(coarse + settings.recalled, wide, 1), _convolution(wide, wide, 3)
+            convolution(coarse + settings.recalled, wide, 1), convolution(wide, wide, 3)
         )
         self.side = nn.ModuleList(
-            _convolution(*sizes, 1) for sizes in ((eighth, wide), (quarter, wide), (half, narrow))
+            convolution(*sizes, 1) for sizes in ((eighth, wide), (quarter, wide), (half, narrow))
         )
         self.merge = nn.ModuleList(
-            _convolution(*sizes, 3) for sizes in ((wide, wide), (wide, narrow), (narrow, narrow))
+            convolution(*sizes, 3) for sizes in ((wide, wide), (wide, narrow), (narrow, narrow))
         )
         self.mask = nn.Conv2d(narrow, len(MASK_CLASSES), 1)
 
@@ -268,13 +281,7 @@ class RecognitionNetwork(nn.Module):
             x = stage(x)
             maps.append(x)
         features = self.dense(x)
-        half, quarter, eighth, _, coarse = maps
-        recalled = self.recalled(features).unflatten(1, (-1, self.COARSE_CELLS, self.COARSE_CELLS))
-        merged = self.deep(torch.cat([coarse, recalled], 1))
-        for finer, side, merge in zip((eighth, quarter, half), self.side, self.merge, strict=True):
-            height, width = finer.shape[-2:]
-            upsampled = functional.interpolate(merged, scale_factor=2.0)[..., :height, :width]
-            merged = merge(upsampled + side(finer))
+        merged = self._decoded(features, maps)
         mean, log_variance = self.numbers(features).float().chunk(2, dim=1)
         roll, presence = self.others(features).float().unbind(1)
         return Heads(
@@ -286,19 +293,19 @@ class RecognitionNetwork(nn.Module):
             self.mask(merged).float(),
         )
 
-
-class GroupedLinear(nn.Linear):
-    """As many linear layers as groups, side by side: each sees its share of the inputs alone."""
-
-    def __init__(self, inputs: int, outputs: int, groups: int):
-        super().__init__(inputs // groups, outputs)
-        self.groups = groups
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        if self.groups == 1:
-            return super().forward(x)
-        weight = self.weight.unflatten(0, (self.groups, -1))
-        return torch.einsum("bgi,goi->bgo", x.unflatten(1, (self.groups, -1)), weight).flatten(1) + self.bias
+    def _decoded(self, features: torch.Tensor, maps: list[torch.Tensor]) -> torch.Tensor:
+        """Features of the mask head's cells."""
+        half, quarter, eighth, sixteenth, coarse = maps
+        if self.settings.context:
+            decoded: torch.Tensor = self.context((coarse, sixteenth), (eighth, quarter, half))
+            return decoded
+        recalled = self.recalled(features).unflatten(1, (-1, self.COARSE_CELLS, self.COARSE_CELLS))
+        merged: torch.Tensor = self.deep(torch.cat([coarse, recalled], 1))
+        for finer, side, merge in zip((eighth, quarter, half), self.side, self.merge, strict=True):
+            height, width = finer.shape[-2:]
+            upsampled = functional.interpolate(merged, scale_factor=2.0)[..., :height, :width]
+            merged = merge(upsampled + side(finer))
+        return merged
 
 
 def bfloat16(device: torch.device) -> torch.autocast:
@@ -306,27 +313,3 @@ def bfloat16(device: torch.device) -> torch.autocast:
     if device.type == "cuda":
         return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
     return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())
-
-
-class _InvertedResidual(nn.Module):
-    """An inverted residual: channels are expanded, filtered one by one, and projected."""
-
-    def __init__(self, inputs: int, outputs: int, expansion: int, kernel: int, stride: int):
-        super().__init__()
-        wide = inputs * expansion
-        self.expand = _convolution(inputs, wide, 1) if expansion > 1 else nn.Identity()
-        self.filter = _convolution(wide, wide, kernel, stride, groups=wide)
-        self.project = nn.Sequential(nn.Conv2d(wide, outputs, 1, bias=False), nn.BatchNorm2d(outputs, 1e-3))
-        self.residual = stride == 1 and inputs == outputs
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        projected: torch.Tensor = self.project(self.filter(self.expand(x)))
-        return x + projected if self.residual else projected
-
-
-def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, groups=groups, bias=False),
-        nn.BatchNorm2d(outputs, 1e-3),
-        nn.ReLU6(inplace=True),
-    )

@@ -16,8 +16,8 @@ ALBEDO = 0.4, 0.4
 """Of each channel, likewise."""
 LIGHT_FACTOR = 3.0
 """Over the standard deviations of the class's lights, at an exposure that is not known."""
-MASK = 0.3, 0.12, 0.58
-"""Shares of `MASK_CLASSES` among the pixels of windows about boxes; a mask that is given overrules them."""
+MASK = 0.5, 0.1, 0.4
+"""Shares of `MASK_CLASSES` among the pixels of boxes; hints overrule them: beyond the box is nothing."""
 
 
 class UninformedRecognizer(Recognizer):

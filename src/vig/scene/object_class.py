@@ -79,6 +79,7 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
     held_out_designs: tuple[Any, ...] = ()
     part_reflectance: tuple[float, ...] | None = None
     object_from_mesh: tuple[tuple[float, ...], ...] | None = None
+    size_known: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,7 @@ class ObjectClass:
             class: a car's windows are dark. None where nothing is known.
         object_from_mesh: (4, 4) similarity from the coordinates of the file of a class of one mesh to the
             class's frame; None for other classes.
+        size_known: Whether its metres are more than assumed: a length was told, or the files are in metres.
     """
 
     name: str
@@ -126,6 +128,7 @@ class ObjectClass:
     fit_settings: Mapping[str, bool | float] = field(default_factory=dict)
     part_reflectance: tuple[float, ...] | None = None
     object_from_mesh: np.ndarray | None = None
+    size_known: bool = True
 
     def __post_init__(self) -> None:
         for what, text in [("name", self.name), *[("name of a point", name) for name in self.points]]:
@@ -225,6 +228,8 @@ class ObjectClass:
         for name in ("fit_settings", "families", "held_out_designs", "part_reflectance", "object_from_mesh"):
             if not written[name]:
                 del written[name]
+        if self.size_known:
+            del written["size_known"]
         with atomic_write(Path(folder) / "class.json") as temporary:
             Path(temporary).write_text(json.dumps(written, indent=1) + "\n")
 

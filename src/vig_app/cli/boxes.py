@@ -10,7 +10,7 @@ from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS
 from vig_app.cli.common import FitCommand, pack_of_mesh
-from vig_app.cli.naming import by_photo
+from vig_app.cli.naming import by_photo, note
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
 Objects = tuple[tuple[str, Box], ...]
@@ -48,7 +48,10 @@ def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:
     if settings.mesh is not None:
         if settings.object_class != FitCommand.object_class or settings.objects is not None:
             raise UserError("expected --mesh, --class or --objects; got two of them. Give one.")
-        return str(pack_of_mesh(settings.mesh)), ()
+        say = (lambda line: None) if settings.quiet else note
+        return str(pack_of_mesh(settings.mesh, settings.length, say)), ()
+    if settings.length is not None:
+        raise UserError("expected --length with --mesh, whose size it tells; got it alone. Give both.")
     whole = [settings.object_class]
     several = settings.objects is not None and not Path(settings.object_class).exists()
     first, *others = settings.object_class.split(",") if several else whole

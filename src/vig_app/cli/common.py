@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -37,6 +38,8 @@ class FitCommand:
     mesh: Path | None = None
     """In place of a class, a mesh file of the very object: its views are tried all round, so that a --box or
     --mask must tell where it is. explanation.json then has its pose in the file's frame, camera_from_mesh."""
+    length: float | None = None
+    """With --mesh: its longest side, metres, where the file is in other units (only glTF is in metres)."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default that of each one's EXIF data."""
     intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
@@ -146,13 +149,13 @@ GROUP = "vig.verbs"
 
 
 MESH_GROUP = "vig.meshes"
-"""Entry points of functions that make a class pack of a mesh file: path in, folder out."""
+"""Entry points of functions that make a class pack of a mesh file: path, length and `say` in, folder out."""
 
 
-def pack_of_mesh(mesh: Path) -> Path:
+def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None]) -> Path:
     """The class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
     for point in entry_points(group=MESH_GROUP):
-        folder: Path = point.load()(mesh)
+        folder: Path = point.load()(mesh, length, say)
         return folder
     raise UserError("expected the package vig_train, to read --mesh; it is not installed. Install vig anew.")
 

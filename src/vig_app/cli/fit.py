@@ -28,6 +28,7 @@ from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig.recognition import WEIGHTS_FILE
+from vig.scene import ObjectClass, Symmetry
 from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
@@ -70,6 +71,8 @@ def fit(settings: FitCommand) -> int:
             note(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
         if not settings.quiet and settings.mesh is None and is_untrained(Path(name)):
             note(f"no network was trained for '{name}': views are tried all round, where a box or mask tells")
+    if settings.mesh is not None and not settings.quiet:
+        note(_of_mesh(settings.mesh, ObjectClass.load(object_class)))
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)
@@ -146,6 +149,22 @@ def is_quick(pack: Path) -> bool:
 def is_untrained(pack: Path) -> bool:
     """Whether a folder is a class pack for which no network was trained."""
     return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()
+
+
+TURNS = {
+    Symmetry.NONE: "no turn about its vertical looks the same",
+    Symmetry.HALF_TURN: "half a turn about its vertical looks the same",
+    Symmetry.ANY_TURN: "any turn about its vertical looks the same, so that none is sought",
+}
+
+
+def _of_mesh(mesh: Path, object_class: ObjectClass) -> str:
+    """What was taken of a mesh file, in a line."""
+    length = float(np.ptp(object_class.shape_model.mean, axis=0).max())
+    size = f"its longest side is {length:.3g} m"
+    if not object_class.size_known:
+        size += " for want of a unit, and distances are unknown: --length tells it"
+    return f"'{mesh.name}': {TURNS[object_class.symmetry]}; {size}"
 
 
 def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:

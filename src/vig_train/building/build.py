@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from vig.io.errors import UserError
@@ -66,12 +67,12 @@ def build_class(
     if not registered.accepted:
         raise UserError(f"expected meshes of one kind in '{meshes}'; no two are alike. Look at {sheets}.")
 
-    length, folder = settings.length_of(scans), folder_of(meshes)
+    (length, size_known), folder = settings.length_of(scans), folder_of(meshes)
     shapes = ClassShapes.of(registered, upright.symmetries, length)
     coloured = source_meshes(shapes, folder, say) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
-    object_class = object_class_of(settings, shapes, dark, cache)
+    object_class = replace(object_class_of(settings, shapes, dark, cache), size_known=size_known)
     say(_taken(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)
     if coloured:

@@ -36,7 +36,10 @@ SPREAD_STARTS = 400
 MAX_TILT = math.radians(15.0)
 """Radians; a foot within this of level is put level."""
 SYMMETRY_TOLERANCE = 0.022
-"""Root mean square radii; a shape that a turn changes by less has that turn as its symmetry."""
+"""Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry,"""
+DETAIL_TOLERANCE = 0.22
+"""unless `DETAIL_SHARE` of its surface is farther off than this: a spout, a handle."""
+DETAIL_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,16 @@ class PointCloud:
 
     def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
-        return 0.5 * (self._one_way_distance(other, rotation) + other._one_way_distance(self, rotation.T))
+        there, back = self.distances(other, rotation), other.distances(self, rotation.T)
+        return float(sum(0.5 * np.minimum(each, MAX_DISTANCE).mean() for each in (there, back)))
 
-    def _one_way_distance(self, other: PointCloud, rotation: np.ndarray) -> float:
+    def distances(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
+        """Distances (M,) of another cloud's points, turned by a rotation (3, 3), from the nearest here."""
         step = max(1, len(other.points) // QUERY_POINTS)
         features = np.concatenate(
             [other.points[::step] @ rotation.T, NORMAL_WEIGHT * other.normals[::step] @ rotation.T], axis=1
         )
-        return float(np.minimum(self.tree.query(features)[0], MAX_DISTANCE).mean())
+        return np.asarray(self.tree.query(features)[0])
 
     def refine_rotation(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
         """Return the rotation (3, 3) near a start that brings another cloud nearest, by ICP.
@@ -291,19 +296,24 @@ def class_symmetry(clouds: list[PointCloud]) -> ClassSymmetry:
     )
     spacing = float(np.median([cloud.spacing for cloud in clouds]))
     changes = changes - spacing
+    details = np.median([[_detail_change(cloud, turn) for turn in turns] for cloud in clouds], axis=0)
+    same = (changes < SYMMETRY_TOLERANCE) & (details < DETAIL_TOLERANCE)
     angles = np.radians(np.arange(0, 180, 5))
     mirrors = (
         np.median([[_mirror_change(cloud, angle) for angle in angles] for cloud in clouds], axis=0) - spacing
     )
     plane = float(angles[mirrors.argmin()])
-    if changes.max() < SYMMETRY_TOLERANCE:
-        symmetry = "any-turn"
-    else:
-        symmetry = "half-turn" if changes[-1] < SYMMETRY_TOLERANCE else "none"
+    symmetry = "any-turn" if same.all() else "half-turn" if same[-1] else "none"
     worst = (float(changes.min()), float(changes.max()))
     return ClassSymmetry(
         symmetry, bool(mirrors.min() < 1.5 * SYMMETRY_TOLERANCE), plane, worst, float(mirrors.min())
     )
+
+
+def _detail_change(cloud: PointCloud, turn: float) -> float:
+    """The distance beyond which a turn about +Z, in either sense, takes `DETAIL_SHARE` of a cloud."""
+    moved = np.concatenate([cloud.distances(cloud, about_z(angle)) for angle in (turn, -turn)])
+    return float(np.quantile(moved, 1 - DETAIL_SHARE))
 
 
 def _mirror_change(cloud: PointCloud, angle: float) -> float:

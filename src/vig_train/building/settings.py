@@ -86,15 +86,15 @@ class BuildSettings:
             raise UserError("expected at least one mesh that is not dropped; got none.")
         return used
 
-    def length_of(self, scans: Sequence[Scan]) -> float:
-        """Longest side of the mean shape of a class of these meshes, metres."""
+    def length_of(self, scans: Sequence[Scan]) -> tuple[float, bool]:
+        """Longest side of the mean shape of a class of these meshes, metres; whether it is known."""
         if self.length is not None:
-            return self.length
+            return self.length, True
         if len(scans) == 1 and scans[0].name.lower().endswith((".glb", ".gltf")):
             own = float(np.ptp(scans[0].vertices, axis=0).max())
             if LENGTHS[0] <= own <= LENGTHS[1]:
-                return own
-        return USUAL_LENGTH
+                return own, True
+        return USUAL_LENGTH, False
 
 
 def axis_vector(name: str) -> np.ndarray:

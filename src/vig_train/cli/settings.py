@@ -73,8 +73,11 @@ class Train:
     """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
     studio: int = 24
     """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
-    again: int = 0
-    """Images drawn for earlier steps that each step takes besides: drawing takes most of the time."""
+    distinct: int = 0
+    """Draw so many before the training, in OUT/drawn, from which each step takes its own; 0: fresh ones for
+    each step. Drawing takes most of the time, on a GPU nearly all."""
+    batch: int = 40
+    """Images of the datasets in each step."""
     level: float = 0.6
     """Share of the images drawn that are seen from about the horizon."""
     occluded: float = 0.6
@@ -85,6 +88,8 @@ class Train:
     """Models to put before and behind their objects: a folder of meshes, or furniture catalogues."""
     frozen: int = 3
     """Stages of the trunk, of five, that stay as they are: with 5 heads and mask are trained alone."""
+    mask_alone: bool = False
+    """Train a mask's decoder that sees the whole image, and it alone: all else stays as it is in --start."""
     rate: float = 2e-3
     """The highest learning rate; less to go on with weights that are good."""
     workers: int = 1

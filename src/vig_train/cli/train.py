@@ -18,6 +18,8 @@ from vig_world.dataset import read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MOST_RATE = 0.1
+CONTEXT = (192, 128, 96, 64)
+"""Channels of the decoder that sees the whole image."""
 
 
 def train(settings: Train) -> int:
@@ -32,13 +34,22 @@ def train(settings: Train) -> int:
     for name, share in shares.items():
         if not 0 <= share <= 1:
             raise UserError(f"expected --{name} as a share from 0 to 1; got {share:g}.")
-    for name in ("studio", "again"):
+    for name in ("studio", "distinct"):
         if getattr(settings, name) < 0:
             raise UserError(f"expected --{name} as a number of images; got {getattr(settings, name)}.")
     if not 0 <= settings.frozen <= TRUNK_STAGES:
         raise UserError(f"expected --frozen from 0 to {TRUNK_STAGES}; got {settings.frozen}.")
     if not 0 < settings.rate <= MOST_RATE:
         raise UserError(f"expected --rate above 0 and at most {MOST_RATE}; got {settings.rate:g}.")
+    if settings.batch < 1:
+        raise UserError(f"expected --batch of 1 or more images; got {settings.batch}.")
+    if settings.mask_alone and settings.start is None:
+        raise UserError("expected --start with --mask-alone: weights whose trunk and heads stay as they are.")
+    if settings.distinct and settings.distinct < settings.studio:
+        raise UserError(
+            f"expected --distinct of as many images as a step takes, {settings.studio}, or more; got"
+            f" {settings.distinct}."
+        )
     if settings.props and not settings.studio:
         raise UserError("expected --studio above 0 with --props: they stand before the studio's objects.")
     datasets = [read_dataset(path, "train") for path in settings.dataset]
@@ -47,7 +58,7 @@ def train(settings: Train) -> int:
     if settings.studio and object_class.folder is not None:
         studio = StudioSettings(**shares, props=str(settings.props or ""))
         drawing = Drawing(
-            object_class.folder, settings.studio, settings.again, studio=studio, workers=settings.workers
+            object_class.folder, settings.studio, settings.distinct, studio=studio, workers=settings.workers
         )
     chosen = TrainingSettings(
         seed=settings.seed,
@@ -58,6 +69,9 @@ def train(settings: Train) -> int:
         start=settings.start or PACKAGED / "teapot" / "recognition.safetensors",
         trunk_only=settings.start is None,
         frozen=settings.frozen,
+        mask_alone=settings.mask_alone,
+        batch=settings.batch,
+        network=NetworkSettings(context=CONTEXT if settings.mask_alone else ()),
         learning_rate=settings.rate,
     )
     path = train_network(datasets, settings.out, chosen, report, not settings.json)

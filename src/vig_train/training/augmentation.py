@@ -82,12 +82,12 @@ class Augmentation:
     noise: float = 0.03
 
     def __call__(self, examples: Examples, rng: np.random.Generator) -> Batch:
-        """Change examples at random."""
+        """Change examples at random, on their device."""
         images = examples.images.permute(0, 3, 1, 2).float().div(255)
         masks = torch.stack([examples.visible, examples.hidden], 1).float().div(255)
         present = examples.present()
         azimuth, numbers, roll = examples.azimuth, examples.numbers, examples.roll
-        flipped = torch.from_numpy(rng.random(len(images)) < self.flip)
+        flipped = torch.from_numpy(rng.random(len(images)) < self.flip).to(images.device)
         mirrored_azimuth, mirrored_numbers = mirrored(azimuth, numbers)
         azimuth = torch.where(flipped, mirrored_azimuth, azimuth)
         numbers = torch.where(flipped[:, None], mirrored_numbers, numbers)
@@ -113,13 +113,15 @@ class Augmentation:
         matrix[:, 0, 0], matrix[:, 0, 1] = np.cos(turn) / size, np.sin(turn) / size
         matrix[:, 1, 0], matrix[:, 1, 1] = -np.sin(turn) / size, np.cos(turn) / size
         matrix[:, :, 2] = reframed[:, None] * rng.normal(0, 2 * self.shift, (count, 2))
-        matrix[:, 0] *= np.where(flipped.numpy(), -1, 1)[:, None]
-        grid = functional.affine_grid(torch.from_numpy(matrix), list(images.shape), align_corners=False)
+        matrix[:, 0] *= np.where(flipped.cpu().numpy(), -1, 1)[:, None]
+        grid = functional.affine_grid(
+            torch.from_numpy(matrix).to(images), list(images.shape), align_corners=False
+        )
         # What comes in from outside must not tell that the picture was turned.
         outside = "border" if rng.random() < 0.5 else "reflection"
         warped = functional.grid_sample(images, grid, padding_mode=outside, align_corners=False)
         warped_masks = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
-        return warped, warped_masks, torch.from_numpy(turn.astype(np.float32))
+        return warped, warped_masks, torch.from_numpy(turn.astype(np.float32)).to(images)
 
     def _paste(
         self, images: torch.Tensor, masks: torch.Tensor, rng: np.random.Generator
@@ -131,8 +133,8 @@ class Augmentation:
             return images, masks
         targets = np.flatnonzero(pasted_on)
         pieces = torch.from_numpy(blobs(len(targets), height, width, rng)).to(images)[:, None]
-        sources = torch.from_numpy((targets + rng.integers(1, count, len(targets))) % count)
-        target_index = torch.from_numpy(targets)
+        sources = torch.from_numpy((targets + rng.integers(1, count, len(targets))) % count).to(images.device)
+        target_index = torch.from_numpy(targets).to(images.device)
         images, masks = images.clone(), masks.clone()
         images[target_index] = torch.lerp(
             images[target_index], images[sources].roll(int(rng.integers(width)), 3), pieces
@@ -150,7 +152,7 @@ class Augmentation:
         field = field + torch.from_numpy(gain[:, :, None, None]).to(images)
         light = functional.interpolate((field / GAMMA).exp(), (height, width), mode="bilinear")
         images = images * light
-        grey = torch.from_numpy(rng.random(count) < self.grey)
+        grey = torch.from_numpy(rng.random(count) < self.grey).to(images.device)
         if grey.any():
             images[grey] = images[grey].mean(1, keepdim=True).expand(-1, 3, -1, -1)
         if rng.random() < self.blur:
@@ -181,5 +183,5 @@ def _blurred(images: torch.Tensor, deviation: float) -> torch.Tensor:
     kernel = torch.softmax(-0.5 * (offsets / deviation) ** 2, 0)
     padded = functional.pad(images, (2, 2, 2, 2), mode="replicate")
     height, width = images.shape[2:]
-    rows = sum((kernel[i] * padded[:, :, i : i + height] for i in range(5)), torch.zeros(1))
-    return sum((kernel[i] * rows[:, :, :, i : i + width] for i in range(5)), torch.zeros(1))
+    rows = sum((kernel[i] * padded[:, :, i : i + height] for i in range(5)), padded.new_zeros(1))
+    return sum((kernel[i] * rows[:, :, :, i : i + width] for i in range(5)), padded.new_zeros(1))

@@ -26,7 +26,6 @@ from vig.recognition.network import (
 )
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
-from vig.scene.object_class import PACKAGED
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
@@ -50,6 +49,8 @@ DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
 """What of the network is the decoder."""
 CHECKPOINT_STEPS = 50
 """Steps of the decoder between checkpoints."""
+PLAIN_DECODER = Path(__file__).with_name("plain_decoder.safetensors")
+"""The mask's decoder of a network of teapots, on the same trunk."""
 STUDIO = StudioSettings(level=0.35)
 """Views from the horizon up to above: a user's photos may be from anywhere."""
 
@@ -73,9 +74,9 @@ class Features:
 
 
 def new_network(object_class: ObjectClass) -> RecognitionNetwork:
-    """Untrained heads on the shared trunk; the decoder begins as the packaged teapot's, where that fits."""
+    """Untrained heads on the shared trunk; the decoder begins as one of teapots, where that fits."""
     network = RecognitionNetwork(replace(SIZES, modes=object_class.shape_model.modes))
-    load_start_weights(network, PACKAGED / "teapot" / "recognition.safetensors", trunk_only=False)
+    load_start_weights(network, PLAIN_DECODER, trunk_only=False)
     trunk, _ = shared_trunk()
     network.load_state_dict({name: value.float() for name, value in trunk.items()}, strict=False)
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]

@@ -1,4 +1,4 @@
-"""Images that are drawn afresh for each step of a training, by worker processes."""
+"""Images of the studio beside those of datasets: drawn by worker processes, for each step or once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
+from vig.io.files import write_arrays
 from vig.parallel import map_in_processes
 from vig.recognition.network import layout_of_numbers
 from vig.scene import Latents, ObjectClass
@@ -18,6 +20,9 @@ from vig_train.training.examples import Examples
 from vig_train.training.recolour import recolour
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
+
+DRAWN = 60
+"""Images of a file that is drawn once."""
 
 StepArrays = tuple[int, dict[str, np.ndarray]]
 
@@ -29,7 +34,8 @@ class Drawing:
     Attributes:
         object_class: Folder of the class pack whose objects are drawn.
         count: Images of the studio.
-        again: Of those that earlier steps of an epoch drew, so many more: they take no time to draw.
+        distinct: So many are drawn before the training, and each step takes some of them; 0: each step's are
+            drawn for it.
         recoloured: Share of the dataset's images whose object gets other colours.
         studio: Of the images.
         workers: Processes.
@@ -37,7 +43,7 @@ class Drawing:
 
     object_class: Path
     count: int = 24
-    again: int = 0
+    distinct: int = 0
     recoloured: float = 0.7
     studio: StudioSettings = field(default_factory=StudioSettings)
     workers: int = 1
@@ -48,8 +54,38 @@ class Drawing:
         return {name: value for name, value in settings.items() if name != "workers"}
 
 
+def drawn_once(
+    drawing: Drawing, folder: Path, seed: int, advance: Callable[[int], None] = lambda count: None
+) -> Examples:
+    """The first `drawing.distinct` images of the studio, or a few more; files that are in the folder stay.
+
+    Args:
+        drawing: How many, and of what.
+        folder: Of the files.
+        seed: Of the training.
+        advance: Is called with the number of images newly there.
+
+    Raises:
+        UserError: A file is damaged, or the folder cannot be written.
+    """
+    paths = {number: folder / f"{number:05d}.safetensors" for number in range(-(-drawing.distinct // DRAWN))}
+    folder.mkdir(parents=True, exist_ok=True)
+    missing = [
+        (number, number * DRAWN, (number + 1) * DRAWN) for number, path in paths.items() if not path.exists()
+    ]
+    # Each file as it is done: a run that was killed goes on from there.
+    for number, arrays in map_in_processes(_prepare_once, (drawing, seed), missing, drawing.workers):
+        write_arrays(paths[number], arrays)
+        advance(DRAWN)
+    parts = []
+    for path in paths.values():
+        with reading(path, "images of an earlier run", "Remove the folder to draw them anew."):
+            parts.append(Examples(**read_tensors(path, "pt")[0]))
+    return Examples.joined(parts)
+
+
 def add_drawn_examples(
-    steps: Iterator[tuple[Examples, int]], drawing: Drawing, seed: int
+    steps: Iterator[tuple[Examples, int]], drawing: Drawing, seed: int, once: Examples | None = None
 ) -> Iterator[tuple[Examples, int]]:
     """Recolour a share of each step's examples, and add images of the studio, in order.
 
@@ -59,6 +95,7 @@ def add_drawn_examples(
         steps: Examples of a dataset with the number of their step.
         drawing: How many, and of what.
         seed: Of the training.
+        once: From which they are taken where they were drawn before.
 
     Raises:
         UserError: The dataset is of another class than the studio's.
@@ -67,41 +104,31 @@ def add_drawn_examples(
         (step, {name: value.numpy() for name, value in vars(examples).items()}) for examples, step in steps
     )
     for step, arrays in map_in_processes(_prepare, (drawing, seed), items, drawing.workers):
-        yield Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}), step
+        examples = Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()})
+        if once is not None:
+            rng = np.random.default_rng([seed, step, 3])
+            taken = rng.choice(len(once), min(drawing.count, len(once)), replace=False)
+            examples = Examples.joined([examples, once[torch.from_numpy(taken)]])
+        yield examples, step
 
 
-def add_earlier_examples(
-    steps: Iterator[tuple[Examples, int]], drawing: Drawing, seed: int, epoch_steps: int
-) -> Iterator[tuple[Examples, int]]:
-    """Add images of the studio that earlier steps of the same epoch drew, `drawing.again` or all there are.
+def _prepare_once(shared: tuple[Drawing, int]) -> Callable[[tuple[int, int, int]], StepArrays]:
+    drawing, seed = shared
+    studio = Studio(ObjectClass.load(drawing.object_class), drawing.studio)
 
-    Args:
-        steps: What `add_drawn_examples` gives.
-        drawing: How many.
-        seed: Of the training.
-        epoch_steps: Steps of an epoch: a run that resumes begins with one.
-    """
-    earlier: list[Examples] = []
-    for examples, step in steps:
-        if step % epoch_steps == 0:
-            earlier.clear()
-        count = drawing.count * len(earlier)
-        rng = np.random.default_rng([seed, step, 3])
-        chosen = rng.choice(count, min(drawing.again, count), replace=False)
-        own = examples[len(examples) - drawing.count :]
-        picked = [
-            earlier[index // drawing.count][index % drawing.count : index % drawing.count + 1]
-            for index in chosen.tolist()
-        ]
-        earlier.append(own)
-        yield Examples.joined([examples, *picked]), step
+    def work(item: tuple[int, int, int]) -> StepArrays:
+        number, *bounds = item
+        examples = studio_examples(studio, seed, range(*bounds))
+        return number, {name: value.numpy() for name, value in vars(examples).items()}
+
+    return work
 
 
 def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
     drawing, seed = shared
     object_class = ObjectClass.load(drawing.object_class)
     studio = Studio(object_class, drawing.studio)
-    modes = object_class.shape_model.modes
+    modes, fresh = object_class.shape_model.modes, 0 if drawing.distinct else drawing.count
 
     def work(item: StepArrays) -> StepArrays:
         step, arrays = item
@@ -112,8 +139,10 @@ def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
                 f"expected a dataset of class '{object_class.name}', with {modes} shape components; got"
                 f" {layout.count('shape')}. Make it with that class."
             )
-        parts = [_recolour_share(examples, drawing.recoloured, np.random.default_rng([seed, step, 2]))]
-        parts.append(studio_examples(studio, seed, range(step * drawing.count, (step + 1) * drawing.count)))
+        rng = np.random.default_rng([seed, step, 2])
+        parts = [recolour_share(examples, drawing.recoloured, rng)]
+        if fresh:
+            parts.append(studio_examples(studio, seed, range(step * fresh, (step + 1) * fresh)))
         return step, {name: value.numpy() for name, value in vars(Examples.joined(parts)).items()}
 
     return work
@@ -137,7 +166,7 @@ def examples_of(images: Sequence[StudioImage]) -> Examples:
     )
 
 
-def _recolour_share(examples: Examples, share: float, rng: np.random.Generator) -> Examples:
+def recolour_share(examples: Examples, share: float, rng: np.random.Generator) -> Examples:
     """Examples of a dataset, the object of a share of them in other colours."""
     images, numbers = examples.images.clone(), examples.numbers.clone()
     albedo = layout_of_numbers(numbers.shape[1])["albedo"]

@@ -59,6 +59,10 @@ class Examples:
     def __len__(self) -> int:
         return len(self.azimuth)
 
+    def to(self, device: torch.device) -> Examples:
+        """The same on another device."""
+        return Examples(*(getattr(self, field.name).to(device) for field in fields(self)))
+
     def pixels(self, device: torch.device | str = "cpu") -> torch.Tensor:
         """Network input (N, 3, H, W), sRGB in [0, 1]."""
         images = self.images.permute(0, 3, 1, 2).float().div(255).to(device)

@@ -29,7 +29,7 @@ from vig.recognition.weights import TRUNK_PREFIXES, whole_tensors
 from vig.scene import Symmetry, angle_difference
 from vig_train.training.augmentation import Augmentation, Batch
 from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
-from vig_train.training.drawing import Drawing, add_drawn_examples, add_earlier_examples
+from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once
 from vig_train.training.examples import Examples, hold_out
 from vig_train.training.targets import azimuth_labels
 from vig_world.dataset import Dataset
@@ -61,6 +61,7 @@ class TrainingSettings:
         start: Weights to begin with: a file of `vig train`, of which all that fits is taken.
         trunk_only: Take only the trunk from it.
         frozen: Of the trunk's stages, those that stay as they are in `start`, from the first on.
+        mask_alone: Whether all but the mask's decoder stays as it is in `start`.
         learning_rate: The highest; see `Schedule`.
         weight_decay: Of AdamW.
         validation: Most images of held-out rooms that are used.
@@ -79,6 +80,7 @@ class TrainingSettings:
     start: Path | None = None
     trunk_only: bool = False
     frozen: int = 3
+    mask_alone: bool = False
     learning_rate: float = 2e-3
     weight_decay: float = 2e-2
     validation: int = 2000
@@ -108,7 +110,12 @@ class TrainingSettings:
         count = sum(map(len, datasets))
         described = asdict(self) | {"count": count, "data": data, "start": str(self.start)}
         described["drawing"] = None if self.drawing is None else self.drawing.described()
-        left_out = {"threads": self.threads, "symmetry": Symmetry.NONE, "mirror": True}
+        left_out = {
+            "threads": self.threads,
+            "symmetry": Symmetry.NONE,
+            "mirror": True,
+            "mask_alone": False,
+        }
         return json.dumps({k: value for k, value in described.items() if (k, value) not in left_out.items()})
 
 
@@ -169,7 +176,11 @@ def train(
     if checkpoint.exists():
         state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
         first_epoch, best, best_epoch = int(state["epoch"]), float(state["best"]), int(state["best_at"])
-    batches = run.batches(examples, chosen, first_epoch)
+    drawing, once = settings.drawing, None
+    if drawing is not None and drawing.distinct:
+        with Meter(drawing.distinct, 0, progress, "images", REPORT_SECONDS) as drawn:
+            once = drawn_once(drawing, Path(out) / "drawn", settings.seed, drawn.advance)
+    batches = run.batches(examples, chosen, first_epoch, once)
     steps = len(chosen) // settings.batch
     with Meter(settings.epochs * steps, first_epoch * steps, progress, "steps", REPORT_SECONDS) as meter:
         for epoch in range(first_epoch, settings.epochs):
@@ -222,7 +233,7 @@ class _TrainingState:
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
         if settings.start is not None:
             load_start_weights(network, settings.start, settings.trunk_only)
-            for part in _frozen_parts(network, settings.frozen):
+            for part in _frozen_parts(network, settings):
                 part.requires_grad_(False)
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         average.load_state_dict(network.state_dict())
@@ -236,8 +247,13 @@ class _TrainingState:
         )
         return _TrainingState(settings, {"network": network, "average": average}, optimizer, scale, device)
 
-    def batches(self, examples: Examples, chosen: torch.Tensor, first_epoch: int) -> Iterator[Batch]:
-        """Augmented batches of all epochs from `first_epoch` on, in order."""
+    def batches(
+        self, examples: Examples, chosen: torch.Tensor, first_epoch: int, once: Examples | None = None
+    ) -> Iterator[Batch]:
+        """Augmented batches of all epochs from `first_epoch` on, in order, on the network's device.
+
+        once: Images of the studio that were drawn before.
+        """
         settings = self.settings
         steps = len(chosen) // settings.batch
 
@@ -251,12 +267,10 @@ class _TrainingState:
         steps_of_dataset = ((part, step) for part, step in dataset_steps())
         examples_of_steps: Iterator[tuple[Examples, int]] = steps_of_dataset
         if drawing := settings.drawing:
-            examples_of_steps = add_drawn_examples(steps_of_dataset, drawing, settings.seed)
-            if drawing.again:
-                examples_of_steps = add_earlier_examples(examples_of_steps, drawing, settings.seed, steps)
+            examples_of_steps = add_drawn_examples(steps_of_dataset, drawing, settings.seed, once)
         augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
         for part, step in examples_of_steps:
-            yield augment(part, np.random.default_rng([settings.seed, step, 1]))
+            yield augment(part.to(self.device), np.random.default_rng([settings.seed, step, 1]))
 
     def epoch(
         self, batches: Iterator[Batch], epoch: int, steps: int, advance: Callable[[int], None]
@@ -266,12 +280,12 @@ class _TrainingState:
         torch.manual_seed(int(np.random.SeedSequence([settings.seed, epoch]).generate_state(1)[0] >> 1))
         network.train()
         if settings.start is not None:
-            for part in _frozen_parts(network, settings.frozen):
+            for part in _frozen_parts(network, settings):
                 part.eval()
         rate = Schedule(settings.learning_rate, settings.epochs * steps)
         sums = dict.fromkeys(LOSS_WEIGHTS, 0.0)
         for step in range(steps):
-            batch = next(batches).to(self.device)
+            batch = next(batches)
             scale = {name: value.to(self.device) for name, value in self.scale.items()}
             numbers = (batch.numbers - scale["mean"]) / scale["deviation"]
             with bfloat16(self.device):
@@ -313,9 +327,12 @@ def load_start_weights(network: RecognitionNetwork, path: Path, trunk_only: bool
     network.load_state_dict(loaded, strict=False)
 
 
-def _frozen_parts(network: RecognitionNetwork, stages: int) -> list[nn.Module]:
-    """The first stages of the trunk, with what comes before them."""
-    return [network.stem, *network.stages[:stages]] if stages else []
+def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:
+    """The first stages of the trunk, with what comes before them, or all but the mask's decoder."""
+    if settings.mask_alone:
+        heads = network.dense, network.azimuth, network.numbers, network.others
+        return [network.stem, *network.stages, *heads]
+    return [network.stem, *network.stages[: settings.frozen]] if settings.frozen else []
 
 
 def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> dict[str, torch.Tensor]:

@@ -86,6 +86,29 @@ def test_the_shape_of_one_mesh_is_held_and_its_pose_is_in_its_files_frame() -> N
     assert not camera_from_mesh(pose, FIN)
 
 
+def test_a_box_alone_holds_the_size_and_views_are_unsure() -> None:
+    photo, mask = photo_of(RIGID, 40.0)
+    rows, columns = np.nonzero(mask)
+    box = (float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
+    found = vig.Explainer(RIGID).explain(photo, box, focal=RIGID.camera().focal)
+    assert found.box is not None and np.abs(np.array(found.box) - box).max() < 0.05 * max(box[2:])
+    described = found.to_dict()
+    assert described["deviation"]["azimuth_deg"] == pytest.approx(360 / math.sqrt(12), abs=0.1)
+    assert described["deviation"]["elevation_deg"] > 0.5, "evidence counts pixels as independent"
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_distances_are_known_where_the_size_is(known: bool) -> None:
+    photo, mask = photo_of(RIGID, 130.0)
+    explainer = vig.Explainer(replace(RIGID, size_known=known))
+    found = explainer.explain(photo, focal=300.0, hints=vig.Hints(mask=mask))
+    assert found.distance_known is known and found.to_dict()["pinhole"]["distance_known"] is known
+    _, pose, covariance = found.pinhole_pose()
+    away = pose[:3, 3] / np.linalg.norm(pose[:3, 3])
+    deviation = math.sqrt(away @ covariance[:3, :3] @ away) / np.linalg.norm(pose[:3, 3])
+    assert (deviation > 0.9) is not known
+
+
 def test_what_is_not_told_where_it_is_is_refused() -> None:
     photo, _ = photo_of(FIN, 10.0)
     with pytest.raises(UserError, match="expected a box or a mask"):

@@ -148,6 +148,11 @@ def test_symmetries_are_found() -> None:
     assert shape([post]) == "any-turn"
     assert shape([post, *fins]) == "half-turn"
     assert shape([post, fins[0]]) == "none"
+    # A spout and a handle are a small share of a surface, and tell the view all the same.
+    spout = trimesh.creation.cylinder(0.05, 0.4, sections=24)
+    spout.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0), (0, 0, 0)))
+    spout.apply_translation((0.55, 0, 0))
+    assert shape([post, spout]) == "none"
 
 
 def test_a_foot_is_put_level() -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.vig_train.building.things import finned
 from vig.io.errors import UserError
 from vig.recognition import UninformedRecognizer
+from vig.scene import ObjectClass
 from vig_app.cli.boxes import classes_of
 from vig_app.cli.common import FitCommand
 from vig_train.building import single
@@ -35,6 +37,7 @@ def test_a_mesh_becomes_a_pack_once(cache: Path, tmp_path: Path, monkeypatch: py
     assert [path.name for path in cache.iterdir()] == [pack.name], "nothing half-made is left"
     monkeypatch.setattr(single, "build_class", None)
     assert pack_of_mesh(file) == pack, "not built again"
+    assert not explainer.object_class.size_known, "a .ply has no unit"
 
 
 @pytest.mark.parametrize(
@@ -54,6 +57,17 @@ def test_what_is_no_mesh_is_refused(
     with pytest.raises(UserError, match=message):
         pack_of_mesh(tmp_path / name)
     assert not cache.exists() or not any(cache.iterdir())
+
+
+@pytest.mark.slow
+def test_a_length_that_is_told_is_the_size(cache: Path, tmp_path: Path) -> None:
+    finned(1.0, 1.5, 0.45).export(tmp_path / "thing.ply")
+    told: list[str] = []
+    object_class = ObjectClass.load(pack_of_mesh(tmp_path / "thing.ply", 0.4, told.append))
+    assert object_class.size_known and len(told) == 1
+    assert np.ptp(object_class.shape_model.mean, axis=0).max() == pytest.approx(0.4)
+    with pytest.raises(UserError, match="expected --length with --mesh"):
+        classes_of(FitCommand((tmp_path / "photo.jpg",), length=0.4))
 
 
 def test_a_mesh_goes_in_place_of_a_class(tmp_path: Path) -> None:

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from tests.support import TEAPOT
+from vig.recognition import NetworkSettings
 from vig.scene.object_class import PACKAGED
 from vig_app.cli.main import main
 from vig_train.cli import train as verb
+from vig_train.cli.train import CONTEXT
 from vig_train.training.drawing import Drawing
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
@@ -27,13 +29,20 @@ TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
             TrainingSettings(epochs=3, seed=4, start=Path("other.safetensors")),
         ),
         (
-            "--studio 8 --again 16 --occluded 0.75 --absent 0.25 --frozen 5 --rate 5e-4".split(),
+            "--studio 8 --distinct 16 --batch 9 --occluded 0.75 --absent 0.25 --frozen 5 --rate 5e-4".split(),
             TrainingSettings(
+                batch=9,
                 drawing=Drawing(TEAPOT, 8, 16, studio=StudioSettings(occluded=0.75, absent=0.25)),
                 start=TRUNK,
                 trunk_only=True,
                 frozen=5,
                 learning_rate=5e-4,
+            ),
+        ),
+        (
+            ["--studio", "0", "--mask-alone", "--start", "other.safetensors"],
+            TrainingSettings(
+                start=Path("other.safetensors"), mask_alone=True, network=NetworkSettings(context=CONTEXT)
             ),
         ),
         (
@@ -74,7 +83,10 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
         (["--level", "1.5"], "expected --level as a share from 0 to 1; got 1.5"),
         (["--occluded", "-0.1"], "expected --occluded as a share from 0 to 1; got -0.1"),
         (["--absent", "nan"], "expected --absent as a share from 0 to 1; got nan"),
-        (["--again", "-1"], "expected --again as a number of images; got -1"),
+        (["--distinct", "-1"], "expected --distinct as a number of images; got -1"),
+        (["--distinct", "8"], "expected --distinct of as many images as a step takes, 24, or more; got 8"),
+        (["--batch", "0"], "expected --batch of 1 or more images; got 0"),
+        (["--mask-alone"], "expected --start with --mask-alone"),
         (["--frozen", "6"], "expected --frozen from 0 to 5; got 6"),
         (["--workers", "0"], "expected --workers of at least 1; got 0"),
         (["--studio", "0", "--props", "P"], "expected --studio above 0 with --props"),

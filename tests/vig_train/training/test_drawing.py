@@ -1,43 +1,54 @@
-"""Images that a training draws are used again within their epoch."""
+"""Images of the studio that are drawn once, before a training."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import pytest
 import torch
 
-from vig_train.training.drawing import Drawing, add_earlier_examples
+from vig.io.errors import UserError
+from vig.scene import ObjectClass
+from vig.scene.object_class import PACKAGED
+from vig_train.training import drawing as module
+from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once, studio_examples
 from vig_train.training.examples import Examples
+from vig_train.training.studio import Studio, StudioSettings
 
-COUNT = 2
+DRAWING = Drawing(PACKAGED / "teapot", 2, 5, recoloured=0.0, studio=StudioSettings(absent=0.0))
 
 
-def steps(first: int, last: int) -> Iterator[tuple[Examples, int]]:
-    """Of each step one image of a dataset, -1, and two of the studio, the number of each its azimuth."""
+def steps(once: Examples, first: int, last: int) -> Iterator[tuple[Examples, int]]:
+    """Of each step one image of a dataset."""
     for step in range(first, last):
-        azimuth = torch.tensor([-1.0, COUNT * step, COUNT * step + 1])
-        column = azimuth[:, None]
-        images = torch.zeros(3, 2, 2, 3, dtype=torch.uint8)
-        masks = torch.zeros(3, 2, 2, dtype=torch.uint8)
-        yield Examples(images, azimuth, column, azimuth, masks, masks), step
+        yield once[:1], step
 
 
-def shown(first: int, last: int) -> list[list[int]]:
-    drawing = Drawing(Path("pack"), COUNT, again=3)
-    with_earlier = add_earlier_examples(steps(first, last), drawing, seed=5, epoch_steps=4)
-    return [examples.azimuth.int().tolist() for examples, _ in with_earlier]
+def test_they_are_those_of_their_numbers_and_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "DRAWN", 3)
+    done: list[int] = []
+    once = drawn_once(DRAWING, tmp_path / "drawn", 7, done.append)
+    assert len(once) == 6 and done == [3, 3]
+    drawn = studio_examples(Studio(ObjectClass.load("teapot"), DRAWING.studio), 7, range(3, 6))
+    torch.testing.assert_close(once[3:].images, drawn.images)
+    (tmp_path / "drawn" / "00001.safetensors").unlink()
+    again = drawn_once(DRAWING, tmp_path / "drawn", 7, done.append)
+    assert done == [3, 3, 3], "only what is missing is drawn"
+    torch.testing.assert_close(again.images, once.images)
+    (tmp_path / "drawn" / "00000.safetensors").write_bytes(b"broken")
+    with pytest.raises(UserError, match="Remove the folder"):
+        drawn_once(DRAWING, tmp_path / "drawn", 7)
 
 
-def test_a_step_takes_images_of_the_epochs_earlier_steps_too() -> None:
-    found = shown(0, 8)
-    assert [len(step) for step in found] == [3, 5, 6, 6, 3, 5, 6, 6], "an epoch begins with none"
-    for number, step in enumerate(found):
-        assert step[:3] == [-1, COUNT * number, COUNT * number + 1]
-        epoch, again = number // 4 * 4, step[3:]
-        assert set(again) <= set(range(COUNT * epoch, COUNT * number)) and len(set(again)) == len(again)
-    assert {*found[6][3:], *found[7][3:]} > {*found[6][3:]}, "not always the same ones"
+def test_each_step_takes_its_own(tmp_path: Path) -> None:
+    once = drawn_once(replace(DRAWING, distinct=8), tmp_path, 7)
 
+    def taken(first: int, last: int) -> list[list[float]]:
+        with_drawn = add_drawn_examples(steps(once, first, last), DRAWING, 7, once)
+        return [examples.azimuth[1:].tolist() for examples, _ in with_drawn]
 
-def test_a_run_that_resumes_takes_the_same_images() -> None:
-    assert shown(4, 8) == shown(0, 8)[4:]
+    found = taken(0, 6)
+    assert all(len(set(step)) == DRAWING.count for step in found) and len({tuple(step) for step in found}) > 3
+    assert taken(3, 6) == found[3:], "whatever the step at which a run resumes"

@@ -1,0 +1,93 @@
+"""A decoder of masks that sees the whole image: what hides an object is told from it by all that is there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from vig.recognition.layers import convolution
+
+CELLS = 10
+"""Side of the coarsest map: the image's at a sixteenth of its size."""
+ATTENTION_LAYERS, HEADS = 2, 4
+"""Of self-attention over the cells of the coarsest map."""
+
+
+class ContextDecoder(nn.Module):
+    """From a trunk's maps to features of each cell at half the image's size.
+
+    A dense layer remembers from the coarsest map what such objects look like; self-attention over all of its
+    cells, then residual convolutions from coarse to fine.
+    """
+
+    def __init__(
+        self,
+        coarse: Sequence[int],
+        finer: Sequence[int],
+        widths: Sequence[int],
+        squeezed: int,
+        features: int,
+        recalled: int,
+    ):
+        """Channels of the maps and of the decoder at each.
+
+        Args:
+            coarse: Of the coarsest map, `CELLS` a side, and of another as large.
+            finer: Of the finer maps, each of twice the size.
+            widths: Of the decoder, at the coarsest map and at each of the finer ones.
+            squeezed: From which the dense layer reads.
+            features: Of the dense layer.
+            recalled: That it adds to the coarsest map.
+        """
+        super().__init__()
+        self.recall = nn.Sequential(
+            convolution(coarse[0], squeezed, 1),
+            nn.Flatten(),
+            nn.Linear(squeezed * CELLS**2, features),
+            nn.ReLU(),
+            nn.Linear(features, recalled * CELLS**2),
+            nn.Unflatten(1, (recalled, CELLS, CELLS)),
+        )
+        self.enter = convolution(sum(coarse) + recalled, widths[0], 1)
+        self.place = nn.Parameter(0.02 * torch.randn(1, CELLS**2, widths[0]))
+        self.attention = nn.ModuleList(
+            nn.TransformerEncoderLayer(
+                widths[0], HEADS, 2 * widths[0], 0.0, batch_first=True, norm_first=True
+            )
+            for _ in range(ATTENTION_LAYERS)
+        )
+        self.mix = _Residual(widths[0])
+        self.down = nn.ModuleList(convolution(*pair, 1) for pair in zip(widths, widths[1:], strict=False))
+        self.side = nn.ModuleList(convolution(*pair, 1) for pair in zip(finer, widths[1:], strict=True))
+        self.merge = nn.ModuleList(_Residual(width) for width in widths[1:])
+
+    def forward(self, coarse: Sequence[torch.Tensor], finer: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Features (B, C, h, w) as large as the last of the finer maps."""
+        merged: torch.Tensor = self.enter(torch.cat([*coarse, self.recall(coarse[0])], 1))
+        cells = merged.flatten(2).mT + self.place
+        for layer in self.attention:
+            cells = layer(cells)
+        merged = self.mix(cells.mT.unflatten(2, merged.shape[2:]))
+        for seen, down, side, merge in zip(finer, self.down, self.side, self.merge, strict=True):
+            height, width = seen.shape[-2:]
+            upsampled = functional.interpolate(down(merged), scale_factor=2.0, mode="bilinear")
+            merged = merge(upsampled[..., :height, :width] + side(seen))
+        return merged
+
+
+class _Residual(nn.Module):
+    """Two convolutions beside the identity."""
+
+    def __init__(self, width: int):
+        super().__init__()
+        self.first = convolution(width, width, 3)
+        self.second = nn.Sequential(
+            nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width, 1e-3)
+        )
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        change: torch.Tensor = self.second(self.first(x))
+        return torch.relu(x + change)
