@@ -307,8 +307,8 @@ def _lowered_by_presence(fit: Fit, score: float, name: str) -> Fit:
     if lost or (fit.verdict is Verdict.AMBIGUOUS and present < PROBABLY_PRESENT):
         reason = f"what was found in the photo may be no {name}; give a box if it is one"
         doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)
-    elif fit.reason == unsure(fit.confidence):
-        doubted = replace(doubted, reason=unsure(confidence))
+    elif fit.reason == unsure(fit.confidence, fit.view_threshold):
+        doubted = replace(doubted, reason=unsure(confidence, fit.view_threshold))
     return doubted
 
 

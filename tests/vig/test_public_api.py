@@ -222,19 +222,35 @@ def test_what_is_not_surely_found_is_not_trusted(
 
 
 @pytest.mark.parametrize(
-    ("score", "expected"),
+    ("score", "threshold", "expected"),
     [
-        (0.81, "what was found in the photo may be no teapot; give a box if it is one"),
-        (0.86, "its view is right with a probability of {confidence:.0%} only"),
+        (0.81, 0.9, "what was found in the photo may be no teapot; give a box if it is one"),
+        (0.86, 0.9, "its view is right with a probability of {confidence:.0%} only"),
+        (
+            0.86,
+            1.0,
+            "its view is right with a probability of {confidence:.0%} only; no view of this class is trusted,"
+            " see its card",
+        ),
     ],
 )
 def test_the_reason_says_what_the_confidence_says(
-    explainer: vig.Explainer, photo: np.ndarray, score: float, expected: str, monkeypatch: pytest.MonkeyPatch
+    explainer: vig.Explainer,
+    photo: np.ndarray,
+    score: float,
+    threshold: float,
+    expected: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     explained = vig.explainer.explain
 
     def unsure_of_its_view(*given: Any) -> Any:
-        doubt = {"confidence": 0.6, "verdict": vig.Verdict.AMBIGUOUS, "reason": unsure(0.6)}
+        doubt = {
+            "confidence": 0.6,
+            "view_threshold": threshold,
+            "verdict": vig.Verdict.AMBIGUOUS,
+            "reason": unsure(0.6, threshold),
+        }
         return (replace(fit, **doubt) for fit in explained(*given))
 
     window = Window.of(photo.shape[1], photo.shape[0], BOX)

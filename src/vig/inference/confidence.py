@@ -298,13 +298,14 @@ def _verdict(
     elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > MUCH_HIDDEN:
         reason = "too little of the object is seen to be sure of its view"
     else:
-        reason = unsure(confidence)
+        reason = unsure(confidence, math.nan if calibration is None else calibration.threshold)
     return confidence, Verdict.AMBIGUOUS, reason
 
 
-def unsure(confidence: float) -> str:
-    """The reason for doubt where there is no other than a low confidence."""
-    return f"its view is right with a probability of {confidence:.0%} only"
+def unsure(confidence: float, threshold: float) -> str:
+    """The reason for doubt where there is no other than a confidence below the threshold of trust."""
+    never = "" if not threshold >= 1 else "; no view of this class is trusted, see its card"
+    return f"its view is right with a probability of {confidence:.0%} only{never}"
 
 
 def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:

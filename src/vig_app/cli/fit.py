@@ -306,9 +306,10 @@ def _line(row: dict[str, Any]) -> str:
     if row["focal_from"] == "assumed":
         visible += ", distance unknown (focal length assumed)"
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
+    right = "" if row["confidence"] is None else f" (right with {row['confidence']:.0%})"
     return (
         f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
-        f" {row['elevation_deg']:.1f} degrees, albedo ({colour}), {visible}; {row['reason']} ({when})"
+        f" {row['elevation_deg']:.1f} degrees{right}, albedo ({colour}), {visible}; {row['reason']} ({when})"
     )
 
 
