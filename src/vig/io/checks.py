@@ -58,6 +58,8 @@ def _came(error: Exception) -> str:
         return "a damaged file (nested too deeply)"
     if isinstance(error, MemoryError):
         return "a file too large for the memory"
+    if isinstance(error, msgspec.ValidationError):  # well formed, but with other contents
+        return f"something else ({text})"
     if isinstance(error, KeyError):
         return f"a damaged file (without {text})"
     return f"a damaged file ({text or type(error).__name__})"

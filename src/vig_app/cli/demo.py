@@ -10,6 +10,7 @@ import time
 import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
+from shutil import which
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,10 @@ def demo(settings: Demo) -> int:
     )
     hard = example_photos()[HARD_EXAMPLE]
     hints = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
-    lines = [f"The page: {page}", "Try next:", *(f"    {line.format(**hints)}" for line in COMMANDS_TO_TRY)]
+    commands = [line.format(**hints) for line in COMMANDS_TO_TRY]
+    if which("vig") is None:  # of an environment that is not active
+        commands = [line.replace("vig ", f"{sys.argv[0]} ", 1) for line in commands]
+    lines = [f"The page: {page}", "Try next:", *(f"    {line}" for line in commands)]
     console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     if not settings.no_open and has_screen():
         webbrowser.open(page.resolve().as_uri())

@@ -23,7 +23,7 @@ from vig.inference import (
     explain_one,
     resolve,
 )
-from vig.inference.calibration import LEAST_DEVIATION
+from vig.inference.calibration import LEAST_DEVIATION, UNCALIBRATED_WIDENING
 from vig.inference.confidence import MOST_GAP, _among_views, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
 from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, survivors
@@ -148,7 +148,7 @@ def test_a_known_photo_is_explained(name: str, request, teapot: ObjectClass) -> 
     assert hits > 0.95
     assert not (found.mask & ~found.amodal).any()
     assert found.deviation.shape == (24,) and (found.deviation > 0).all()
-    assert math.degrees(found.deviation[10]) < 1.0
+    assert math.degrees(found.deviation[10]) < UNCALIBRATED_WIDENING * 0.1
     assert found.evaluations > sum(stage.starts for stage in THOROUGH.stages)
 
 
@@ -282,14 +282,15 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
     residual = found.confidence_features[CONFIDENCE_FEATURES.index("log_residual")].exp()
     assert 0.005 < residual < 0.02, "the photo's noise is 0.01"
     row = 0 if verdict is Verdict.TRUSTED else 1
-    expected = residual * scale[row] * plain.deviation
+    evidence = plain.deviation / UNCALIBRATED_WIDENING
+    expected = residual * scale[row] * evidence
     assert (expected > 2 * LEAST_DEVIATION).all(), "or every factor would do"
     azimuth, other = latent_layout(10).at("azimuth"), torch.arange(24) != latent_layout(10).at("azimuth")
     torch.testing.assert_close(found.deviation[other], expected[other])
     if verdict is Verdict.TRUSTED:
         torch.testing.assert_close(found.deviation[azimuth], expected[azimuth])
     else:
-        about_view = float(residual * scale[0, azimuth] * plain.deviation[azimuth])
+        about_view = float(residual * scale[0, azimuth] * evidence[azimuth])
         spread = _among_views(about_view, found.confidence, whole.prediction, found.latents.azimuth)
         assert float(found.deviation[azimuth]) == pytest.approx(spread)
     flat = replace(given, likelihood=GAUSSIAN)  # of which nothing was learned
@@ -321,9 +322,11 @@ def test_deviations_are_those_of_all_numbers_together(whole: Case, teapot: Objec
     normal = objective(objective.point(whole.truth), torch.zeros(1, dtype=torch.int32), sigma).normal
     size = found.deviation.numel()
     matrix = normal[0, :size, :size].double()  # the framing is held
-    expected = torch.linalg.inv(matrix).diagonal().sqrt()
+    expected = UNCALIBRATED_WIDENING * torch.linalg.inv(matrix).diagonal().sqrt()
     torch.testing.assert_close(found.deviation, expected, rtol=1e-3, atol=0)
-    assert (expected > 2 * matrix.diagonal().rsqrt()).any(), "or the diagonal would do"
+    assert (expected > 2 * UNCALIBRATED_WIDENING * matrix.diagonal().rsqrt()).any(), (
+        "or the diagonal would do"
+    )
 
 
 @pytest.mark.parametrize(("in_distribution_bias", "unlike"), [(-0.05, True), (0.05, False)])

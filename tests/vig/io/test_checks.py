@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import msgspec
 import numpy as np
 import pytest
 import torch
@@ -58,6 +59,7 @@ TREE: dict[str, Any] = {
         (PermissionError(13, "Permission denied"), r"a file that cannot be read \(Permission denied\)"),
         (RecursionError(), r"a damaged file \(nested too deeply\)"),
         (MemoryError(), "a file too large for the memory"),
+        (msgspec.ValidationError("Expected `array`"), r"something else \(Expected `array`\)"),
         (KeyError("scale"), r"a damaged file \(without 'scale'\)"),
         (ValueError("of 3\nlines\nin all"), r"a damaged file \(of 3\)"),
         (ZeroDivisionError(), r"a damaged file \(ZeroDivisionError\)"),
