@@ -53,8 +53,8 @@ def main() -> None:
                 azimuth, elevation, lead = errors.T
                 near = " / ".join(f"{(azimuth < bound).mean():.2f}" for bound in (15, 30))
                 line = f"{np.median(azimuth):.1f}, {near}  {np.median(elevation):.1f}"
-                far = azimuth[lead >= LEAD] < 15
-                line += f"  {np.mean(far) if len(far) else np.nan:.2f} of {len(far)}"
+                right = azimuth[lead >= LEAD] < 15
+                line += f"  {np.mean(right) if len(right) else np.nan:.2f} of {len(right)}"
                 print(f"{mesh.name}  {told}  {line}", flush=True)
 
 

@@ -144,13 +144,13 @@ class Hints:
     ) -> WindowHints:
         """The hints as the window shows them, with a box of the photo round the whole object."""
         labels = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
-        if box is not None:
-            labels[_beyond(box, window)] = PixelLabel.NOTHING
-            box = None if window.roll else _in_window(box, window)
         if self.mask is not None:
             visible_share = _share(self.mask, window)
             labels[visible_share > 0.9] = PixelLabel.SEEN
             labels[visible_share < 0.1] = PixelLabel.NOTHING if self.visible else PixelLabel.IN_FRONT
+        if box is not None:
+            labels[_beyond(box, window) & (labels != PixelLabel.SEEN)] = PixelLabel.NOTHING
+            box = None if window.roll else _in_window(box, window)
         if self.marks is not None:
             for kind in (PixelLabel.NOTHING, PixelLabel.IN_FRONT, PixelLabel.SEEN):
                 labels[_share(self.marks == kind, window) > 0.2] = kind
@@ -242,10 +242,17 @@ def _beyond(box: tuple[float, float, float, float], window: Window) -> torch.Ten
 
 
 def _in_window(box: tuple[float, float, float, float], window: Window) -> tuple[float, float, float, float]:
-    """A box (x, y, w, h) of the photo in sides of the window, which is not turned."""
-    x, y = window.to_window(np.array([box[0], box[0] + box[2]]), np.array([box[1], box[1] + box[3]]))
-    left, top = x[0] / window.side + 0.5, y[0] / window.side + 0.5
-    return float(left), float(top), float(np.ptp(x) / window.side), float(np.ptp(y) / window.side)
+    """A box (x, y, w, h) of the photo in sides of the window, which is not turned.
+
+    Through a lens sides become slanted lines; their middles, near which objects touch them, are taken.
+    """
+    left, top, w, h = box
+    right, bottom, middle = left + w, top + h, (left + w / 2, top + h / 2)
+    x, y = window.to_window(
+        np.array([left, right, middle[0], middle[0]]), np.array([middle[1], middle[1], top, bottom])
+    )
+    x, y = x / window.side + 0.5, y / window.side + 0.5
+    return float(x[0]), float(y[2]), float(x[1] - x[0]), float(y[3] - y[2])
 
 
 def _finite(what: str, value: Any, count: int) -> tuple[Any, ...]:

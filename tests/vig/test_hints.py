@@ -18,6 +18,7 @@ from vig.hints import Hints, checked_pose, view_of
 from vig.inference import Objective, PixelLabel, PlaceTerm, objective_of, resolve
 from vig.io.errors import UserError
 from vig.photo import Window
+from vig.photo.lens import Intrinsics
 from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig.scene import ObjectClass
@@ -250,6 +251,32 @@ def test_a_window_that_is_turned_shows_points_and_masks_upright() -> None:
     window = Window(100, 50, 200, roll=0.6)
     x, y = window.to_photo(*window.to_window(130.0, 90.0))
     assert (x, y) == pytest.approx((130.0, 90.0))
+
+
+def test_a_box_through_a_lens_has_the_middles_of_its_sides() -> None:
+    """Those of the box round an ellipse that fills the box, mapped by the same lens, to a few hundredths."""
+    lens = Intrinsics(150.0, 150.0, 100.0, 100.0)
+    box = (0.0, 0.0, 100.0, 30.0)
+    window = replace(Window.round_box(box), lens=lens)
+    hints = Hints().in_window(window, ObjectClass.load("teapot"), box)
+    assert hints.box is not None
+    angle = np.linspace(0, 2 * np.pi, 200)
+    x, y = window.to_window(50 + 50 * np.cos(angle), 15 + 15 * np.sin(angle))
+    left, top = x.min() / window.side + 0.5, y.min() / window.side + 0.5
+    expected = left, top, np.ptp(x) / window.side, np.ptp(y) / window.side
+    np.testing.assert_allclose(hints.box, expected, atol=0.04)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.5])
+def test_nothing_is_beyond_a_box_whatever_a_mask_says(roll: float) -> None:
+    photo_mask = np.zeros((200, 200), bool)
+    photo_mask[80:120, 80:120] = True
+    box = (60.0, 70.0, 80.0, 60.0)
+    window = Window.round_box(box, roll)
+    hints = Hints(mask=photo_mask).in_window(window, ObjectClass.load("teapot"), box)
+    counts = torch.bincount(hints.labels.flatten().long(), minlength=4)
+    assert counts[PixelLabel.NOTHING] > 0.4 * hints.labels.numel() and counts[PixelLabel.IN_FRONT] > 1000
+    assert (hints.box is None) == bool(roll)
 
 
 def test_marks_and_masks_are_read_from_pictures(tmp_path: Path) -> None:

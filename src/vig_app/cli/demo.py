@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import sys
 import time
 import webbrowser
@@ -87,7 +88,8 @@ def demo(settings: Demo) -> int:
     hints = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
     commands = [line.format(**hints) for line in COMMANDS_TO_TRY]
     if which("vig") is None:  # of an environment that is not active
-        commands = [line.replace("vig ", f"{sys.argv[0]} ", 1) for line in commands]
+        vig = shlex.join([sys.executable, "-m", "vig"])
+        commands = [line.replace("vig ", f"{vig} ", 1) for line in commands]
     lines = [f"The page: {page}", "Try next:", *(f"    {line}" for line in commands)]
     console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     if not settings.no_open and has_screen():

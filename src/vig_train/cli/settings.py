@@ -74,7 +74,7 @@ class Train:
     studio: int = 24
     """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
     distinct: int = 0
-    """Draw so many before the training, in OUT/drawn, from which each step takes its own; 0: fresh ones for
+    """Draw so many before the training, in OUT, from which each step takes its own; 0: fresh ones for
     each step. Drawing takes most of the time, on a GPU nearly all."""
     batch: int = 40
     """Images of the datasets in each step."""

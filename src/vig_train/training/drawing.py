@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -21,6 +23,8 @@ from vig_train.training.recolour import recolour
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
 
+STEP_SETTINGS = ("count", "distinct", "recoloured")
+"""Of a drawing, those on which its images do not depend."""
 DRAWN = 60
 """Images of a file that is drawn once."""
 
@@ -61,15 +65,23 @@ def drawn_once(
 
     Args:
         drawing: How many, and of what.
-        folder: Of the files.
+        folder: Of the run; the files lie in a folder of it, named after all that they depend on.
         seed: Of the training.
         advance: Is called with the number of images newly there.
 
     Raises:
         UserError: A file is damaged, or the folder cannot be written.
     """
-    paths = {number: folder / f"{number:05d}.safetensors" for number in range(-(-drawing.distinct // DRAWN))}
-    folder.mkdir(parents=True, exist_ok=True)
+    described = {name: value for name, value in drawing.described().items() if name not in STEP_SETTINGS}
+    key = hashlib.sha256(json.dumps([described, seed], sort_keys=True).encode()).hexdigest()[:12]
+    numbers, folder = range(-(-drawing.distinct // DRAWN)), folder / f"drawn-{key}"
+    paths = {number: folder / f"{number:05d}.safetensors" for number in numbers}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"expected a folder that can be written; got '{folder}' ({error.strerror})."
+        ) from error
     missing = [
         (number, number * DRAWN, (number + 1) * DRAWN) for number, path in paths.items() if not path.exists()
     ]

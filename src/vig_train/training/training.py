@@ -9,13 +9,14 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
 
-from vig.io.checks import read_tensors, reading
+from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.progress import Meter
 from vig.recognition.network import (
@@ -46,6 +47,8 @@ MASK_MARGIN_WEIGHT = 3.0
 """Weight of cells on and near the object in the mask's loss, over that of others."""
 REPORT_SECONDS = 300.0
 """Seconds between lines on the time left, in a log."""
+HEADS = ("dense.", "azimuth.", "numbers.", "others.")
+"""What the names of the dense layer's and the heads' weights begin with."""
 ROLL_UNIT = math.radians(10.0)
 """Unit of errors of roll in the loss, radians."""
 
@@ -179,7 +182,7 @@ def train(
     drawing, once = settings.drawing, None
     if drawing is not None and drawing.distinct:
         with Meter(drawing.distinct, 0, progress, "images", REPORT_SECONDS) as drawn:
-            once = drawn_once(drawing, Path(out) / "drawn", settings.seed, drawn.advance)
+            once = drawn_once(drawing, Path(out), settings.seed, drawn.advance)
     batches = run.batches(examples, chosen, first_epoch, once)
     steps = len(chosen) // settings.batch
     with Meter(settings.epochs * steps, first_epoch * steps, progress, "steps", REPORT_SECONDS) as meter:
@@ -230,9 +233,14 @@ class _TrainingState:
         scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
         torch.manual_seed(settings.seed)
         sizes = replace(settings.network, modes=layout_of_numbers(numbers.shape[1]).count("shape"))
+        if settings.start is not None and not (settings.trunk_only or sizes.context):
+            sizes = replace(sizes, context=_context_of(settings.start))
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
         if settings.start is not None:
-            load_start_weights(network, settings.start, settings.trunk_only)
+            needed = HEADS if settings.mask_alone else ()
+            start_scale = load_start_weights(network, settings.start, settings.trunk_only, needed)
+            # Heads that stay as they are speak in the units of their own training.
+            scale = start_scale if settings.mask_alone else scale
             for part in _frozen_parts(network, settings):
                 part.requires_grad_(False)
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -304,10 +312,22 @@ class _TrainingState:
         return sums
 
 
-def load_start_weights(network: RecognitionNetwork, path: Path, trunk_only: bool) -> None:
+def load_start_weights(
+    network: RecognitionNetwork, path: Path, trunk_only: bool, needed: tuple[str, ...] = ()
+) -> Scale:
     """Give a network those weights of a file that fit it, or of these only the trunk's.
 
-    Raises UserError when the file is no weights file or its trunk has other sizes.
+    Args:
+        network: To be given them.
+        path: Of the file.
+        trunk_only: Whether to take the trunk's alone.
+        needed: Prefixes of names of which all must fit, besides the trunk's.
+
+    Returns:
+        The scale of the targets of the file's own training; empty where it has none.
+
+    Raises:
+        UserError: The file is no weights file, or what is needed has other sizes in it.
     """
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         tensors = whole_tensors(*read_tensors(path, "pt"))
@@ -318,13 +338,25 @@ def load_start_weights(network: RecognitionNetwork, path: Path, trunk_only: bool
             if name in own_weights and own_weights[name].shape == value.shape
         }
         if missing := [
-            name for name in own_weights if name.startswith(TRUNK_PREFIXES) and name not in fitting
+            name
+            for name in own_weights
+            if name.startswith((*TRUNK_PREFIXES, *needed)) and name not in fitting
         ]:
-            raise ValueError(f"its trunk has other sizes than the network's, at '{missing[0]}'")
+            part = "trunk" if missing[0].startswith(TRUNK_PREFIXES) else "part"
+            raise ValueError(f"its {part} has other sizes than the network's, at '{missing[0]}'")
     loaded = {
         name: value for name, value in fitting.items() if name.startswith(TRUNK_PREFIXES) or not trunk_only
     }
     network.load_state_dict(loaded, strict=False)
+    return {k.removeprefix("scale."): value for k, value in tensors.items() if k.startswith("scale.")}
+
+
+def _context_of(path: Path) -> tuple[int, ...]:
+    """The wide decoder's channels of a weights file, empty where it has none."""
+    with reading(path, "recognition weights", "Take a file of `vig train`."):
+        _, metadata = read_tensors(path, "pt")
+        settings = decode(dict[str, Any], parse_json(metadata.get("settings", "{}")))
+        return decode(tuple[int, ...], settings.get("context", []))
 
 
 def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:

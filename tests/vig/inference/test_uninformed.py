@@ -94,7 +94,9 @@ def test_a_box_alone_holds_the_size_and_views_are_unsure() -> None:
     assert found.box is not None and np.abs(np.array(found.box) - box).max() < 0.05 * max(box[2:])
     described = found.to_dict()
     assert described["deviation"]["azimuth_deg"] == pytest.approx(360 / math.sqrt(12), abs=0.1)
-    assert described["deviation"]["elevation_deg"] > 0.5, "evidence counts pixels as independent"
+    assert 0.5 < described["deviation"]["elevation_deg"] < 180 / math.sqrt(12)
+    told = vig.Explainer(RIGID).explain(photo, box, hints=vig.Hints(azimuth_deg=found.azimuth_deg))
+    assert told.to_dict()["deviation"]["azimuth_deg"] < 60, "the user chose the view"
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -16,6 +16,8 @@ def test_a_cell_depends_on_the_whole_image() -> None:
     """A change in one corner reaches the opposite one, and the mask is as large as the plain decoder's."""
     torch.manual_seed(0)
     network = RecognitionNetwork(SMALL).eval()
+    remembered = network.context.recall[4]
+    remembered.weight.data.zero_()  # attention alone
     image = torch.rand(1, 3, 150, 150)
     changed = image.clone()
     changed[..., :20, :20] = 1 - changed[..., :20, :20]

@@ -29,17 +29,23 @@ def steps(once: Examples, first: int, last: int) -> Iterator[tuple[Examples, int
 def test_they_are_those_of_their_numbers_and_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "DRAWN", 3)
     done: list[int] = []
-    once = drawn_once(DRAWING, tmp_path / "drawn", 7, done.append)
+    once = drawn_once(DRAWING, tmp_path, 7, done.append)
     assert len(once) == 6 and done == [3, 3]
     drawn = studio_examples(Studio(ObjectClass.load("teapot"), DRAWING.studio), 7, range(3, 6))
     torch.testing.assert_close(once[3:].images, drawn.images)
-    (tmp_path / "drawn" / "00001.safetensors").unlink()
-    again = drawn_once(DRAWING, tmp_path / "drawn", 7, done.append)
+    (folder,) = tmp_path.iterdir()
+    (folder / "00001.safetensors").unlink()
+    again = drawn_once(DRAWING, tmp_path, 7, done.append)
     assert done == [3, 3, 3], "only what is missing is drawn"
     torch.testing.assert_close(again.images, once.images)
-    (tmp_path / "drawn" / "00000.safetensors").write_bytes(b"broken")
+    (folder / "00000.safetensors").write_bytes(b"broken")
     with pytest.raises(UserError, match="Remove the folder"):
-        drawn_once(DRAWING, tmp_path / "drawn", 7)
+        drawn_once(DRAWING, tmp_path, 7)
+    other = drawn_once(replace(DRAWING, distinct=1), tmp_path, 8)
+    assert len(other) == 3 and not torch.equal(other.images, once.images[:3]), "of another seed are others"
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(UserError, match="a folder that can be written"):
+        drawn_once(DRAWING, tmp_path / "file", 7)
 
 
 def test_each_step_takes_its_own(tmp_path: Path) -> None:

@@ -101,6 +101,27 @@ def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_pat
         assert f"loss {loss:.3f}" in line and f"wrong_view {epoch.errors['wrong_view']:.3g}" in line
 
 
+def test_the_mask_alone_is_trained(dataset: Dataset, tmp_path: Path) -> None:
+    """Heads say the same before and after, in their own units; a run that goes on keeps the decoder."""
+    first = train([dataset], tmp_path / "1", dataclasses.replace(SETTINGS, epochs=1, network=SMALL), print)
+    larger = dataclasses.replace(dataset, latents=2 * dataset.latents)
+    larger.__dict__.update({name: dataset.__dict__[name] for name in ("rgb", "mask", "mask_visib")})
+    wide = dataclasses.replace(SMALL, context=(8, 6, 6, 4))
+    alone = dataclasses.replace(SETTINGS, epochs=1, start=first, mask_alone=True, network=wide)
+    second = train([larger], tmp_path / "2", alone, print)
+    photos = torch.rand(3, 150, 150, 3)
+    before, after = Recognizer(first)(photos), Recognizer(second)(photos)
+    for name in ("azimuth", "numbers", "deviation", "roll", "presence"):
+        torch.testing.assert_close(getattr(after, name), getattr(before, name), atol=2e-3, rtol=2e-3)
+    assert (after.mask - before.mask).abs().max() > 0.01
+    onwards = dataclasses.replace(SETTINGS, epochs=1, start=second, frozen=5, network=SMALL)
+    third = train([dataset], tmp_path / "3", onwards, print)
+    assert Recognizer(third).network.settings.context == wide.context
+    other = dataclasses.replace(wide, features=24)
+    with pytest.raises(UserError, match="its part has other sizes than the network's, at 'dense"):
+        train([dataset], tmp_path / "4", dataclasses.replace(alone, network=other), print)
+
+
 def test_the_loss_falls(dataset: Dataset, tmp_path: Path) -> None:
     epochs: list[Epoch] = []
     settings = dataclasses.replace(SETTINGS, epochs=6, patience=6, network=SMALL)
