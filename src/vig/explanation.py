@@ -378,7 +378,8 @@ class Explanation:
         Returns:
             Intrinsics (3, 3); camera_from_object (4, 4), metres; its covariance (6, 6): x, y, z in metres,
             then turns about these axes in radians. The spread of the sizes of the class's shapes is in it;
-            where the focal length is a guess, the depth has a deviation as large as the distance itself.
+            where the focal length or the class's size is a guess, the depth has a deviation as large as the
+            distance itself.
         """
         matrix, pose = self._pinhole
         layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
