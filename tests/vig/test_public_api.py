@@ -197,7 +197,7 @@ def test_the_camera_is_rolled_as_window_and_fit_are(explainer: vig.Explainer, ph
     explanation = explainer.explain(turned, BOX)
     fitted = explanation.window.roll + float(explanation.fit.framing[3])
     assert explanation.roll_deg == pytest.approx(math.degrees(fitted), abs=1e-6)
-    assert explanation.roll_deg - level.roll_deg == pytest.approx(15, abs=6)
+    assert explanation.roll_deg - level.roll_deg == pytest.approx(15, abs=5)
     assert explanation.camera.roll == pytest.approx(fitted)
 
 

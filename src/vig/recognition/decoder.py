@@ -12,7 +12,7 @@ from vig.recognition.layers import convolution
 
 CELLS = 10
 """Side of the coarsest map: the image's at a sixteenth of its size."""
-ATTENTION_LAYERS, HEADS = 2, 4
+ATTENTION_LAYERS, ATTENTION_HEADS = 2, 4
 """Of self-attention over the cells of the coarsest map."""
 
 
@@ -55,7 +55,7 @@ class ContextDecoder(nn.Module):
         self.place = nn.Parameter(0.02 * torch.randn(1, CELLS**2, widths[0]))
         self.attention = nn.ModuleList(
             nn.TransformerEncoderLayer(
-                widths[0], HEADS, 2 * widths[0], 0.0, batch_first=True, norm_first=True
+                widths[0], ATTENTION_HEADS, 2 * widths[0], 0.0, batch_first=True, norm_first=True
             )
             for _ in range(ATTENTION_LAYERS)
         )

@@ -14,7 +14,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from vig.io.checks import check_number
 from vig.parallel.internals import has_bfloat16
-from vig.recognition.decoder import CELLS, HEADS, ContextDecoder
+from vig.recognition.decoder import ATTENTION_HEADS, CELLS, ContextDecoder
 from vig.recognition.layers import GroupedLinear, InvertedResidual, convolution
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
@@ -110,7 +110,7 @@ class NetworkSettings:
             raise ValueError(f"channels and blocks must be 6 and 5; got {self.channels} and {self.blocks}")
         check_sizes("channels", self.channels, 1, 2048)
         check_sizes("blocks", self.blocks, 1, 64)
-        if len(self.context) not in (0, 4) or (self.context and self.context[0] % HEADS):
+        if len(self.context) not in (0, 4) or (self.context and self.context[0] % ATTENTION_HEADS):
             raise ValueError(f"context must be four numbers of channels, or none; got {self.context}")
         check_sizes("context", self.context, 1, 2048)
         check_sizes("expansion", (self.expansion,), 1, 16)

@@ -36,10 +36,9 @@ SPREAD_STARTS = 400
 MAX_TILT = math.radians(15.0)
 """Radians; a foot within this of level is put level."""
 SYMMETRY_TOLERANCE = 0.022
-"""Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry,"""
-DETAIL_TOLERANCE = 0.22
-"""unless `DETAIL_SHARE` of its surface is farther off than this: a spout, a handle."""
-DETAIL_SHARE = 0.02
+"""Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry."""
+DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22
+"""But not where so large a share of its surface, a spout or a handle, comes to lie farther off than this."""
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ class Train:
     start: Path | None = None
     """Weights to begin with, of an earlier training; by default only the packaged teapot's trunk."""
     studio: int = 24
-    """Images that are drawn afresh for each step, beside 40 of the datasets; 0: these as they are."""
+    """Images of the studio in each step, beside --batch of the datasets; 0: these as they are."""
     distinct: int = 0
     """Draw so many before the training, in OUT, from which each step takes its own; 0: fresh ones for
     each step. Drawing takes most of the time, on a GPU nearly all."""

@@ -47,8 +47,8 @@ MASK_MARGIN_WEIGHT = 3.0
 """Weight of cells on and near the object in the mask's loss, over that of others."""
 REPORT_SECONDS = 300.0
 """Seconds between lines on the time left, in a log."""
-HEADS = ("dense.", "azimuth.", "numbers.", "others.")
-"""What the names of the dense layer's and the heads' weights begin with."""
+HEAD_PARTS = ("dense", "azimuth", "numbers", "others")
+"""Of the network, the dense layer and the heads that read from it."""
 ROLL_UNIT = math.radians(10.0)
 """Unit of errors of roll in the loss, radians."""
 
@@ -237,7 +237,7 @@ class _TrainingState:
             sizes = replace(sizes, context=_context_of(settings.start))
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
         if settings.start is not None:
-            needed = HEADS if settings.mask_alone else ()
+            needed = HEAD_PARTS if settings.mask_alone else ()
             start_scale = load_start_weights(network, settings.start, settings.trunk_only, needed)
             # Heads that stay as they are speak in the units of their own training.
             scale = start_scale if settings.mask_alone else scale
@@ -321,7 +321,7 @@ def load_start_weights(
         network: To be given them.
         path: Of the file.
         trunk_only: Whether to take the trunk's alone.
-        needed: Prefixes of names of which all must fit, besides the trunk's.
+        needed: Parts of the network of which all must fit, besides the trunk.
 
     Returns:
         The scale of the targets of the file's own training; empty where it has none.
@@ -340,10 +340,10 @@ def load_start_weights(
         if missing := [
             name
             for name in own_weights
-            if name.startswith((*TRUNK_PREFIXES, *needed)) and name not in fitting
+            if name.startswith((*TRUNK_PREFIXES, *(f"{part}." for part in needed))) and name not in fitting
         ]:
-            part = "trunk" if missing[0].startswith(TRUNK_PREFIXES) else "part"
-            raise ValueError(f"its {part} has other sizes than the network's, at '{missing[0]}'")
+            what = "trunk has" if missing[0].startswith(TRUNK_PREFIXES) else "heads have"
+            raise ValueError(f"its {what} other sizes than the network's, at '{missing[0]}'")
     loaded = {
         name: value for name, value in fitting.items() if name.startswith(TRUNK_PREFIXES) or not trunk_only
     }
@@ -362,8 +362,7 @@ def _context_of(path: Path) -> tuple[int, ...]:
 def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:
     """The first stages of the trunk, with what comes before them, or all but the mask's decoder."""
     if settings.mask_alone:
-        heads = network.dense, network.azimuth, network.numbers, network.others
-        return [network.stem, *network.stages, *heads]
+        return [network.stem, *network.stages, *(getattr(network, name) for name in HEAD_PARTS)]
     return [network.stem, *network.stages[: settings.frozen]] if settings.frozen else []
 
 

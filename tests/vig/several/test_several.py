@@ -164,7 +164,7 @@ def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
         (each.mask & visible).sum() / (each.mask | visible).sum()
         for each in (alone[behind], scene.objects[behind])
     )
-    assert after > before + 0.05
+    assert 1 - after < 0.5 * (1 - before), "half of what was wrong is right"
     assert np.allclose(scene.poses[behind][0], scene.poses[0][0])  # one camera
 
 

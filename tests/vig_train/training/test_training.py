@@ -118,7 +118,7 @@ def test_the_mask_alone_is_trained(dataset: Dataset, tmp_path: Path) -> None:
     third = train([dataset], tmp_path / "3", onwards, print)
     assert Recognizer(third).network.settings.context == wide.context
     other = dataclasses.replace(wide, features=24)
-    with pytest.raises(UserError, match="its part has other sizes than the network's, at 'dense"):
+    with pytest.raises(UserError, match="its heads have other sizes than the network's, at 'dense"):
         train([dataset], tmp_path / "4", dataclasses.replace(alone, network=other), print)
 
 
