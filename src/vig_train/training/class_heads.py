@@ -27,7 +27,8 @@ from vig_train.training.class_network import (
     Features,
     read_features,
 )
-from vig_train.training.training import LOSS_WEIGHTS, Schedule, dense_losses
+from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
+from vig_train.training.training import Schedule
 
 HEADS = ("azimuth", "numbers", "others")
 """The network's dense heads."""

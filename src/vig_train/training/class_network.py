@@ -30,8 +30,9 @@ from vig_train.training.augmentation import Augmentation
 from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
+from vig_train.training.losses import Targets, mask_loss
 from vig_train.training.studio import Studio, StudioSettings
-from vig_train.training.training import Schedule, Targets, load_start_weights, mask_loss
+from vig_train.training.training import Schedule, load_start_weights
 
 SIZES = NetworkSettings(recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
 """Of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""

@@ -11,7 +11,8 @@ import torch
 from vig.recognition.network import Heads
 from vig.scene import Symmetry
 from vig_train.training.augmentation import Batch
-from vig_train.training.training import Schedule, losses, weighted_sum
+from vig_train.training.losses import losses, weighted_sum
+from vig_train.training.training import Schedule
 
 
 def heads(mask: torch.Tensor) -> Heads:

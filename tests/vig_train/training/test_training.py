@@ -22,7 +22,8 @@ from vig.scene import Symmetry
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.checkpoint import save_weights
 from vig_train.training.examples import Examples
-from vig_train.training.training import LOSS_WEIGHTS, Epoch, TrainingSettings, train, validate
+from vig_train.training.losses import LOSS_WEIGHTS
+from vig_train.training.training import Epoch, TrainingSettings, train, validate
 from vig_world.dataset import Dataset
 
 SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)

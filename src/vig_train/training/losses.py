@@ -1,0 +1,107 @@
+"""The parts of the loss of the recognition network, and their weighted sum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch.nn import functional
+
+from vig.recognition.network import Heads
+from vig.scene import Symmetry, angle_difference
+from vig_train.training.augmentation import Batch
+from vig_train.training.targets import azimuth_labels
+
+LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "presence": 0.3}
+"""Weights of the parts of the loss."""
+MASK_MARGIN_CELLS = 9
+"""Side, in cells of the mask head, of the square about each object's cell that counts as near the object."""
+MASK_MARGIN_WEIGHT = 3.0
+"""Weight of cells on and near the object in the mask's loss, over that of others."""
+ROLL_UNIT = math.radians(10.0)
+"""Unit of errors of roll in the loss, radians."""
+
+
+def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> dict[str, torch.Tensor]:
+    """Each part of the loss: see `dense_losses` and `mask_loss`.
+
+    Args:
+        heads: The network's outputs.
+        batch: What they should be; its numbers are in the heads' units.
+        symmetry: Of the class.
+    """
+    dense = heads.azimuth, heads.mean, heads.log_variance, heads.roll, heads.presence
+    parts = dense_losses(*dense, Targets.of(batch), symmetry)
+    parts["mask"] = mask_loss(heads.mask, batch.mask)
+    return {name: parts[name] for name in LOSS_WEIGHTS}
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What the dense heads should say of N images; see `Batch`."""
+
+    azimuth: torch.Tensor
+    numbers: torch.Tensor
+    roll: torch.Tensor
+    present: torch.Tensor
+
+    @staticmethod
+    def of(batch: Batch) -> Targets:
+        """Those of a batch."""
+        return Targets(batch.azimuth, batch.numbers, batch.roll, batch.present)
+
+    def __getitem__(self, chosen: torch.Tensor) -> Targets:
+        return Targets(*(value[chosen] for value in vars(self).values()))
+
+
+def dense_losses(
+    azimuth_logits: torch.Tensor,
+    mean: torch.Tensor,
+    log_variance: torch.Tensor,
+    roll: torch.Tensor,
+    presence: torch.Tensor,
+    targets: Targets,
+    symmetry: Symmetry = Symmetry.NONE,
+) -> dict[str, torch.Tensor]:
+    """Parts of the loss of all heads but the mask: a distribution over azimuth, Gaussian likelihoods, others.
+
+    Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
+    are hard to predict continue to be learned. Where the object is absent only presence counts.
+
+    Args:
+        azimuth_logits: See `Heads`, as for mean, log_variance, roll and presence.
+        targets: What they should be; the numbers in the heads' units.
+        symmetry: Of the class; where any turn looks the same azimuth does not count.
+    """
+    labels = azimuth_labels(targets.azimuth, azimuth_logits.shape[1], symmetry=symmetry)
+    azimuth = functional.cross_entropy(azimuth_logits, labels, reduction="none") * float(symmetry.fold > 0)
+    variance = log_variance.exp()
+    likelihood = (mean - targets.numbers) ** 2 / variance + log_variance
+    weight = targets.present / targets.present.sum().clamp_min(1.0)
+    roll_error = angle_difference(roll, targets.roll) / ROLL_UNIT
+    roll_loss = functional.smooth_l1_loss(roll_error, torch.zeros_like(roll_error), reduction="none")
+    return {
+        "azimuth": (azimuth * weight).sum(),
+        "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * weight).sum(),
+        "roll": (roll_loss * weight).sum(),
+        "presence": functional.binary_cross_entropy_with_logits(presence, targets.present),
+    }
+
+
+def mask_loss(logits: torch.Tensor, shares: torch.Tensor) -> torch.Tensor:
+    """Cross-entropy of mask logits (B, 3, h, w) with shares of the classes, of the same shape.
+
+    Cells on and about the object count more than others, for its parts may be thin.
+    """
+    near_object = functional.max_pool2d(
+        1 - shares[:, 2], MASK_MARGIN_CELLS, stride=1, padding=MASK_MARGIN_CELLS // 2
+    )
+    weight = 1 + (MASK_MARGIN_WEIGHT - 1) * near_object
+    cell_loss = functional.cross_entropy(logits, shares, reduction="none")
+    return (cell_loss * weight).sum() / weight.sum()
+
+
+def weighted_sum(parts: dict[str, torch.Tensor]) -> torch.Tensor:
+    """The weighted sum that is minimised."""
+    return sum((LOSS_WEIGHTS[name] * loss for name, loss in parts.items()), torch.zeros(()))
