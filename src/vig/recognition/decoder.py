@@ -68,8 +68,10 @@ class ContextDecoder(nn.Module):
         """Features (B, C, h, w) as large as the last of the finer maps."""
         merged: torch.Tensor = self.enter(torch.cat([*coarse, self.recall(coarse[0])], 1))
         cells = merged.flatten(2).mT + self.place
-        for layer in self.attention:
-            cells = layer(cells)
+        with torch.autocast(cells.device.type, enabled=False):  # torch 2.5 mixes its types in such layers
+            cells = cells.float()
+            for layer in self.attention:
+                cells = layer(cells)
         merged = self.mix(cells.mT.unflatten(2, merged.shape[2:]))
         for seen, down, side, merge in zip(finer, self.down, self.side, self.merge, strict=True):
             height, width = seen.shape[-2:]
