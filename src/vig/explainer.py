@@ -34,19 +34,10 @@ Box = tuple[float, float, float, float]
 Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
-LEAST_FOUND = 0.4
-"""Score of `find` below which the object counts as absent: of 102 photos of real pots and mugs none is below,
-the packaged examples, up to 75 % hidden, have .47 and more; a third of photos of other things is below."""
-PRESENCE_MIDDLE = 0.83
-"""Score of `find` at which presence is as likely as not, `presence_of`: the best of many windows looks like
-the object by chance. Real pots and mugs that are found have medians of 0.93 and 0.98."""
-PRESENCE_SLOPE = 35.0
-"""Log odds of presence per unit of score, on the same photos."""
-PROBABLY_PRESENT = 0.5
-"""Presence below which a doubt is about what was found, not about its view."""
+LEAST_PRESENT = 0.5
+"""Probability of presence below which the object counts as absent, and a place as none of several or of a
+lost one."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
-SURELY_FOUND = 0.75
-"""Score from which a place counts as one of several objects, or as where a lost one is found again."""
 
 
 class Explainer:
@@ -159,7 +150,7 @@ class Explainer:
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
         coded = coded_photo(photo)
         pyramid, (height, width) = ImagePyramid(coded), coded.shape[:2]
-        settings, presence_score = (
+        settings, present = (
             resolve(self.settings, self.object_class, photo=window is None or not framed),
             1.0,
         )
@@ -174,7 +165,7 @@ class Explainer:
             clues = None if hints is None else hints.clues()
             best = find(pyramid, self.recognizer, clues)
             # Where the user says where it is, it is there.
-            window, presence_score = best.window, best.score if clues is None else 1.0
+            window, present = best.window, best.present if clues is None else 1.0
             window = window if roll is None else replace(window, roll=roll)
         focal_from, too_wide = "assumed", False
         if self.settings.camera_distance_ratio is not None:
@@ -195,8 +186,8 @@ class Explainer:
         fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, window_hints))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
-        if presence_score < 1.0:
-            fit = _lowered_by_presence(fit, presence_score, self.object_class.name)
+        if present < 1.0:
+            fit = _lowered_by_presence(fit, present, self.object_class.name)
         return Explanation(
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )
@@ -283,15 +274,9 @@ def recognizer_of(object_class: ObjectClass, device: str = "cpu") -> Recognizer:
     return Recognizer.of_class(object_class, device=device)
 
 
-def presence_of(score: float) -> float:
-    """Probability that a photo shows the object, from the score of the best window found in it."""
-    return 1 / (1 + math.exp(-PRESENCE_SLOPE * (score - PRESENCE_MIDDLE)))
-
-
-def _lowered_by_presence(fit: Fit, score: float, name: str) -> Fit:
-    """A fit of what was found, not given, with a score from 0 to 1: it may be of another thing."""
-    present = presence_of(score)
-    if score < LEAST_FOUND:
+def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
+    """A fit of what was found, not given, and is an object of the class with this probability."""
+    if present < LEAST_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"
         nothing = torch.zeros_like(fit.visible)
         hidden = torch.zeros_like(fit.mask)
@@ -303,8 +288,7 @@ def _lowered_by_presence(fit: Fit, score: float, name: str) -> Fit:
     doubted = replace(fit, confidence=confidence, mask_confidence=mask_confidence, alternatives=views)
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
     doubted = replace(doubted, present=present, mask_trusted=sure)
-    lost = fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold
-    if lost or (fit.verdict is Verdict.AMBIGUOUS and present < PROBABLY_PRESENT):
+    if fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold:
         reason = f"what was found in the photo may be no {name}; give a box if it is one"
         doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)
     elif fit.reason == unsure(fit.confidence, fit.view_threshold):

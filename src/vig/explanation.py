@@ -351,7 +351,7 @@ class Explanation:
         """
         from vig_app.report.contents import page_of
 
-        return page_of(self, photo, self.to_dict())
+        return page_of(self, photo, self.to_dict(), self.overlay(), self.panels())
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.

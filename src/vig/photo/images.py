@@ -23,9 +23,8 @@ from vig.scene.light import srgb8_from_linear
 ROUNDING = 1e-6
 """By which floats may lie beyond [0, 1]: resampling rounds."""
 RUN_LENGTHS = 3
-"""zlib's strategy Z_RLE: the fastest for noisy pictures, and the smallest files at level 1."""
-FAST_FROM = 3_000_000
-"""Bytes of a picture above which that is how it is written."""
+"""zlib's strategy Z_RLE: at level 1 a photo takes a fourth of the time of Pillow's own settings and as many
+bytes."""
 
 
 def read_photo(path: str | Path) -> np.ndarray:
@@ -158,6 +157,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
         array = srgb8_from_linear(array)
     elif array.dtype != np.uint8:
         raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}. Convert it.")
-    fast = {"compress_level": 1, "compress_type": RUN_LENGTHS} if array.size > FAST_FROM else {}
     with atomic_write(path) as temporary:
-        Image.fromarray(np.ascontiguousarray(array)).save(temporary, format="PNG", **fast)
+        Image.fromarray(np.ascontiguousarray(array)).save(
+            temporary, format="PNG", compress_level=1, compress_type=RUN_LENGTHS
+        )

@@ -16,6 +16,7 @@ from vig.io.checks import check_number
 from vig.parallel.internals import has_bfloat16
 from vig.recognition.decoder import ATTENTION_HEADS, CELLS, ContextDecoder
 from vig.recognition.layers import GroupedLinear, InvertedResidual, convolution
+from vig.recognition.object_map import ObjectMap
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
 
@@ -88,6 +89,7 @@ class NetworkSettings:
         squeezed: Channels from which the dense layer reads.
         features: Of the dense layer.
         dropout: Share of these features.
+        object_map: Channels of the map of objects of a whole photo, or none.
         members: Dense layers side by side, each with as many of the squeezed channels and of the features:
             an ensemble whose logits and numbers the heads average.
     """
@@ -99,6 +101,7 @@ class NetworkSettings:
     expansion: int = 6
     decoder: int = 64
     context: tuple[int, ...] = ()
+    object_map: int = 0
     recalled: int = 16
     squeezed: int = 48
     features: int = 384
@@ -113,6 +116,7 @@ class NetworkSettings:
         if len(self.context) not in (0, 4) or (self.context and self.context[0] % ATTENTION_HEADS):
             raise ValueError(f"context must be four numbers of channels, or none; got {self.context}")
         check_sizes("context", self.context, 1, 2048)
+        check_sizes("object_map", (self.object_map,), 0, 2048)
         check_sizes("expansion", (self.expansion,), 1, 16)
         check_sizes("modes", (self.modes,), 1, MOST_MODES)
         check_sizes("azimuth_bins", (self.azimuth_bins,), 6, 3600)
@@ -256,6 +260,8 @@ class RecognitionNetwork(nn.Module):
         self.numbers = nn.Linear(settings.features, 2 * regressed_layout(settings.modes).size)
         self.others = nn.Linear(settings.features, 2)
         half, quarter, eighth, sixteenth, coarse = outputs
+        if settings.object_map:
+            self.object_map = ObjectMap(sixteenth + coarse, settings.object_map)
         wide, narrow = settings.decoder, settings.decoder // 2
         if settings.context:
             widths = settings.squeezed, settings.features, settings.recalled
@@ -276,11 +282,8 @@ class RecognitionNetwork(nn.Module):
         self.mask = nn.Conv2d(narrow, len(MASK_CLASSES), 1)
 
     def forward(self, image: torch.Tensor) -> Heads:
-        x, maps = self.stem(image * 2 - 1), []
-        for stage in self.stages:
-            x = stage(x)
-            maps.append(x)
-        features = self.dense(x)
+        maps = self.maps(image)
+        features = self.dense(maps[-1])
         merged = self._decoded(features, maps)
         mean, log_variance = self.numbers(features).float().chunk(2, dim=1)
         roll, presence = self.others(features).float().unbind(1)
@@ -292,6 +295,18 @@ class RecognitionNetwork(nn.Module):
             presence,
             self.mask(merged).float(),
         )
+
+    def maps(self, image: torch.Tensor) -> list[torch.Tensor]:
+        """Of the trunk's stages, for images (B, 3, H, W) of any size, sRGB in [0, 1]."""
+        x, maps = self.stem(image * 2 - 1), []
+        for stage in self.stages:
+            x = stage(x)
+            maps.append(x)
+        return maps
+
+    def coarse_maps(self, image: torch.Tensor) -> torch.Tensor:
+        """Of the last two stages, joined, from which the map of objects is read."""
+        return torch.cat(self.maps(image)[-2:], 1)
 
     def _decoded(self, features: torch.Tensor, maps: list[torch.Tensor]) -> torch.Tensor:
         """Features of the mask head's cells."""

@@ -157,6 +157,11 @@ class Recognizer:
     informed = True
     """Whether it says something of a photo."""
 
+    @property
+    def has_map(self) -> bool:
+        """Whether it finds objects in whole photos."""
+        return bool(self.network.settings.object_map)
+
     kind = "vig"
     """Which networks this reads, as a weights file's metadata names them."""
     device = "cpu"
@@ -242,6 +247,15 @@ class Recognizer:
                 return heads
             flipped: Heads = self.network(pixels.flip(3).contiguous(memory_format=torch.channels_last))
         return heads.mean_with(flipped.of_mirrored(-self.mean / self.deviation))
+
+    @torch.inference_mode()
+    def object_map(self, image: torch.Tensor) -> torch.Tensor:
+        """The map of objects of an image (1, 3, H, W), see `ObjectMap`."""
+        with bfloat16(image.device):
+            numbers: torch.Tensor = self.network.object_map(
+                self.network.coarse_maps(image.contiguous(memory_format=torch.channels_last))
+            )
+        return numbers
 
     @torch.inference_mode()
     def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:

@@ -23,7 +23,7 @@ MASK = 0.5, 0.1, 0.4
 class UninformedRecognizer(Recognizer):
     """Says the same of every photo: any azimuth, and of numbers what photos have."""
 
-    informed = False
+    informed = has_map = False
 
     def __init__(self, object_class: ObjectClass, device: str = "cpu"):
         self.device = device

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import SURELY_FOUND, Box, Explainer, Lens, Photo, lens_of
+from vig.explainer import LEAST_PRESENT, Box, Explainer, Lens, Photo, lens_of
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
@@ -116,7 +116,7 @@ def find_together(
         (candidate, explainer)
         for explainer in explainers
         for candidate in find_several(pyramid, explainer.recognizer, most)
-        if candidate.score >= SURELY_FOUND
+        if candidate.present >= LEAST_PRESENT
     ]
     separate = apart([candidate for candidate, _ in candidates], most)
     return [

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vig.explainer import SURELY_FOUND, Box, Explainer, Photo
+from vig.explainer import LEAST_PRESENT, Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import Verdict
@@ -181,7 +181,7 @@ class Follower:
             return None
         best = on_one_core(lambda: find(part, self.explainer.recognizer))
         window = replace(best.window, left=best.window.left + left, top=best.window.top + top)
-        return window if best.score >= SURELY_FOUND else None
+        return window if best.present >= LEAST_PRESENT else None
 
     def _is_object(self, sighting: Sighting) -> bool:
         """Whether what is seen may be the object: near the predicted place, as large, of its colour."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from PIL import Image
 from vig.explanation import Explanation
 from vig.parallel import on_one_core
 from vig.photo.images import coded
-from vig.renderer import render_latents
+from vig.renderer import Rendering, render, render_latents, scene_of
 from vig.renderer.shading import smooth_normals
 from vig.scene import Latents, srgb8_from_linear, srgb_from_linear
 from vig_app.report import words
@@ -30,10 +30,17 @@ STEPS = 8
 """Steps of the fit that a page shows at most."""
 
 
-def page_of(explanation: Explanation, photo: str, described: dict[str, Any]) -> str:
+def page_of(
+    explanation: Explanation, photo: str, described: dict[str, Any], overlay: np.ndarray, panels: np.ndarray
+) -> str:
     """HTML of an explanation's page.
 
-    `photo` is what the photo is called there, `described` what explanation.json holds.
+    Args:
+        explanation: What it shows.
+        photo: What the photo is called there.
+        described: What explanation.json holds.
+        overlay: `explanation.overlay()`, which the folder has as well.
+        panels: `explanation.panels()`, likewise.
     """
     height, width = explanation.picture.shape[:2]
     scale = min(1.0, PAGE_SIDE / max(height, width))
@@ -46,8 +53,9 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any]) -> 
     hidden = reduced((explanation.amodal & ~explanation.mask).view(np.uint8) * np.uint8(255))
     part_names = explanation.object_class.shape_model.part_names
     background = srgb_from_linear(explanation.window.crop(explanation.picture, VIEW_SIDE)[0])
-    views = list(_views(explanation, background))
-    steps = _steps(explanation, background)
+    poses, path = _views(explanation), list(_steps(explanation))
+    pictures = _shown(explanation, background, poses + path)
+    views, steps = pictures[: len(poses)], pictures[len(poses) :]
     return filled(
         "page.html",
         name=photo,
@@ -56,8 +64,8 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any]) -> 
         summary=words.summary(described),
         photo=reduced_photo,
         whole=_with_hidden_part(explanation, part_albedo, reduced_photo, hidden, scale),
-        outline=reduced(explanation.overlay()),
-        panels=explanation.panels(),
+        outline=reduced(overlay),
+        panels=panels,
         rows=words.table_rows(described),
         colours=[(name, words.css_colour(rgb)) for name, rgb in zip(part_names, part_albedo, strict=True)],
         views=views,
@@ -80,38 +88,60 @@ class ShownView:
     picture: np.ndarray
 
 
-def _views(explanation: Explanation, photo: np.ndarray) -> Iterable[ShownView]:
+@dataclass(frozen=True)
+class Pose:
+    """What a picture shows: `words` say which, latents (B = 1) and framing (4,) place the object."""
+
+    words: str
+    latents: Latents
+    framing: torch.Tensor
+
+
+def _views(explanation: Explanation) -> list[Pose]:
     """The fit and its alternatives."""
     fit = explanation.fit
-    first = "this fit: " + words.view_words(fit.latents, fit.confidence)
-    yield _shown(explanation, photo, first, fit.latents, fit.framing)
-    for view in fit.alternatives:
-        text = words.view_words(view.latents, view.probability)
-        yield _shown(explanation, photo, text, view.latents, view.framing)
+    first = Pose("this fit: " + words.view_words(fit.latents, fit.confidence), fit.latents, fit.framing)
+    return [first] + [
+        Pose(words.view_words(view.latents, view.probability), view.latents, view.framing)
+        for view in fit.alternatives
+    ]
 
 
-def _steps(explanation: Explanation, photo: np.ndarray) -> Iterable[ShownView]:
+def _steps(explanation: Explanation) -> Iterable[Pose]:
     """Some steps of the fit that moved, the first and the last among them."""
     path = explanation.fit.descent
     moved = torch.cat([torch.tensor([True]), (path[1:] != path[:-1]).any(1)]).nonzero()[:, 0]
     for number in moved[np.unique(np.linspace(0, len(moved) - 1, STEPS).round().astype(int))].tolist():
         latents = Latents.from_vector(path[number : number + 1, :-4])
         text = f"step {number} of {len(path) - 1}: {words.view_words(latents, math.nan)}"
-        yield _shown(explanation, photo, text, latents, path[number, -4:])
+        yield Pose(text, latents, path[number, -4:])
 
 
-def _shown(
-    explanation: Explanation, photo: np.ndarray, text: str, latents: Latents, framing: torch.Tensor
-) -> ShownView:
-    """A view of latents (B = 1) and framing (4,) in front of the window's photo (h, w, 3) in [0, 1] sRGB."""
-    standard = explanation.object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
-    camera = standard.framed(*framing.tolist()).scaled(VIEW_SIDE / standard.width)
-    drawn = on_one_core(partial(render_latents, latents, explanation.object_class, camera))
-    coverage = drawn.coverage[0].numpy()[..., None]
-    # Both encoded before they are mixed, as screens would.
-    object_colour = srgb_from_linear(drawn.rgb[0].numpy() / np.maximum(coverage, 1e-6))
-    picture = (255 * (photo + coverage * (object_colour - photo))).clip(0, 255).round().astype(np.uint8)
-    return ShownView(text, float(latents.azimuth), float(latents.elevation), picture)
+def _shown(explanation: Explanation, photo: np.ndarray, poses: Sequence[Pose]) -> list[ShownView]:
+    """Poses in front of the window's photo (h, w, 3) in [0, 1] sRGB, drawn at once."""
+    object_class = explanation.object_class
+    standard = object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
+
+    def draw() -> Rendering:
+        cameras = [
+            standard.framed(*pose.framing.tolist()).scaled(VIEW_SIDE / standard.width) for pose in poses
+        ]
+        return render(
+            [
+                scene_of(pose.latents, object_class, camera)
+                for pose, camera in zip(poses, cameras, strict=True)
+            ]
+        )
+
+    drawn, shown = on_one_core(draw), []
+    for pose, rgb, share in zip(poses, drawn.rgb.numpy(), drawn.coverage.numpy()[..., None], strict=True):
+        # Both encoded before they are mixed, as screens would.
+        object_colour = srgb_from_linear(rgb / np.maximum(share, 1e-6))
+        picture = (255 * (photo + share * (object_colour - photo))).clip(0, 255).round().astype(np.uint8)
+        shown.append(
+            ShownView(pose.words, float(pose.latents.azimuth), float(pose.latents.elevation), picture)
+        )
+    return shown
 
 
 def _with_hidden_part(

@@ -33,12 +33,12 @@ def save_explanation(explanation: Explanation, folder: str | Path, photo: str) -
 
 def save_entry(explanation: Explanation, folder: Path, photo: str, name: str) -> Entry:
     """`save_explanation`; returns what the page of several photos or objects shows of it under a name."""
-    described, picture = explanation.to_dict(), explanation.overlay()
+    described, picture, panels = explanation.to_dict(), explanation.overlay(), explanation.panels()
     _remove_stale_exports(folder, described)
     write_png(folder / "overlay.png", picture)
     thumbnail = write_thumbnail(folder, picture)
     write_png(folder / "mask.png", mask_picture(explanation.amodal, explanation.mask))
-    write_png(folder / "render.png", explanation.panels())
+    write_png(folder / "render.png", panels)
     write_glb(
         folder / "object.glb",
         explanation.vertices,
@@ -48,7 +48,7 @@ def save_entry(explanation: Explanation, folder: Path, photo: str, name: str) ->
         float(explanation.latents.azimuth),
         float(explanation.latents.elevation),
     )
-    write_page(folder / "report.html", page_of(explanation, photo, described))
+    write_page(folder / "report.html", page_of(explanation, photo, described, picture, panels))
     write_json(folder, described)
     return Entry(name, folder.name, described, thumbnail)
 

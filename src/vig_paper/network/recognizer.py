@@ -18,6 +18,7 @@ class PaperRecognizer(Recognizer):
     """The paper's four networks, from the weights of `vig reproduce --net paper`."""
 
     kind = "paper"
+    has_map = False
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
         self.network = networks_from(settings, tensors)

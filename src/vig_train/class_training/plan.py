@@ -23,7 +23,13 @@ QUICK_CHUNKS = 16
 """Files of images of the quick recognizer: 2,048 images, a minute of two cores."""
 QUICK_DECODER_STEPS = 60
 """Steps of its mask's decoder, half a minute."""
-IMAGE_SHARE = 0.57
+QUICK_PICTURES = 480
+"""Of its map of objects, half a minute."""
+PICTURES_PER_MINUTE = 60
+"""Put together for the map of objects, for each minute of the training: each takes some .05 s."""
+MOST_PICTURES = 8000
+"""1.1 GB of memory."""
+IMAGE_SHARE = 0.54
 """Of the time, for drawing images."""
 DECODER_SHARE = 0.15
 """Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
@@ -38,11 +44,13 @@ class Plan:
     Attributes:
         chunks: Files of images.
         decoder_steps: Of the mask's decoder.
+        pictures: Put together for the map of objects.
         epochs: Of the heads.
     """
 
     chunks: int
     decoder_steps: int
+    pictures: int
     epochs: int = EPOCHS
 
 
@@ -67,4 +75,5 @@ def measured_plan(
         examples = read_images(images, range(1))
         per_step = DecoderTraining(new_network(object_class), examples, True, seed).seconds_per_step()
     chunks = max(timed, min(MOST_CHUNKS, there + round(IMAGE_SHARE * budget / per_chunk)))
-    return Plan(chunks, max(1, round(DECODER_SHARE * budget / per_step)))
+    pictures = max(1, min(MOST_PICTURES, round(PICTURES_PER_MINUTE * minutes)))
+    return Plan(chunks, max(1, round(DECODER_SHARE * budget / per_step)), pictures)

@@ -31,7 +31,14 @@ from vig.scene import ObjectClass
 from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
 from vig_train.calibration.studio_errors import studio_errors
 from vig_train.class_training import card
-from vig_train.class_training.plan import QUICK, QUICK_CHUNKS, QUICK_DECODER_STEPS, Plan, measured_plan
+from vig_train.class_training.plan import (
+    QUICK,
+    QUICK_CHUNKS,
+    QUICK_DECODER_STEPS,
+    QUICK_PICTURES,
+    Plan,
+    measured_plan,
+)
 from vig_train.packs.card import replace_section
 from vig_train.plots import describe_calibration, plot_reliability
 from vig_train.record import Record, read_record
@@ -50,6 +57,7 @@ from vig_train.training.class_network import (
 )
 from vig_train.training.examples import Examples
 from vig_train.training.model_cutouts import model_cutouts
+from vig_train.training.object_map import train_object_map
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import SPLITS, Split
@@ -182,7 +190,7 @@ class ClassTraining:
     def plan(self) -> Plan:
         """What fits into the time; measured once, on the first images, which count."""
         if self.quick:
-            return Plan(QUICK_CHUNKS, QUICK_DECODER_STEPS)
+            return Plan(QUICK_CHUNKS, QUICK_DECODER_STEPS, QUICK_PICTURES)
         path = self.run_folder / "plan.json"
         if path.exists():
             with reading(path, "the plan of a training", "Remove it."):
@@ -218,6 +226,9 @@ class ClassTraining:
             examples = read_images(self.images, range(min(plan.chunks, PIXEL_CHUNKS)))
             decoder = DecoderTraining(network, examples, self.object_class.mirror, self.seed)
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
+        with torch_threads(self.workers), Meter(plan.pictures, 0, unit="pictures") as meter:
+            mirror = self.object_class.mirror
+            train_object_map(network, examples, plan.pictures, self.seed, mirror, meter.advance)
         quick = {"quick": "yes"} if self.quick else {}
         save_weights(network, scale, self._weights, shared_trunk=True, more=quick, packed=PACKED_MATRICES)
 

@@ -90,6 +90,10 @@ class Train:
     """Stages of the trunk, of five, that stay as they are: with 5 heads and mask are trained alone."""
     mask_alone: bool = False
     """Train a mask's decoder that sees the whole image, and it alone: all else stays as it is in --start."""
+    map_alone: bool = False
+    """Train the map by which objects are found in photos, and it alone: all else stays as in --start."""
+    others: tuple[str, ...] = ()
+    """With --map-alone, other classes, packaged or folders of packs, that must not be taken for this one."""
     rate: float = 2e-3
     """The highest learning rate; less to go on with weights that are good."""
     workers: int = 1

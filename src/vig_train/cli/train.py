@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.progress import Meter
+from vig.recognition import WEIGHTS_FILE
 from vig.recognition.network import NetworkSettings
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import Train
 from vig_train.plots import train_and_plot as train_network
-from vig_train.training.drawing import Drawing
+from vig_train.training.drawing import Drawing, drawn_once
+from vig_train.training.examples import Examples
+from vig_train.training.object_map import add_object_map
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
-from vig_world.dataset import read_dataset
+from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MOST_RATE = 0.1
+OTHERS_SHARE = 1 / 3
+"""Images of each other class, over those of this one."""
+MAP_PICTURES = 8000
+"""That are put together for the map of objects."""
 CONTEXT = (192, 128, 96, 64)
 """Channels of the decoder that sees the whole image."""
 
@@ -26,7 +38,7 @@ def train(settings: Train) -> int:
     """`vig train`."""
     lines: list[str] = []
     report = lines.append if settings.json else lambda line: print(line, flush=True)
-    if not settings.dataset:
+    if not settings.dataset and not (settings.map_alone and settings.distinct):
         raise UserError("expected at least one dataset to train on; got none")
     check_workers(settings.workers)
     object_class = ObjectClass.load(settings.object_class)
@@ -43,8 +55,17 @@ def train(settings: Train) -> int:
         raise UserError(f"expected --rate above 0 and at most {MOST_RATE}; got {settings.rate:g}.")
     if settings.batch < 1:
         raise UserError(f"expected --batch of 1 or more images; got {settings.batch}.")
-    if settings.mask_alone and settings.start is None:
-        raise UserError("expected --start with --mask-alone: weights whose trunk and heads stay as they are.")
+    if settings.mask_alone and settings.map_alone:
+        raise UserError("expected --mask-alone or --map-alone; got both. Train one after the other.")
+    if settings.others and not (settings.map_alone and settings.distinct):
+        raise UserError(
+            "expected --map-alone and --distinct with --others: their images are drawn for the map."
+        )
+    for name in ("mask", "map"):
+        if getattr(settings, f"{name}_alone") and settings.start is None:
+            raise UserError(
+                f"expected --start with --{name}-alone: weights of which the rest stays as it is."
+            )
     if settings.distinct and settings.distinct < settings.studio:
         raise UserError(
             f"expected --distinct of as many images as a step takes, {settings.studio}, or more; got"
@@ -60,6 +81,10 @@ def train(settings: Train) -> int:
         drawing = Drawing(
             object_class.folder, settings.studio, settings.distinct, studio=studio, workers=settings.workers
         )
+    if settings.map_alone:
+        path = _train_map(settings, datasets, drawing, object_class.mirror)
+        print(json.dumps({"weights": str(path), "folder": str(settings.out)}) if settings.json else path)
+        return 0
     chosen = TrainingSettings(
         seed=settings.seed,
         epochs=settings.epochs,
@@ -81,3 +106,35 @@ def train(settings: Train) -> int:
         print(path)
         print(settings.out)
     return 0
+
+
+def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | None, mirror: bool) -> Path:
+    """Weights with a new map, trained on all images of datasets and of the studio's distinct ones.
+
+    Of each other class there are a third as many, which count as without an object.
+    """
+    parts = [Examples.of(dataset) for dataset in datasets]
+    if drawing is not None and drawing.distinct:
+        folders = [
+            drawing.object_class,
+            *(ObjectClass.load(name).folder or Path() for name in settings.others),
+        ]
+        for folder in folders:
+            own = folder == drawing.object_class
+            count = drawing.distinct if own else math.ceil(OTHERS_SHARE * drawing.distinct)
+            drawn = replace(drawing, object_class=folder, distinct=count)
+            with Meter(drawn.distinct, 0, not settings.json, "images") as meter:
+                part = drawn_once(drawn, settings.out, settings.seed, meter.advance)
+            parts.append(part if own else part.as_absent(parts[0].numbers.shape[1]))
+    path = settings.out / WEIGHTS_FILE
+    with Meter(MAP_PICTURES, 0, not settings.json, "pictures") as meter:
+        add_object_map(
+            Path(settings.start or ""),
+            path,
+            Examples.joined(parts),
+            MAP_PICTURES,
+            settings.seed,
+            mirror,
+            meter.advance,
+        )
+    return path

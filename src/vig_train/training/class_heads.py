@@ -28,7 +28,7 @@ from vig_train.training.class_network import (
     read_features,
 )
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
-from vig_train.training.training import Schedule
+from vig_train.training.schedule import Schedule
 
 HEADS = ("azimuth", "numbers", "others")
 """The network's dense heads."""

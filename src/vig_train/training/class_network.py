@@ -31,10 +31,11 @@ from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.losses import Targets, mask_loss
+from vig_train.training.schedule import Schedule
 from vig_train.training.studio import Studio, StudioSettings
-from vig_train.training.training import Schedule, load_start_weights
+from vig_train.training.training import load_start_weights
 
-SIZES = NetworkSettings(recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
+SIZES = NetworkSettings(object_map=64, recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
 """Of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""
 CHUNK = 128
 """Images of a file."""
@@ -149,11 +150,7 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
 def coarse_features(network: RecognitionNetwork, images: torch.Tensor) -> torch.Tensor:
     """Of the trunk's last stage, (N, C, 10, 10) float16, for images (N, 3, 150, 150)."""
     with bfloat16(images.device):
-        maps = network.stem(images * 2 - 1)
-        for stage in network.stages:
-            maps = stage(maps)
-    features: torch.Tensor = maps.half()
-    return features
+        return network.maps(images)[-1].half()
 
 
 def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:

@@ -76,6 +76,12 @@ class Examples:
         """Whether an image shows the object at all: (N,) float, 0 or 1."""
         return (self.visible.flatten(1).amax(1) > 127).float()
 
+    def as_absent(self, numbers: int) -> Examples:
+        """The same images for a class of so many regressed numbers, whose object they do not show."""
+        nothing = torch.zeros_like(self.visible)
+        unknown = self.numbers.new_zeros(len(self), numbers)
+        return Examples(self.images, self.azimuth, unknown, self.roll, nothing, nothing)
+
     def __getitem__(self, chosen: torch.Tensor | slice) -> Examples:
         return Examples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 

@@ -31,6 +31,7 @@ from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoin
 from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once
 from vig_train.training.examples import Examples, hold_out
 from vig_train.training.losses import LOSS_WEIGHTS, losses, weighted_sum
+from vig_train.training.schedule import Schedule
 from vig_world.dataset import Dataset
 
 AVERAGE_DECAY = 0.998
@@ -354,21 +355,6 @@ def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> li
     if settings.mask_alone:
         return [network.stem, *network.stages, *(getattr(network, name) for name in HEAD_PARTS)]
     return [network.stem, *network.stages[: settings.frozen]] if settings.frozen else []
-
-
-@dataclass(frozen=True)
-class Schedule:
-    """Learning rate by step: a linear rise over a twentieth, then half a cosine down to a hundredth."""
-
-    highest: float
-    steps: int
-
-    def __call__(self, step: int) -> float:
-        rise = max(1, self.steps // 20)
-        if step < rise:
-            return self.highest * (step + 1) / rise
-        share = (step - rise) / max(1, self.steps - rise)
-        return self.highest * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(1.0, share))))
 
 
 @torch.inference_mode()

@@ -1,4 +1,4 @@
-"""Windows are moved onto what the network sees; tried with a network that sees a bright disc."""
+"""Places of the map, and windows moved onto what the network sees there; with one that sees bright discs."""
 
 from __future__ import annotations
 
@@ -7,16 +7,35 @@ import math
 import numpy as np
 import pytest
 import torch
+from scipy import ndimage
 
+from vig.io.errors import UserError
 from vig.photo import Window
 from vig.recognition import Prediction, find, upright
-from vig.recognition.find import box_in_window
+from vig.recognition.find import box_in_window, find_several
+from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE
 
 
 class SeesDiscs:
     """Predicts that bright pixels are the object, upright; its roll follows a red dot at its rim."""
 
-    informed = True
+    informed = has_map = True
+    device = "cpu"
+
+    def object_map(self, image: torch.Tensor) -> torch.Tensor:
+        """Centres and boxes of bright regions of sizes that maps know."""
+        numbers = torch.zeros(1, 5, *(-(-side // MAP_STRIDE) for side in image.shape[2:]))
+        numbers[:, 0] = -8.0
+        regions, count = ndimage.label(image[0].mean(0).numpy() > 0.5)
+        for rows, columns in ndimage.find_objects(regions, count):
+            size = columns.stop - columns.start, rows.stop - rows.start
+            if not BOX_SIDES[0] <= max(size) <= BOX_SIDES[1]:
+                continue
+            x, y = ((each.start + each.stop) / 2 / MAP_STRIDE for each in (columns, rows))
+            at = int(y), int(x)
+            right, down, *log_size = x - at[1] - 0.5, y - at[0] - 0.5, *np.log(np.divide(size, MAP_STRIDE))
+            numbers[0, :, *at] = torch.tensor([4.0, right, down, *log_size])
+        return numbers
 
     def __call__(self, photos: torch.Tensor, twice: bool = True) -> Prediction:
         bright = (photos.mean(-1) > 0.5).float()
@@ -52,26 +71,53 @@ def test_the_object_is_found_at_its_place_and_size(place: tuple[float, float, fl
     best = find(disc(320, 500, x, y, radius), SeesDiscs())  # type: ignore[arg-type]
     assert best.window.side == pytest.approx(1.4 * 2 * radius, rel=0.12)
     assert best.window.centre == pytest.approx((x, y), abs=0.15 * radius)
-    assert best.score > 0.5
+    assert best.present > 0.5
 
 
-def test_small_windows_are_looked_at_only_where_large_ones_do_not_find_the_object() -> None:
+def test_what_is_unlikely_beside_the_best_is_not_looked_at() -> None:
+    """A place with a tenth of the probability is looked at, one with less is not."""
+
     class Counts(SeesDiscs):
         seen = 0
+        second = 0.0
 
         def __call__(self, photos: torch.Tensor, twice: bool = True) -> Prediction:
             self.seen += len(photos)
             return super().__call__(photos, twice)
 
-    large, none = Counts(), Counts()
-    assert find(disc(300, 300, 150, 150, 90), large).score >= 0.85  # type: ignore[arg-type]
-    find(np.zeros((300, 300, 3), np.float32), none)  # type: ignore[arg-type]
-    assert (large.seen, none.seen) == (17 + 18, 191 + 2 * 18)
+        def object_map(self, image: torch.Tensor) -> torch.Tensor:
+            numbers = super().object_map(image)
+            numbers[0, 0, 0, 0] = math.log(self.second / (1 - self.second))
+            return numbers
+
+    for second, looks in ((0.05, 2), (0.5, 6)):  # a place at each of two scales
+        counts = Counts()
+        counts.second = second
+        find(disc(300, 300, 190, 190, 90), counts)  # type: ignore[arg-type]
+        assert counts.seen == looks
+
+
+def test_a_network_without_a_map_asks_for_a_box() -> None:
+    class HasNone(SeesDiscs):
+        has_map = False
+
+    photo = disc(300, 300, 150, 150, 90)
+    with pytest.raises(UserError, match="no map to find it"):
+        find(photo, HasNone())  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="no map to find it"):
+        find_several(photo, HasNone(), 2)  # type: ignore[arg-type]
+
+
+def test_each_of_several_is_found_once() -> None:
+    photo = disc(320, 500, 130, 150, 70)
+    other = disc(320, 500, 390, 170, 80)
+    found = find_several(np.maximum(photo, other), SeesDiscs(), 3)  # type: ignore[arg-type]
+    assert sorted(each.window.centre[0] for each in found) == pytest.approx([130, 390], abs=12)
 
 
 def test_nothing_is_found_in_an_empty_photo() -> None:
     found = find(np.zeros((100, 160, 3), np.float32), SeesDiscs())  # type: ignore[arg-type]
-    assert found.score == 0
+    assert found.present == 0
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -0.5])

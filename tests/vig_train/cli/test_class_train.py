@@ -45,7 +45,7 @@ PLAN = ClassTraining.plan
 def tiny() -> object:
     """Two files of images, two passes, two steps, a hundred photos."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ClassTraining, "plan", lambda self: Plan(2, 2, 2))
+        patch.setattr(ClassTraining, "plan", lambda self: Plan(2, 2, 20, 2))
         patch.setattr(steps, "PHOTOS", 110)
         patch.setattr(steps, "TEST_PHOTOS", 90)
         yield
@@ -141,7 +141,7 @@ def test_more_minutes_begin_with_the_images_that_are_there_and_the_card_tells_bo
 ) -> None:
     other = shutil.copytree(pack, tmp_path / "fin")
     first = (other / "training/images/00000.safetensors").stat().st_mtime_ns
-    monkeypatch.setattr(ClassTraining, "plan", lambda self: Plan(3, 2, 2))
+    monkeypatch.setattr(ClassTraining, "plan", lambda self: Plan(3, 2, 20, 2))
     train_class(settings(other, minutes=20.0))
     assert (other / "training/images/00000.safetensors").stat().st_mtime_ns == first
     assert len(list((other / "training/images").glob("*.safetensors"))) == 3

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from tests.support import TEAPOT
-from vig.recognition import NetworkSettings
+from vig.io.checks import read_tensors
+from vig.recognition import NetworkSettings, Recognizer
 from vig.scene.object_class import PACKAGED
 from vig_app.cli.main import main
 from vig_train.cli import train as verb
@@ -87,6 +89,9 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
         (["--distinct", "8"], "expected --distinct of as many images as a step takes, 24, or more; got 8"),
         (["--batch", "0"], "expected --batch of 1 or more images; got 0"),
         (["--mask-alone"], "expected --start with --mask-alone"),
+        (["--map-alone"], "expected --start with --map-alone"),
+        (["--others", "mug"], "expected --map-alone and --distinct with --others"),
+        (["--mask-alone", "--map-alone", "--start", "S"], "expected --mask-alone or --map-alone; got both"),
         (["--frozen", "6"], "expected --frozen from 0 to 5; got 6"),
         (["--workers", "0"], "expected --workers of at least 1; got 0"),
         (["--studio", "0", "--props", "P"], "expected --studio above 0 with --props"),
@@ -101,6 +106,24 @@ def test_numbers_out_of_range_are_told(
         main(["train", "--dataset", "D", "--out", str(tmp_path / "w"), *given])
     assert ended.value.code == 2 and expected in capsys.readouterr().err
     assert not (tmp_path / "w").exists()
+
+
+def test_a_map_is_added_to_weights_of_which_the_rest_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of images of the studio alone, which the folder keeps; the map of before goes."""
+    start, out = TRUNK, tmp_path / "w"
+    monkeypatch.setattr(verb, "MAP_PICTURES", 16)
+    given = ["--studio", "8", "--distinct", "60", "--map-alone", "--start", str(start), "--out", str(out)]
+    given += ["--others", "mug"]
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "--class", str(TEAPOT), "--dataset", "--json", *given])
+    assert ended.value.code == 0
+    (before, _), (after, metadata) = (read_tensors(path, "pt") for path in (start, out / start.name))
+    assert "object_map" in metadata["settings"] and before.keys() == after.keys()
+    changed = [name for name in before if not torch.equal(before[name], after[name])]
+    assert changed and all(name.startswith("network.object_map.") for name in changed)
+    Recognizer(out / start.name)
 
 
 def test_several_datasets_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

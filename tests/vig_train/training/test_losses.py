@@ -12,7 +12,7 @@ from vig.recognition.network import Heads
 from vig.scene import Symmetry
 from vig_train.training.augmentation import Batch
 from vig_train.training.losses import losses, weighted_sum
-from vig_train.training.training import Schedule
+from vig_train.training.schedule import Schedule
 
 
 def heads(mask: torch.Tensor) -> Heads:

@@ -1,0 +1,123 @@
+"""Where in a whole photo objects of a class are: a map of their centres and boxes, read at a few scales.
+
+Each cell of the trunk's coarsest maps tells how sure it is that an object's centre lies in it, where in the
+cell, and how large its box is, hidden parts included (Zhou et al. 2019, "Objects as points").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from vig.parallel import on_one_core
+from vig.photo import ImagePyramid, Window
+from vig.recognition.layers import convolution
+from vig.scene import srgb_from_linear
+
+if TYPE_CHECKING:
+    from vig.recognition.prediction import Recognizer
+
+MAP_STRIDE = 16
+"""Pixels a side of a cell."""
+PHOTO_SIDES = (128, 304)
+"""Longer sides of the photo, pixels, at which it is read: objects of a twelfth of it and more are found."""
+SMALLER_SIDES = (*PHOTO_SIDES, 608)
+"""The same where several objects are sought, some of them small."""
+BOX_SIDES = (26.0, 150.0)
+"""Longer sides of boxes, pixels, that the map tells."""
+LEAST_PROBABILITY = 0.02
+"""Of a centre that counts."""
+LARGEST_LOG_SIZE = 4.0
+"""Of a box, in cells: beyond any that is trained."""
+SAME_OBJECT = 0.4
+"""Intersection over union of boxes from which they are of one object."""
+NUMBERS = 5
+"""Of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; the logarithms
+of the box's width and height, in cells."""
+
+
+class ObjectMap(nn.Module):
+    """From two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
+
+    def __init__(self, inputs: int, width: int):
+        super().__init__()
+        layers = [convolution(inputs, width, 1)]
+        for _ in range(3):
+            layers += [convolution(width, width, 3, groups=width), convolution(width, width, 1)]
+        self.layers = nn.Sequential(*layers)
+        self.numbers = nn.Conv2d(width, NUMBERS, 1)
+        nn.init.constant_(self.numbers.bias[:1], -4.0)  # type: ignore[index]  # centres are rare
+
+    def forward(self, maps: torch.Tensor) -> torch.Tensor:
+        numbers: torch.Tensor = self.numbers(self.layers(maps))
+        return numbers.float()
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an object seems to be.
+
+    Attributes:
+        box: x, y, w, h in the photo's pixels, round what of it is hidden as well, also beyond the photo.
+        probability: That its centre is there, not calibrated.
+    """
+
+    box: tuple[float, float, float, float]
+    probability: float
+
+
+@torch.inference_mode()
+def places(
+    photo: np.ndarray | ImagePyramid, recognizer: Recognizer, sides: Sequence[int] = PHOTO_SIDES
+) -> list[Place]:
+    """Where objects are in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
+
+    No two are of one object. The recognizer's network must have a map. sides: Longer ones of the photo,
+    pixels, at which it is read.
+    """
+    found: list[Place] = []
+    for side in sides:
+        found += on_one_core(lambda side=side: _at_scale(photo, recognizer, side))  # type: ignore[misc]
+    separate: list[Place] = []
+    for place in sorted(found, key=lambda place: -place.probability):
+        if all(box_overlap(place.box, other.box) < SAME_OBJECT for other in separate):
+            separate.append(place)
+    return separate
+
+
+def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: int) -> list[Place]:
+    """Local maxima of the map of a photo whose longer side is made `side` pixels."""
+    height, width = photo.shape[:2]
+    whole = Window.of(width, height)
+    cut, inside = whole.crop(photo, side)
+    rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
+    top, left = int(rows[0]), int(columns[0])
+    shown = torch.from_numpy(np.ascontiguousarray(cut[top : rows[-1] + 1, left : columns[-1] + 1]))
+    image = srgb_from_linear(shown).permute(2, 0, 1)[None].to(recognizer.device)
+    numbers = recognizer.object_map(image)[0].cpu()
+    probability = numbers[0].sigmoid()
+    highest = functional.max_pool2d(probability[None], 3, 1, 1)[0]
+    found, pixels = [], whole.side / side
+    for row, column in ((probability == highest) & (probability > LEAST_PROBABILITY)).nonzero().tolist():
+        right, down, *log_size = numbers[1:, row, column].tolist()
+        w, h = (MAP_STRIDE * pixels * math.exp(min(each, LARGEST_LOG_SIZE)) for each in log_size)
+        x = whole.left + pixels * (left + MAP_STRIDE * (column + 0.5 + right))
+        y = whole.top + pixels * (top + MAP_STRIDE * (row + 0.5 + down))
+        found.append(Place((x - w / 2, y - h / 2, w, h), float(probability[row, column])))
+    return found
+
+
+def box_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
+    """Intersection over union of boxes x, y, w, h."""
+    shared = 1.0
+    for low, size in ((0, 2), (1, 3)):
+        end = min(one[low] + one[size], other[low] + other[size])
+        shared *= max(0.0, end - max(one[low], other[low]))
+    return shared / (one[2] * one[3] + other[2] * other[3] - shared)

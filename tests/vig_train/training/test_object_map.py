@@ -1,0 +1,128 @@
+"""Training of the map by which objects are found in whole photos."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from vig.recognition import NetworkSettings, RecognitionNetwork
+from vig.recognition.object_map import MAP_STRIDE
+from vig.scene import regressed_layout
+from vig_train.training.examples import Examples
+from vig_train.training.object_map import (
+    CELLS,
+    SIDE,
+    Box,
+    draw_pictures,
+    map_loss,
+    targets_of,
+    train_object_map,
+)
+
+SMALL = NetworkSettings(
+    modes=2,
+    channels=(8, 8, 12, 16, 16, 16),
+    blocks=(1, 1, 1, 1, 1),
+    squeezed=4,
+    features=8,
+    object_map=32,
+)
+
+
+def discs(count: int) -> Examples:
+    """Bright discs on dark noise; every fourth image has none."""
+    rng = np.random.default_rng(0)
+    rows, columns = np.mgrid[:150, :150] + 0.5
+    images = rng.integers(0, 60, (count, 150, 150, 3)).astype(np.uint8)
+    visible = np.zeros((count, 150, 150), np.uint8)
+    for number in range(count):
+        x, y, radius = rng.uniform((60, 60, 40), (90, 90, 55))
+        if number % 4:
+            visible[number][(columns - x) ** 2 + (rows - y) ** 2 < radius**2] = 255
+    images[visible > 0] = 230
+    zeros, numbers = torch.zeros(count), torch.zeros(count, regressed_layout(2).size)
+    masks = torch.from_numpy(visible), torch.zeros(count, 150, 150, dtype=torch.uint8)
+    return Examples(torch.from_numpy(images), zeros, numbers, zeros, *masks)
+
+
+def perfect(boxes: list[Box]) -> torch.Tensor:
+    """What a map would say that knows all."""
+    targets = targets_of(boxes)
+    logit = torch.where(targets.centre == 1, 20.0, -20.0)
+    return torch.cat([logit[None], targets.box])[None]
+
+
+def test_boxes_of_pictures_are_round_the_objects() -> None:
+    """Within each box of a picture of discs alone, three quarters are bright, as of a disc's."""
+    pictures, boxes = draw_pictures(discs(64), np.random.default_rng(0))
+    assert pictures.shape == (16, 3, SIDE, SIDE) and sum(map(len, boxes)) > 30
+    inside = []
+    for picture, placed in zip(pictures, boxes, strict=True):
+        for x0, y0, x1, y1, seen in placed:
+            if seen > 0.9 and min(x0, y0) >= 0 and max(x1, y1) <= SIDE:
+                part = picture[:, math.ceil(y0) : int(y1), math.ceil(x0) : int(x1)].mean(0)
+                inside.append(float((part > 0.45).float().mean()))
+    assert np.median(inside) == pytest.approx(math.pi / 4, abs=0.08)
+
+
+def test_targets_tell_centre_and_box() -> None:
+    targets = targets_of([(40.0, 50.0, 120.0, 90.0, 1.0)])
+    row, column = 4, 5  # of the centre, 80, 70
+    assert (targets.centre == 1).nonzero().tolist() == [[row, column]]
+    right, down, log_width, log_height = targets.box[:, row, column].tolist()
+    assert ((column + 0.5 + right) * MAP_STRIDE, (row + 0.5 + down) * MAP_STRIDE) == pytest.approx((80, 70))
+    assert np.exp([log_width, log_height]) * MAP_STRIDE == pytest.approx([80, 40])
+    assert targets.counts.all() and targets.near[row, column]
+
+
+@pytest.mark.parametrize(
+    "box",
+    [(40.0, 50.0, 60.0, 60.0, 1.0), (0.0, 0.0, 200.0, 180.0, 1.0), (40.0, 50.0, 120.0, 90.0, 0.05)],
+    ids=["too small", "too large", "hidden"],
+)
+def test_what_the_map_cannot_tell_counts_neither_as_there_nor_as_absent(box: Box) -> None:
+    targets = targets_of([box])
+    row, column = int((box[1] + box[3]) / 2 / MAP_STRIDE), int((box[0] + box[2]) / 2 / MAP_STRIDE)
+    assert not targets.counts[row, column] and not targets.near.any() and not targets.centre.any()
+    assert targets.counts[CELLS - 1, CELLS - 1]
+
+
+def test_a_mirrored_picture_has_mirrored_targets() -> None:
+    box: Box = (43.0, 50.0, 125.0, 90.0, 1.0)
+    mirrored = targets_of([box]).mirrored()
+    expected = targets_of([(SIDE - box[2], box[1], SIDE - box[0], box[3], 1.0)])
+    for name, value in vars(expected).items():
+        torch.testing.assert_close(getattr(mirrored, name).float(), value.float(), atol=1e-5, rtol=0)
+
+
+def test_the_loss_is_least_where_all_is_right() -> None:
+    box: Box = (40.0, 50.0, 120.0, 90.0, 1.0)
+    targets = targets_of([box])
+    batch = type(targets).joined([targets])
+    right = perfect([box])
+    assert map_loss(right, batch) == pytest.approx(0.0, abs=1e-4)
+    missed, moved, imagined = right.clone(), right.clone(), right.clone()
+    missed[:, 0], moved[:, 1:], imagined[:, 0, 15, 15] = -20.0, right[:, 1:] + 0.5, 20.0
+    for wrong in (missed, moved, imagined):
+        assert map_loss(wrong, batch) > 0.5
+
+
+def test_a_map_learns_where_things_are_and_all_else_stays() -> None:
+    torch.manual_seed(0)
+    network, examples = RecognitionNetwork(SMALL), discs(64)
+    before = {k: v.clone() for k, v in network.state_dict().items() if not k.startswith("object_map")}
+    pictures, boxes = draw_pictures(examples, np.random.default_rng(1))
+    targets = [targets_of(each) for each in boxes]
+    batch = type(targets[0]).joined(targets)
+
+    def held_out() -> float:
+        with torch.inference_mode():
+            return float(map_loss(network.eval().object_map(network.coarse_maps(pictures)), batch))
+
+    at_first, made = held_out(), []
+    train_object_map(network, examples, 320, 0, advance=made.append)
+    assert sum(made) == 320 and held_out() < 0.5 * at_first
+    assert all(torch.equal(network.state_dict()[name], value) for name, value in before.items())
