@@ -138,14 +138,16 @@ def test_code_blocks_run_as_printed(page: Path, folder: Path, monkeypatch: pytes
 def test_positions_of_the_glb_come_onto_the_object_as_the_page_says(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Their extent on the photo is the explanation's box, that of the outline, to a window's pixel, 2.8."""
+    """Their extent on the photo is the explanation's box, that of the outline, to a window's pixel."""
     monkeypatch.chdir(folder)
     names: dict[str, Any] = {}
     (block,) = python_blocks((ROOT / "docs/explanation.md").read_text())
     exec(block, names)
     x, y, width, height = names["explained"]["box"]
     ends = [(places.min(), places.max()) for places in (names["columns"], names["rows"])]
-    np.testing.assert_allclose(ends, [(x, x + width), (y, y + height)], atol=2.8)
+    np.testing.assert_allclose(
+        ends, [(x, x + width), (y, y + height)], atol=names["explained"]["window"]["side"] / 150
+    )
 
 
 def command_lines(text: str) -> Iterator[str]:

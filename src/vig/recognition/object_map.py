@@ -28,14 +28,14 @@ MAP_STRIDE = 16
 """Pixels a side of a cell."""
 PHOTO_SIDES = (128, 304)
 """Longer sides of the photo, pixels, at which it is read: objects of a twelfth of it and more are found."""
-SMALLER_SIDES = (*PHOTO_SIDES, 608)
-"""The same where several objects are sought, some of them small."""
+SIDES_FOR_SEVERAL = (*PHOTO_SIDES, 608)
+"""The same where several objects are sought, some of them small: of a 23rd of the photo and more."""
 BOX_SIDES = (26.0, 150.0)
 """Longer sides of boxes, pixels, that the map tells."""
 LEAST_PROBABILITY = 0.02
 """Of a centre that counts."""
-LARGEST_LOG_SIZE = 4.0
-"""Of a box, in cells: beyond any that is trained."""
+MOST_LOG_SIZE = 4.0
+"""Of a box, in cells, and of a cell, in boxes: beyond any that is trained."""
 SAME_OBJECT = 0.4
 """Intersection over union of boxes from which they are of one object."""
 NUMBERS = 5
@@ -66,7 +66,7 @@ class Place:
 
     Attributes:
         box: x, y, w, h in the photo's pixels, round what of it is hidden as well, also beyond the photo.
-        probability: That its centre is there, not calibrated.
+        probability: Uncalibrated, that its centre is there.
     """
 
     box: tuple[float, float, float, float]
@@ -97,6 +97,8 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
     height, width = photo.shape[:2]
     whole = Window.of(width, height)
     cut, inside = whole.crop(photo, side)
+    if not inside.any():  # of a long narrow photo less than a line is left
+        return []
     rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
     top, left = int(rows[0]), int(columns[0])
     shown = torch.from_numpy(np.ascontiguousarray(cut[top : rows[-1] + 1, left : columns[-1] + 1]))
@@ -107,7 +109,9 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
     found, pixels = [], whole.side / side
     for row, column in ((probability == highest) & (probability > LEAST_PROBABILITY)).nonzero().tolist():
         right, down, *log_size = numbers[1:, row, column].tolist()
-        w, h = (MAP_STRIDE * pixels * math.exp(min(each, LARGEST_LOG_SIZE)) for each in log_size)
+        w, h = (
+            MAP_STRIDE * pixels * math.exp(min(max(each, -MOST_LOG_SIZE), MOST_LOG_SIZE)) for each in log_size
+        )
         x = whole.left + pixels * (left + MAP_STRIDE * (column + 0.5 + right))
         y = whole.top + pixels * (top + MAP_STRIDE * (row + 0.5 + down))
         found.append(Place((x - w / 2, y - h / 2, w, h), float(probability[row, column])))

@@ -65,8 +65,7 @@ def explain_found(
 ) -> SceneExplanation:
     """Find objects of one or more classes in a photo, and explain them together.
 
-    Less reliable than boxes: the network that is asked knows one class each, and was not trained to tell
-    several things in one photo apart (docs/many.md has numbers).
+    Less reliable than boxes: each network that is asked knows one class (docs/many.md has numbers).
 
     Args:
         photo: As `Explainer.explain` takes it.

@@ -15,6 +15,7 @@ from vig_train.training.class_network import (
     new_network,
     read_images,
 )
+from vig_train.training.object_map import PICTURES
 from vig_world.threads import torch_threads
 
 QUICK = 0.0
@@ -25,14 +26,16 @@ QUICK_DECODER_STEPS = 60
 """Steps of its mask's decoder, half a minute."""
 QUICK_PICTURES = 480
 """Of its map of objects, half a minute."""
-PICTURES_PER_MINUTE = 60
-"""Put together for the map of objects, for each minute of the training: each takes some .05 s."""
+PICTURES_PER_MINUTE = 48
+"""Put together for the map of objects, for each minute of the training: with the training on them each takes
+.09 s of one core, 7 % of the time."""
 MOST_PICTURES = 8000
 """1.1 GB of memory."""
-IMAGE_SHARE = 0.54
+IMAGE_SHARE = 0.5
 """Of the time, for drawing images."""
 DECODER_SHARE = 0.15
-"""Of the time, for the mask's decoder. What is left is for the heads, the calibration and the test."""
+"""Of the time, for the mask's decoder. What is left is for the map of objects, the heads, the calibration
+and the test."""
 MOST_CHUNKS = 480
 """61,440 images: their features take 2.7 GB of memory."""
 
@@ -75,5 +78,5 @@ def measured_plan(
         examples = read_images(images, range(1))
         per_step = DecoderTraining(new_network(object_class), examples, True, seed).seconds_per_step()
     chunks = max(timed, min(MOST_CHUNKS, there + round(IMAGE_SHARE * budget / per_chunk)))
-    pictures = max(1, min(MOST_PICTURES, round(PICTURES_PER_MINUTE * minutes)))
+    pictures = PICTURES * max(1, round(min(MOST_PICTURES, PICTURES_PER_MINUTE * minutes) / PICTURES))
     return Plan(chunks, max(1, round(DECODER_SHARE * budget / per_step)), pictures)

@@ -57,10 +57,12 @@ def train(settings: Train) -> int:
         raise UserError(f"expected --batch of 1 or more images; got {settings.batch}.")
     if settings.mask_alone and settings.map_alone:
         raise UserError("expected --mask-alone or --map-alone; got both. Train one after the other.")
+    if settings.map_alone and settings.distinct and not settings.studio:
+        raise UserError("expected --studio above 0 with --map-alone and --distinct: it draws these images.")
     if settings.others and not (settings.map_alone and settings.distinct):
-        raise UserError(
-            "expected --map-alone and --distinct with --others: their images are drawn for the map."
-        )
+        raise UserError("expected --map-alone and --distinct with --others: their images are drawn for it.")
+    if any(ObjectClass.load(name).name == object_class.name for name in settings.others):
+        raise UserError(f"expected --others that are not '{object_class.name}' itself; got it among them.")
     for name in ("mask", "map"):
         if getattr(settings, f"{name}_alone") and settings.start is None:
             raise UserError(

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import torch
@@ -225,7 +225,9 @@ class _TrainingState:
         torch.manual_seed(settings.seed)
         sizes = replace(settings.network, modes=layout_of_numbers(numbers.shape[1]).count("shape"))
         if settings.start is not None and not (settings.trunk_only or sizes.context):
-            sizes = replace(sizes, context=_context_of(settings.start))
+            sizes = replace(sizes, context=_setting_of(settings.start, "context", []))
+        if settings.start is not None and settings.mask_alone:
+            sizes = replace(sizes, object_map=_setting_of(settings.start, "object_map", 0))
         network, average = (RecognitionNetwork(sizes).to(device) for _ in range(2))
         if settings.start is not None:
             needed = HEAD_PARTS if settings.mask_alone else ()
@@ -342,12 +344,12 @@ def load_start_weights(
     return {k.removeprefix("scale."): value for k, value in tensors.items() if k.startswith("scale.")}
 
 
-def _context_of(path: Path) -> tuple[int, ...]:
-    """The wide decoder's channels of a weights file, empty where it has none."""
+def _setting_of(path: Path, name: str, without: Any) -> Any:
+    """A field of `NetworkSettings` of a weights file, and what stands for it where the file lacks it."""
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         _, metadata = read_tensors(path, "pt")
         settings = decode(dict[str, Any], parse_json(metadata.get("settings", "{}")))
-        return decode(tuple[int, ...], settings.get("context", []))
+        return decode(get_type_hints(NetworkSettings)[name], settings.get(name, without))
 
 
 def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:

@@ -9,10 +9,11 @@ import pytest
 import torch
 from scipy import ndimage
 
+import vig
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.recognition import Prediction, find, upright
-from vig.recognition.find import box_in_window, find_several
+from vig.recognition.find import MOVED_WINDOWS, MOVES, box_in_window, find_several
 from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE
 
 
@@ -90,11 +91,19 @@ def test_what_is_unlikely_beside_the_best_is_not_looked_at() -> None:
             numbers[0, 0, 0, 0] = math.log(self.second / (1 - self.second))
             return numbers
 
-    for second, looks in ((0.05, 2), (0.5, 6)):  # a place at each of two scales
+    for second, looks in ((0.05, MOVES), (0.5, MOVES * MOVED_WINDOWS)):
         counts = Counts()
         counts.second = second
         find(disc(300, 300, 190, 190, 90), counts)  # type: ignore[arg-type]
         assert counts.seen == looks
+
+
+@pytest.mark.parametrize("size", [(30, 4000), (4000, 30), (16, 6000), (40, 16)])
+def test_narrow_photos_have_places_or_none(size: tuple[int, int]) -> None:
+    photo = np.zeros((*size, 3), np.float32)
+    assert find(photo, SeesDiscs()).present == 0  # type: ignore[arg-type]
+    recognizer = vig.Explainer("teapot").recognizer
+    assert find(photo, recognizer).present < 0.5 and not find_several(photo, SeesDiscs(), 2)  # type: ignore[arg-type]
 
 
 def test_a_network_without_a_map_asks_for_a_box() -> None:

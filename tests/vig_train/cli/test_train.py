@@ -91,6 +91,14 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
         (["--mask-alone"], "expected --start with --mask-alone"),
         (["--map-alone"], "expected --start with --map-alone"),
         (["--others", "mug"], "expected --map-alone and --distinct with --others"),
+        (
+            "--map-alone --start S --distinct 60 --studio 0".split(),
+            "expected --studio above 0 with --map-alone and --distinct",
+        ),
+        (
+            "--map-alone --start S --distinct 60 --others mug teapot".split(),
+            "expected --others that are not 'teapot' itself",
+        ),
         (["--mask-alone", "--map-alone", "--start", "S"], "expected --mask-alone or --map-alone; got both"),
         (["--frozen", "6"], "expected --frozen from 0 to 5; got 6"),
         (["--workers", "0"], "expected --workers of at least 1; got 0"),

@@ -103,8 +103,9 @@ def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_pat
 
 
 def test_the_mask_alone_is_trained(dataset: Dataset, tmp_path: Path) -> None:
-    """Heads say the same before and after, in their own units; a run that goes on keeps the decoder."""
-    first = train([dataset], tmp_path / "1", dataclasses.replace(SETTINGS, epochs=1, network=SMALL), print)
+    """Heads and map say the same before and after, in their units; a run that goes on keeps the decoder."""
+    mapped = dataclasses.replace(SMALL, object_map=8)
+    first = train([dataset], tmp_path / "1", dataclasses.replace(SETTINGS, epochs=1, network=mapped), print)
     larger = dataclasses.replace(dataset, latents=2 * dataset.latents)
     larger.__dict__.update({name: dataset.__dict__[name] for name in ("rgb", "mask", "mask_visib")})
     wide = dataclasses.replace(SMALL, context=(8, 6, 6, 4))
@@ -115,6 +116,8 @@ def test_the_mask_alone_is_trained(dataset: Dataset, tmp_path: Path) -> None:
     for name in ("azimuth", "numbers", "deviation", "roll", "presence"):
         torch.testing.assert_close(getattr(after, name), getattr(before, name), atol=2e-3, rtol=2e-3)
     assert (after.mask - before.mask).abs().max() > 0.01
+    maps = [Recognizer(path).object_map(photos[:1].permute(0, 3, 1, 2)) for path in (first, second)]
+    torch.testing.assert_close(*maps, atol=2e-3, rtol=2e-3)
     onwards = dataclasses.replace(SETTINGS, epochs=1, start=second, frozen=5, network=SMALL)
     third = train([dataset], tmp_path / "3", onwards, print)
     assert Recognizer(third).network.settings.context == wide.context
