@@ -87,7 +87,7 @@ def test_the_view_that_a_user_chooses_is_taken(
         assert turned(found.azimuth_deg, asked) < 25
     pose = truth.camera_from_object
     found = explainer.explain(truth.picture, window=truth.window, hints=Hints(pose=pose))
-    assert turned(found.azimuth_deg, truth.azimuth_deg) < 6
+    assert turned(found.azimuth_deg, truth.azimuth_deg) < 7
 
 
 def test_a_given_mask_is_the_answers_mask(explainer: vig.Explainer, example: Example) -> None:
