@@ -46,8 +46,8 @@ def tiny() -> object:
     """Two files of images, two passes, two steps, a hundred photos."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ClassTraining, "plan", lambda self: Plan(2, 2, 20, 2))
-        patch.setattr(steps, "PHOTOS", 110)
-        patch.setattr(steps, "TEST_PHOTOS", 90)
+        patch.setattr(steps, "PHOTOS", 64)
+        patch.setattr(steps, "TEST_PHOTOS", 40)
         yield
 
 
