@@ -17,7 +17,7 @@ from vig.recognition.object_map import PHOTO_SIDES, SIDES_FOR_SEVERAL, box_overl
 from vig.recognition.prediction import Prediction, Recognizer
 
 MOVED_WINDOWS = 2
-"""So many places at most are looked at, and windows moved onto the object there."""
+"""Places that are looked at where one object is sought, and windows moved onto what is there."""
 LEAST_OF_BEST = 0.1
 """Probability of a place, over that of the likeliest, from which it is looked at."""
 CLUE_PROBABILITY = 0.5
@@ -26,7 +26,7 @@ MOVES = 2
 """So often they are looked at, and moved each time. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
-"""That are looked at for each object that is sought."""
+"""The same for each of several objects."""
 SAME_PLACE = 0.4
 """Overlap of windows from which they are of one object."""
 LEAST_ROLL = math.radians(5.0)
@@ -84,9 +84,7 @@ def find(
     Raises:
         UserError: The recognizer cannot find objects, and no clue is a mask.
     """
-    if not recognizer.has_map:
-        if clues is None or clues.mask is None:
-            raise UserError(UNPLACED if recognizer.informed else UNTRAINED)
+    if not recognizer.has_map and clues is not None and clues.mask is not None:
         return Candidate(Window.round_box(clues.box), 1.0)
     nowhere = Candidate(Window.of(photo.shape[1], photo.shape[0]), 0.0)
     tried = _tried(photo, recognizer, MOVED_WINDOWS, clues)
@@ -102,8 +100,6 @@ def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most:
     Raises:
         UserError: The recognizer cannot find objects.
     """
-    if not recognizer.has_map:
-        raise UserError(UNPLACED if recognizer.informed else UNTRAINED)
     return apart(_tried(photo, recognizer, PLACES_PER_OBJECT * most, sides=SIDES_FOR_SEVERAL), most)
 
 
@@ -114,7 +110,12 @@ def _tried(
     clues: LocationHints | None = None,
     sides: Sequence[int] = PHOTO_SIDES,
 ) -> list[Candidate]:
-    """Windows round the likeliest places, `most` of them, and about clues, moved onto what they show."""
+    """Windows round the likeliest places, `most` of them, and about clues, moved onto what they show.
+
+    UserError for a recognizer that cannot find objects.
+    """
+    if not recognizer.has_map:
+        raise UserError(UNPLACED if recognizer.informed else UNTRAINED)
     photo = photo if isinstance(photo, ImagePyramid) else ImagePyramid(photo)
     starts = [
         Candidate(Window.round_box(each.box), each.probability) for each in places(photo, recognizer, sides)

@@ -15,7 +15,7 @@ from vig_train.training.class_network import (
     new_network,
     read_images,
 )
-from vig_train.training.object_map import PICTURES
+from vig_train.training.collages import PICTURES
 from vig_world.threads import torch_threads
 
 QUICK = 0.0
@@ -25,7 +25,7 @@ QUICK_CHUNKS = 16
 QUICK_DECODER_STEPS = 60
 """Steps of its mask's decoder, half a minute."""
 QUICK_PICTURES = 480
-"""Of its map of objects, half a minute."""
+"""Of its map of objects, a quarter of a minute of two cores."""
 PICTURES_PER_MINUTE = 48
 """Put together for the map of objects, for each minute of the training: with the training on them each takes
 .09 s of one core, 7 % of the time."""

@@ -57,7 +57,7 @@ from vig_train.training.class_network import (
 )
 from vig_train.training.examples import Examples
 from vig_train.training.model_cutouts import model_cutouts
-from vig_train.training.object_map import train_object_map
+from vig_train.training.object_map import MapTraining
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import SPLITS, Split
@@ -228,7 +228,7 @@ class ClassTraining:
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
         with torch_threads(self.workers), Meter(plan.pictures, 0, unit="pictures") as meter:
             mirror = self.object_class.mirror
-            train_object_map(network, examples, plan.pictures, self.seed, mirror, meter.advance)
+            MapTraining(examples, plan.pictures, self.seed, mirror, meter.advance).run(network)
         quick = {"quick": "yes"} if self.quick else {}
         save_weights(network, scale, self._weights, shared_trunk=True, more=quick, packed=PACKED_MATRICES)
 

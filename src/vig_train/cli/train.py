@@ -19,7 +19,7 @@ from vig_train.cli.settings import Train
 from vig_train.plots import train_and_plot as train_network
 from vig_train.training.drawing import Drawing, drawn_once
 from vig_train.training.examples import Examples
-from vig_train.training.object_map import add_object_map
+from vig_train.training.object_map import MapTraining, add_object_map
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
@@ -130,13 +130,6 @@ def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | 
             parts.append(part if own else part.as_absent(parts[0].numbers.shape[1]))
     path = settings.out / WEIGHTS_FILE
     with Meter(MAP_PICTURES, 0, not settings.json, "pictures") as meter:
-        add_object_map(
-            Path(settings.start or ""),
-            path,
-            Examples.joined(parts),
-            MAP_PICTURES,
-            settings.seed,
-            mirror,
-            meter.advance,
-        )
+        training = MapTraining(Examples.joined(parts), MAP_PICTURES, settings.seed, mirror, meter.advance)
+        add_object_map(Path(settings.start or ""), path, training)
     return path

@@ -11,16 +11,9 @@ import torch
 from vig.recognition import NetworkSettings, RecognitionNetwork
 from vig.recognition.object_map import MAP_STRIDE
 from vig.scene import regressed_layout
+from vig_train.training.collages import SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
-from vig_train.training.object_map import (
-    CELLS,
-    SIDE,
-    Box,
-    draw_pictures,
-    map_loss,
-    targets_of,
-    train_object_map,
-)
+from vig_train.training.object_map import CELLS, MapTraining, map_loss, targets_of
 
 SMALL = NetworkSettings(
     modes=2,
@@ -123,6 +116,6 @@ def test_a_map_learns_where_things_are_and_all_else_stays() -> None:
             return float(map_loss(network.eval().object_map(network.coarse_maps(pictures)), batch))
 
     at_first, made = held_out(), []
-    train_object_map(network, examples, 320, 0, advance=made.append)
+    MapTraining(examples, 320, 0, advance=made.append).run(network)
     assert sum(made) == 320 and held_out() < 0.5 * at_first
     assert all(torch.equal(network.state_dict()[name], value) for name, value in before.items())

@@ -1,0 +1,161 @@
+"""Pictures of several objects, put together from images of single ones.
+
+Every other one is a mosaic of images (Bochkovskiy et al. 2020); the others have objects and pieces of images
+pasted onto an image without one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch.nn import functional
+
+from vig.photo.masks import box_of
+from vig_train.training.augmentation import Augmentation
+from vig_train.training.examples import Examples
+
+SIDE = 304
+"""Of a picture, pixels."""
+TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
+"""Images along the side of a quarter of a mosaic, and how often."""
+PASTED = (48.0, 220.0)
+"""Sides of images that are pasted, pixels."""
+MOST_PASTED = 5
+"""Images on a picture."""
+PIECE_SHARE = 0.3
+"""Share of pasted images with an object of which not the object alone is pasted, but all, with soft edges."""
+SOFT_EDGE = 0.15
+"""Width of such an edge, in halves of the image's side."""
+IMAGES = 96
+"""That are augmented at a time."""
+PICTURES = 16
+"""That are made of them."""
+
+Box = tuple[float, float, float, float, float]
+"""Left, top, right, bottom in a picture's pixels, and the share of the object that is seen."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """An image for a picture.
+
+    Attributes:
+        image: (3, S, S) sRGB in [0, 1].
+        object: (S, S) share of each pixel that the object takes, hidden or not.
+        box: Round it, in sides of the image, and the share of it that is seen; None where there is no object.
+    """
+
+    image: torch.Tensor
+    object: torch.Tensor
+    box: Box | None
+
+    def placed(self, left: float, top: float, side: float) -> list[Box]:
+        """Its box in a picture at whose place it is put; none where it has no object."""
+        if self.box is None:
+            return []
+        x0, y0, x1, y1, seen = self.box
+        return [(left + side * x0, top + side * y0, left + side * x1, top + side * y1, seen)]
+
+
+def draw_pictures(
+    examples: Examples, rng: np.random.Generator, mirror: bool = True
+) -> tuple[torch.Tensor, list[list[Box]]]:
+    """`PICTURES` pictures (N, 3, SIDE, SIDE), sRGB in [0, 1], and the boxes of each one's objects."""
+    chosen = rng.choice(len(examples), min(IMAGES, len(examples)), replace=False)
+    tiles = _tiles(examples[torch.from_numpy(chosen)], rng, mirror)
+    without = [tile for tile in tiles if tile.box is None]
+    endless = _taken(tiles, rng)
+    pictures, boxes = [], []
+    for number in range(PICTURES):
+        if number % 2 and without:
+            picture, placed = _pasted(without[rng.integers(len(without))], endless, rng)
+        else:
+            picture, placed = _mosaic(endless, rng)
+        pictures.append(picture)
+        boxes.append(placed)
+    return torch.stack(pictures), boxes
+
+
+def _tiles(examples: Examples, rng: np.random.Generator, mirror: bool) -> list[Tile]:
+    """Augmented images."""
+    augment = Augmentation() if mirror else replace(Augmentation(), flip=0.0)
+    batch = augment(examples, rng)
+    side = batch.images.shape[2]
+    shares = functional.interpolate(batch.mask, size=(side, side), mode="bilinear")
+    tiles = []
+    for image, share, present in zip(batch.images, shares, batch.present, strict=True):
+        whole = 1 - share[2]
+        box = box_of((whole > 0.5).numpy()) if present else None
+        seen = float(share[0].sum() / whole.sum().clamp_min(1.0))
+        corners = None
+        if box is not None:
+            x, y, w, h = box
+            corners = (x / side, y / side, (x + w) / side, (y + h) / side, seen)
+        tiles.append(Tile(image, whole, corners))
+    return tiles
+
+
+def _taken(tiles: list[Tile], rng: np.random.Generator) -> Iterator[Tile]:
+    """Tiles at random, without end."""
+    while True:
+        yield tiles[rng.integers(len(tiles))]
+
+
+def _mosaic(tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tensor, list[Box]]:
+    """Images side by side, in quarters of their own sizes."""
+    picture, boxes = torch.zeros(3, SIDE, SIDE), []
+    for left in (0, SIDE // 2):
+        for top in (0, SIDE // 2):
+            count = int(rng.choice(TILES, p=TILES_SHARES))
+            edges = np.linspace(0, SIDE // 2, count + 1).astype(int)
+            for x, end in zip(edges, edges[1:], strict=False):
+                for y in edges[:-1]:
+                    tile, side = next(tiles), int(end - x)
+                    rows, columns = slice(top + y, top + y + side), slice(left + x, left + x + side)
+                    picture[:, rows, columns] = _resized(tile.image, side)
+                    boxes += tile.placed(left + x, top + y, side)
+    return picture, boxes
+
+
+def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tensor, list[Box]]:
+    """Objects, and pieces of images, on an image without an object."""
+    picture, boxes = _resized(ground.image, SIDE), list[Box]()
+    for _ in range(int(rng.integers(1, MOST_PASTED + 1))):
+        tile = next(tiles)
+        side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
+        left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
+        placed, square = tile.placed(left, top, side), (left, top, left + side, top + side, 1.0)
+        alone = bool(placed) and rng.random() > PIECE_SHARE
+        cover = tile.object if alone else _soft_square(len(tile.object))
+        rows, columns = slice(max(top, 0), top + side), slice(max(left, 0), left + side)
+        inside = slice(max(-top, 0), SIDE - top), slice(max(-left, 0), SIDE - left)
+        image, cover = _resized(tile.image, side)[:, *inside], _resized(cover[None], side)[:, *inside]
+        picture[:, rows, columns] = torch.lerp(picture[:, rows, columns], image, cover)
+        covering = placed[0] if alone else square
+        boxes = [(*box[:4], box[4] * (1 - _share_inside(box, covering))) for box in boxes]
+        boxes += [(*box[:4], box[4] * _share_inside(box, (0, 0, SIDE, SIDE, 1.0))) for box in placed]
+    return picture, boxes
+
+
+def _share_inside(box: Box, other: Box) -> float:
+    """Share of a box that lies in another."""
+    across = max(0.0, min(box[2], other[2]) - max(box[0], other[0])) / (box[2] - box[0])
+    down = max(0.0, min(box[3], other[3]) - max(box[1], other[1])) / (box[3] - box[1])
+    return across * down
+
+
+def _soft_square(side: int) -> torch.Tensor:
+    """(S, S) cover of a piece with soft edges."""
+    off = (torch.arange(side) + 0.5 - side / 2).abs() / (side / 2)
+    return ((1 - torch.maximum(off[:, None], off[None])) / SOFT_EDGE).clamp(0, 1)
+
+
+def _resized(image: torch.Tensor, side: int) -> torch.Tensor:
+    resized: torch.Tensor = functional.interpolate(
+        image[None], (side, side), mode="bilinear", antialias=True
+    )[0]
+    return resized
