@@ -23,8 +23,8 @@ from vig.scene.light import srgb8_from_linear
 ROUNDING = 1e-6
 """By which floats may lie beyond [0, 1]: resampling rounds."""
 RUN_LENGTHS = 3
-"""zlib's strategy Z_RLE: at level 1 a photo takes a fourth to a third of the time of Pillow's own settings, and
-as many bytes to a sixth more."""
+"""zlib's strategy Z_RLE: at level 1 a photo takes a fourth to a third of the time of Pillow's own settings,
+and as many bytes to a sixth more."""
 
 
 def read_photo(path: str | Path) -> np.ndarray:
