@@ -13,6 +13,7 @@ from torch.nn import functional
 
 from vig.recognition.network import mirrored
 from vig_train.training.examples import Examples
+from vig_train.training.pasting import CutoutLibrary
 from vig_train.training.targets import cell_shares
 
 GAMMA = 2.2
@@ -56,6 +57,7 @@ class Augmentation:
         turn: Standard deviation of the turn, radians.
         turned: Share of those whose turn is uniform up to `most_turn`, radians, instead.
         cut_out: Share of images that have a piece of another pasted over.
+        pasted: Share of images that get cut-outs before their object, where there is a library of them.
         relight: Standard deviation of the log of a smooth field of light.
         exposure: Standard deviation in stops.
         balance: Standard deviation of log white balance.
@@ -73,6 +75,7 @@ class Augmentation:
     turned: float = 0.15
     most_turn: float = 0.6
     cut_out: float = 0.25
+    pasted: float = 0.6
     relight: float = 0.12
     exposure: float = 0.15
     balance: float = 0.03
@@ -81,8 +84,10 @@ class Augmentation:
     most_blur: float = 0.9
     noise: float = 0.03
 
-    def __call__(self, examples: Examples, rng: np.random.Generator) -> Batch:
-        """Change examples at random, on their device."""
+    def __call__(
+        self, examples: Examples, rng: np.random.Generator, library: CutoutLibrary | None = None
+    ) -> Batch:
+        """Change examples at random, on their device, which is the library's, too."""
         images = examples.images.permute(0, 3, 1, 2).float().div(255)
         masks = torch.stack([examples.visible, examples.hidden], 1).float().div(255)
         present = examples.present()
@@ -93,7 +98,10 @@ class Augmentation:
         numbers = torch.where(flipped[:, None], mirrored_numbers, numbers)
         roll = torch.where(flipped, -roll, roll)
         images, masks, turn = self._reframe(images, masks, flipped, rng)
-        images, masks = self._paste(images, masks, rng)
+        if library is None:
+            images, masks = self._paste(images, masks, rng)
+        else:
+            images, masks = library.paste(images, masks, self.pasted, rng)
         images = self._photograph(images, rng).contiguous(memory_format=torch.channels_last)
         return Batch(images, azimuth, numbers, roll + turn, present, cell_shares(*masks.unbind(1)))
 

@@ -19,6 +19,8 @@ from vig.parallel import map_in_processes
 from vig.recognition.network import layout_of_numbers
 from vig.scene import Latents, ObjectClass
 from vig_train.training.examples import Examples
+from vig_train.training.model_cutouts import model_cutouts
+from vig_train.training.pasting import CutoutLibrary
 from vig_train.training.recolour import recolour
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
@@ -51,6 +53,13 @@ class Drawing:
     recoloured: float = 0.7
     studio: StudioSettings = field(default_factory=StudioSettings)
     workers: int = 1
+
+    def library(self, seed: int) -> CutoutLibrary | None:
+        """Cut-outs to paste before the objects of each step; None without models to put there."""
+        if not self.studio.props:
+            return None
+        name = ObjectClass.load(self.object_class).name
+        return CutoutLibrary.draw(seed, "train", name, model_cutouts(self.studio.props, "train", name))
 
     def described(self) -> dict[str, Any]:
         """What a checkpoint must match to be resumed."""

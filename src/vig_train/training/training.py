@@ -270,8 +270,10 @@ class _TrainingState:
         if drawing := settings.drawing:
             examples_of_steps = add_drawn_examples(steps_of_dataset, drawing, settings.seed, once)
         augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
+        library = None if drawing is None else drawing.library(settings.seed)
+        library = None if library is None else library.to(self.device)
         for part, step in examples_of_steps:
-            yield augment(part.to(self.device), np.random.default_rng([settings.seed, step, 1]))
+            yield augment(part.to(self.device), np.random.default_rng([settings.seed, step, 1]), library)
 
     def epoch(
         self, batches: Iterator[Batch], epoch: int, steps: int, advance: Callable[[int], None]

@@ -165,7 +165,7 @@ class Watched(Augmentation):
 
     seen: ClassVar[list[list[float]]] = []
 
-    def __call__(self, batch, rng):  # type: ignore[no-untyped-def]
+    def __call__(self, batch, rng, library=None):  # type: ignore[no-untyped-def]
         self.seen.append(batch.azimuth.tolist())
         return NOTHING(batch, rng)
 
@@ -364,9 +364,9 @@ def test_images_are_flipped_only_where_a_class_is_its_mirror_image(
     shares = set()
     plain = Augmentation.__call__
 
-    def seen(self, examples, rng):  # type: ignore[no-untyped-def]
+    def seen(self, examples, rng, library=None):  # type: ignore[no-untyped-def]
         shares.add(self.flip)
-        return plain(self, examples, rng)
+        return plain(self, examples, rng, library)
 
     monkeypatch.setattr(Augmentation, "__call__", seen)
     settings = dataclasses.replace(SETTINGS, epochs=1, network=SMALL, mirror=mirror)
