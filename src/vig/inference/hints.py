@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
+import scipy  # which loads `spatial` where that is first used
 import torch
-from scipy.spatial import ConvexHull
 
 from vig.recognition import Prediction, box_in_window
 from vig.scene import Camera, LatentLayout, ObjectClass, ShapeModel
@@ -221,7 +221,7 @@ class BoxTerm(PlaceTerm):
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):
         x, y, w, h = box
         self.given = torch.tensor([x, y, x + w, y + h], dtype=torch.float64)
-        self.places = projection.of(ConvexHull(projection.model.mean).vertices)
+        self.places = projection.of(scipy.spatial.ConvexHull(projection.model.mean).vertices)
 
     def residuals(self, point: torch.Tensor) -> torch.Tensor:
         """Left, top, right and bottom, (4,)."""

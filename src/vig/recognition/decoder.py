@@ -52,7 +52,9 @@ class ContextDecoder(nn.Module):
             nn.Unflatten(1, (recalled, CELLS, CELLS)),
         )
         self.enter = convolution(sum(coarse) + recalled, widths[0], 1)
-        self.place = nn.Parameter(0.02 * torch.randn(1, CELLS**2, widths[0]))
+        self.place = nn.Parameter(torch.empty(1, CELLS**2, widths[0]))
+        # Normal numbers on the meta device would load torch's compiler, which takes a second.
+        nn.init.uniform_(self.place, -0.035, 0.035)
         self.attention = nn.ModuleList(
             nn.TransformerEncoderLayer(
                 widths[0], ATTENTION_HEADS, 2 * widths[0], 0.0, batch_first=True, norm_first=True
