@@ -34,7 +34,7 @@ Box = tuple[float, float, float, float]
 Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
-LEAST_PRESENT = 0.5
+LEAST_PRESENT = 0.6
 """Probability of presence below which the object counts as absent, and a place as none of several or of a
 lost one."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"

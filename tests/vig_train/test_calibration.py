@@ -24,6 +24,7 @@ from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_train.calibration.learning import (
     FOLDS,
+    LEAST_THRESHOLD,
     PRECISION,
     CalibrationSamples,
     describe,
@@ -153,6 +154,7 @@ def test_a_floor_is_found_where_small_deviations_mean_nothing() -> None:
 def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     right = np.zeros(100, dtype=bool)
     assert lowest_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
+    assert lowest_threshold(np.linspace(0, 0.9, 1000), np.ones(1000, bool), np.ones(1000)) == LEAST_THRESHOLD
 
 
 def test_what_is_wrong_of_one_mesh_weighs_more_than_what_is_wrong_here_and_there() -> None:

@@ -64,6 +64,8 @@ FOLDS = 20
 """Folds of the cross-validation. With five a threshold hangs on which photos are in which fold."""
 REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 """Limits of the ranges of confidence in the report."""
+LEAST_THRESHOLD = 0.7
+"""Confidence below which nothing is trusted, however often the rest is right."""
 MIN_GROUP = 40
 """Number of fits below which a group takes the deviations of others."""
 CERTAIN_LOG_ODDS = 20.0
@@ -253,9 +255,10 @@ def lowest_threshold(
 ) -> float:
     """The lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
-    The standard error is robust to what fits of one `model` (N,) have in common (Liang and Zeger 1986): where
-    all that is wrong is of a few meshes, other meshes may be like these. By default each fit is by itself.
-    Without the standard error, the threshold chosen on these fits would be too low for other photos.
+    It is at least `LEAST_THRESHOLD`. The standard error is robust to what fits of one `model` (N,) have in
+    common (Liang and Zeger 1986): where all that is wrong is of a few meshes, other meshes may be like these.
+    By default each fit is by itself. Without the standard error, the threshold chosen on these fits would be
+    too low for other photos.
     """
     order = np.argsort(-confidence)
     total = np.cumsum(weight[order])
@@ -274,7 +277,7 @@ def lowest_threshold(
     expected = (share * count + 1) / (count + 2)
     error = np.maximum(error, np.sqrt(expected * (1 - expected) / count))
     enough = np.flatnonzero(share - error >= PRECISION)
-    return float(confidence[order][enough[-1]]) if len(enough) else 1.0
+    return max(float(confidence[order][enough[-1]]), LEAST_THRESHOLD) if len(enough) else 1.0
 
 
 def deviation_scale_and_floor(
