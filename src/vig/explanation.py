@@ -205,16 +205,16 @@ class Explanation:
     @cached_property
     def amodal(self) -> np.ndarray:
         """All pixels (H, W) bool that the object covers, hidden ones included."""
-        return self._inside(self._outlines[0])
+        return self._inside(self.outlines[0])
 
     @cached_property
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
-        visible: np.ndarray = self._inside(self._outlines[1]) & self.amodal
+        visible: np.ndarray = self._inside(self.outlines[1]) & self.amodal
         return visible if self.others is None else visible & ~self.others
 
     @cached_property
-    def _outlines(self) -> tuple[np.ndarray, np.ndarray]:
+    def outlines(self) -> tuple[np.ndarray, np.ndarray]:
         """Distances to the outlines of what the object covers and of what of it is seen."""
         return outline_distance(self.fit.coverage.numpy()), outline_distance(self.fit.visible.numpy())
 
@@ -279,13 +279,13 @@ class Explanation:
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
-        return overlay(coded(self.picture), self.window, *self._outlines)
+        return overlay(coded(self.picture), self.window, *self.outlines)
 
     def panels(self) -> np.ndarray:
         """Photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3) uint8."""
         return panels(self._close_up)
 
-    @property
+    @cached_property
     def part_albedo(self) -> np.ndarray:
         """Linear RGB (parts, 3) of each of the class's parts, see `vig.output.part_colours`."""
         names = self.object_class.shape_model.part_names
@@ -308,7 +308,7 @@ class Explanation:
             coverage=drawn.coverage[0].numpy(),
             normals=drawn.normals[0].numpy() @ pose[:3, :3].T,
             part=part,
-            visible=upright.paste(self._outlines[1], *everything) < 0,
+            visible=upright.paste(self.outlines[1], *everything) < 0,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -351,7 +351,7 @@ class Explanation:
         """
         from vig_app.report.contents import page_of
 
-        return page_of(self, photo, self.to_dict(), self.overlay(), self.panels())
+        return page_of(self, photo, self.to_dict(), self.panels())
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.

@@ -44,7 +44,7 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.
     """
     picture = photo.copy()
     height, width = photo.shape[:2]
-    line = max(1.5, min(height, width) / 250)
+    line = line_width(height, width)
     border, scale = max(1.0, line / 2), window.side * FINER / len(covered)
     for tile in window.tiles(width, height):
         outer = scale * window.paste(covered, *tile, outside=REACH)
@@ -58,6 +58,11 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.
             colours += share[touched][:, None] * (colour - colours)
         picture[tile][touched] = colours.round()
     return picture
+
+
+def line_width(height: int, width: int) -> float:
+    """Pixels of an outline on a photo of a size, the dark lines beside it left out."""
+    return max(1.5, min(height, width) / 250)
 
 
 @dataclass(frozen=True)

@@ -179,7 +179,7 @@ class Window:
         image, inside = level.crop(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
         from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
-        transform = to_level @ self._photo_from_window @ from_pixel
+        transform = to_level @ self.photo_from_window @ from_pixel
         cut = [
             np.asarray(_warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC))
             for channel in (*np.moveaxis(image, 2, 0), inside)
@@ -199,7 +199,7 @@ class Window:
         return roll if self.lens is None else roll @ self.lens.turned_to(*self.centre)[0]
 
     @cached_property
-    def _photo_from_window(self) -> np.ndarray:
+    def photo_from_window(self) -> np.ndarray:
         """Homography (3, 3) to the photo from the window, in pixels of the photo about its middle."""
         if self.lens is None or self.focal is None:
             cos, sin = math.cos(self.roll), math.sin(self.roll)
@@ -232,14 +232,14 @@ class Window:
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
         """A point of the photo from where it is in the window: pixels of the photo from its middle."""
         if self.lens is not None:
-            return _mapped(self._photo_from_window, x, y)
+            return _mapped(self.photo_from_window, x, y)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
     def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
         """Where a point of the photo is in the window: pixels of the photo from its middle."""
         if self.lens is not None:
-            return _mapped(np.linalg.inv(self._photo_from_window), x, y)
+            return _mapped(np.linalg.inv(self.photo_from_window), x, y)
         cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
         return cos * x + sin * y, cos * y - sin * x
 
@@ -260,7 +260,7 @@ class Window:
         if self.lens is not None:
             to_pixel = np.array([[scale, 0, half], [0, scale, half], [0, 0, 1]])
             from_tile = np.array([[1, 0, columns.start], [0, 1, rows.start], [0, 0, 1]])
-            transform = to_pixel @ np.linalg.inv(self._photo_from_window) @ from_tile
+            transform = to_pixel @ np.linalg.inv(self.photo_from_window) @ from_tile
             size = columns.stop - columns.start, rows.stop - rows.start
             return np.asarray(_warped(image, transform, size, outside, Image.Resampling.BILINEAR))
         cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
@@ -283,7 +283,7 @@ class Window:
             here, other = size / self.side, there.side / size
             to_pixel = np.array([[here, 0, size / 2], [0, here, size / 2], [0, 0, 1]])
             from_pixel = np.array([[other, 0, -there.side / 2], [0, other, -there.side / 2], [0, 0, 1]])
-            transform = np.linalg.inv(self._photo_from_window) @ there._photo_from_window
+            transform = np.linalg.inv(self.photo_from_window) @ there.photo_from_window
             transform = to_pixel @ transform @ from_pixel
             return np.asarray(_warped(image, transform, (size, size), outside, Image.Resampling.BILINEAR))
         corners = [self.to_window(*there.to_photo(x, y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]

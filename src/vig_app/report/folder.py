@@ -48,7 +48,7 @@ def save_entry(explanation: Explanation, folder: Path, photo: str, name: str) ->
         float(explanation.latents.azimuth),
         float(explanation.latents.elevation),
     )
-    write_page(folder / "report.html", page_of(explanation, photo, described, picture, panels))
+    write_page(folder / "report.html", page_of(explanation, photo, described, panels))
     write_json(folder, described)
     return Entry(name, folder.name, described, thumbnail)
 

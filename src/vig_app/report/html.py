@@ -35,6 +35,13 @@ def jpeg_url(picture: np.ndarray) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()
 
 
+def png_url(picture: np.ndarray) -> str:
+    """As `jpeg_url`, of numbers (H, W) uint8 that must stay as they are."""
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "PNG", compress_level=1)
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
+
+
 _PAGES = Environment(
     loader=PackageLoader("vig_app.report"),
     autoescape=True,
