@@ -18,12 +18,13 @@ from vig.hints import Hints
 from vig.inference import Fit, Verdict
 from vig.io.errors import UserError
 from vig.output import CloseUp, describe, overlay, panels, part_colours
-from vig.output.pictures import PANEL
+from vig.output.pictures import PANEL, THUMBNAIL, line_reach
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.fit_geometry import FitGeometry
 from vig.photo.images import coded, linear_photo
 from vig.photo.masks import box_of
+from vig.photo.outline import REACH
 from vig.photo.pinhole import sight_axes
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
@@ -202,28 +203,42 @@ class Explanation:
         """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
         return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
 
-    @cached_property
+    @property
     def amodal(self) -> np.ndarray:
         """All pixels (H, W) bool that the object covers, hidden ones included."""
-        return self._inside(self.outlines[0])
+        return self._masks[0]
 
-    @cached_property
+    @property
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
-        visible: np.ndarray = self._inside(self.outlines[1]) & self.amodal
-        return visible if self.others is None else visible & ~self.others
+        return self._masks[1]
+
+    @cached_property
+    def _masks(self) -> tuple[np.ndarray, np.ndarray]:
+        covered, visible = self.outlines
+        amodal, seen = np.zeros((2, *self.picture.shape[:2]), bool)
+        height, width = amodal.shape
+        for tile in self.window.tiles(width, height, covered < covered.max()):
+            amodal[tile] = self.window.paste(covered, *tile, outside=1.0) < 0
+            seen[tile] = amodal[tile] & (self.window.paste(visible, *tile, outside=1.0) < 0)
+        return amodal, seen if self.others is None else seen & ~self.others
 
     @cached_property
     def outlines(self) -> tuple[np.ndarray, np.ndarray]:
-        """Distances to the outlines of what the object covers and of what of it is seen."""
-        return outline_distance(self.fit.coverage.numpy()), outline_distance(self.fit.visible.numpy())
+        """Distances to the outlines of what the object covers and of what of it is seen.
 
-    def _inside(self, distance: np.ndarray) -> np.ndarray:
-        """The photo's pixels (H, W) bool that lie within an outline of the window."""
-        inside = np.zeros(self.picture.shape[:2], bool)
-        for tile in self.window.tiles(*self.picture.shape[1::-1]):
-            inside[tile] = self.window.paste(distance, *tile, outside=1.0) < 0
-        return inside
+        See `outline_distance`; as far as pictures of `THUMBNAIL` pixels or more show them.
+        """
+        height, width = self.picture.shape[:2]
+        scale = min(1.0, THUMBNAIL / max(height, width))
+        pixel = len(self.fit.coverage) / (self.window.side * scale)
+        outside, inside = (  # and half a pixel, as values between two points are drawn
+            min(REACH, pixel * number + 0.5) for number in (line_reach(scale * height, scale * width), 1.0)
+        )
+        return (
+            outline_distance(self.fit.coverage.numpy(), outside, inside),
+            outline_distance(self.fit.visible.numpy(), inside, inside),
+        )
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
@@ -283,6 +298,10 @@ class Explanation:
 
     def panels(self) -> np.ndarray:
         """Photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3) uint8."""
+        return self._panels.copy()
+
+    @cached_property
+    def _panels(self) -> np.ndarray:
         return panels(self._close_up)
 
     @cached_property
@@ -306,7 +325,7 @@ class Explanation:
             photo=self.window.crop(self.picture, PANEL)[0],
             rendering=drawn.rgb[0].numpy(),
             coverage=drawn.coverage[0].numpy(),
-            normals=drawn.normals[0].numpy() @ pose[:3, :3].T,
+            normals=drawn.normals[0].numpy() @ pose[:3, :3].T.astype(np.float32),
             part=part,
             visible=upright.paste(self.outlines[1], *everything) < 0,
         )
@@ -327,7 +346,7 @@ class Explanation:
         hints = self.hints.described() if self.hints else {}
         return described | {"trusted": list(self.trusted), "hints": hints}
 
-    def save(self, folder: str | Path, photo: str = "photo") -> Path:
+    def save(self, folder: str | Path, photo: str = "photo", files: Sequence[str] | None = None) -> Path:
         """Write the files of docs/explanation.md into a folder, and return it.
 
         Exports of another result that are there, see `export`, are removed.
@@ -335,13 +354,14 @@ class Explanation:
         Args:
             folder: Is made when it is missing.
             photo: What the photo is called in the report.
+            files: Which of them beside explanation.json, such as ["mask.png"]; by default all.
 
         Raises:
-            UserError: The folder cannot be written.
+            UserError: The folder cannot be written, or there is no such file.
         """
-        from vig_app.report.folder import save_explanation
+        from vig_app.report.folder import FILES, save_explanation
 
-        return save_explanation(self, folder, photo)
+        return save_explanation(self, folder, photo, FILES if files is None else files)
 
     def report(self, photo: str = "photo") -> str:
         """A page of HTML that shows the explanation in any browser, in one file, without the network.
@@ -349,9 +369,9 @@ class Explanation:
         Args:
             photo: What the photo is called there.
         """
-        from vig_app.report.contents import page_of
+        from vig_app.report.contents import page_of, page_photo
 
-        return page_of(self, photo, self.to_dict(), self.panels())
+        return page_of(self, photo, self.to_dict(), page_photo(self))
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.

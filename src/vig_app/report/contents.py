@@ -17,20 +17,19 @@ from vig_app.report.html import filled, png_url
 
 PAGE_SIDE = 768
 """Pixels of the longer side of a page's photo."""
-MAP_FINER = 2
-"""Points, for each pixel of what was fitted, of the distances to the outlines that a page has."""
+COARSER = 2
+"""How many times fewer points a side the distances to the outlines have on a page."""
 
 
-def page_of(explanation: Explanation, photo: str, described: dict[str, Any], panels: np.ndarray) -> str:
+def page_of(explanation: Explanation, photo: str, described: dict[str, Any], reduced: np.ndarray) -> str:
     """HTML of an explanation's page.
 
     Args:
         explanation: What it shows.
         photo: What the photo is called there.
         described: What explanation.json holds.
-        panels: `explanation.panels()`, which the folder has as well.
+        reduced: Its `page_photo`.
     """
-    reduced = page_photo(explanation)
     height, width = reduced.shape[:2]
     scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
     camera = explanation.camera
@@ -45,7 +44,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], pan
         summary=words.summary(described),
         photo=reduced,
         outlines=png_url(_outline_maps(explanation)),
-        panels=panels,
+        panels=explanation.panels(),
         rows=words.table_rows(described),
         colours=[
             (name, words.css_colour(rgb))
@@ -69,8 +68,10 @@ def page_photo(explanation: Explanation) -> np.ndarray:
     height, width = explanation.picture.shape[:2]
     scale = min(1.0, PAGE_SIDE / max(height, width))
     size = max(1, round(width * scale)), max(1, round(height * scale))
+    if scale == 1:
+        return coded(explanation.picture)
     picture = Image.fromarray(coded(explanation.picture))
-    return np.asarray(picture.resize(size, Image.Resampling.HAMMING, reducing_gap=2.0))
+    return np.asarray(picture.resize(size, Image.Resampling.HAMMING))
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:
@@ -78,9 +79,8 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
 
     128 is on the outline and 1 to 255 are within `REACH` pixels of what was fitted, inside and outside.
     """
-    covered, visible = explanation.outlines
-    step, size = FINER // MAP_FINER, len(covered) * MAP_FINER // FINER
-    maps = np.stack([covered, visible]).reshape(2, size, step, size, step).mean((2, 4))
+    size = len(explanation.outlines[0]) // COARSER
+    maps = np.stack([(each[::2, ::2] + each[1::2, 1::2]) / 2 for each in explanation.outlines])
     if explanation.others is not None:  # seen there is something else
         white = explanation.others.view(np.uint8) * np.uint8(255)
         others = explanation.window.crop(np.broadcast_to(white[..., None], (*white.shape, 3)), size)[0]
@@ -91,12 +91,12 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
 
 def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
     """How the page draws outlines as overlay.png has them, on a photo reduced by a scale across and down."""
-    window, size = explanation.window, len(explanation.outlines[0]) * MAP_FINER // FINER
+    window, size = explanation.window, len(explanation.outlines[0]) // COARSER
     to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
     matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / scale[0], 1 / scale[1], 1])
     return {
         "map": (matrix / matrix[2, 2]).tolist(),
         "size": size,
-        "step": REACH / 127 * window.side * MAP_FINER / size * scale[0],
+        "step": REACH / 127 * window.side * FINER / len(explanation.outlines[0]) * scale[0],
         "line": line,
     }

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from vig.io.files import atomic_write
+from vig.photo.images import png_bytes
 
 QUALITY = 88
 """Of JPEG files, of at most 100."""
@@ -37,9 +38,7 @@ def jpeg_url(picture: np.ndarray) -> str:
 
 def png_url(picture: np.ndarray) -> str:
     """As `jpeg_url`, of numbers (H, W) uint8 that must stay as they are."""
-    file = io.BytesIO()
-    Image.fromarray(picture).save(file, "PNG", compress_level=1)
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
+    return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode()
 
 
 _PAGES = Environment(
