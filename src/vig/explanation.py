@@ -401,6 +401,11 @@ class Explanation:
             where the focal length or the class's size is a guess, the depth has a deviation as large as the
             distance itself.
         """
+        matrix, pose, covariance = (part.copy() for part in (*self._pinhole, self._pinhole_covariance))
+        return matrix, pose, covariance
+
+    @cached_property
+    def _pinhole_covariance(self) -> np.ndarray:
         matrix, pose = self._pinhole
         layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
         deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
@@ -409,7 +414,7 @@ class Explanation:
         deviations = self.fit.position_deviation.double().numpy().copy()
         deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
         covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
-        return matrix, pose, covariance
+        return covariance
 
     @cached_property
     def _pinhole(self) -> tuple[np.ndarray, np.ndarray]:
