@@ -18,12 +18,13 @@ from vig.hints import Hints
 from vig.inference import Fit, Verdict
 from vig.io.errors import UserError
 from vig.output import CloseUp, describe, overlay, panels, part_colours
-from vig.output.pictures import PANEL
+from vig.output.pictures import PANEL, THUMBNAIL, line_reach
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.fit_geometry import FitGeometry
 from vig.photo.images import coded, linear_photo
 from vig.photo.masks import box_of
+from vig.photo.outline import REACH
 from vig.photo.pinhole import sight_axes
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
@@ -202,28 +203,42 @@ class Explanation:
         """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
         return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
 
-    @cached_property
+    @property
     def amodal(self) -> np.ndarray:
         """All pixels (H, W) bool that the object covers, hidden ones included."""
-        return self._inside(self._outlines[0])
+        return self._masks[0]
 
-    @cached_property
+    @property
     def mask(self) -> np.ndarray:
         """The pixels (H, W) bool in which the object is seen."""
-        visible: np.ndarray = self._inside(self._outlines[1]) & self.amodal
-        return visible if self.others is None else visible & ~self.others
+        return self._masks[1]
 
     @cached_property
-    def _outlines(self) -> tuple[np.ndarray, np.ndarray]:
-        """Distances to the outlines of what the object covers and of what of it is seen."""
-        return outline_distance(self.fit.coverage.numpy()), outline_distance(self.fit.visible.numpy())
+    def _masks(self) -> tuple[np.ndarray, np.ndarray]:
+        covered, visible = self.outlines
+        amodal, seen = np.zeros((2, *self.picture.shape[:2]), bool)
+        height, width = amodal.shape
+        for tile in self.window.tiles(width, height, covered < covered.max()):
+            amodal[tile] = self.window.paste(covered, *tile, outside=1.0) < 0
+            seen[tile] = amodal[tile] & (self.window.paste(visible, *tile, outside=1.0) < 0)
+        return amodal, seen if self.others is None else seen & ~self.others
 
-    def _inside(self, distance: np.ndarray) -> np.ndarray:
-        """The photo's pixels (H, W) bool that lie within an outline of the window."""
-        inside = np.zeros(self.picture.shape[:2], bool)
-        for tile in self.window.tiles(*self.picture.shape[1::-1]):
-            inside[tile] = self.window.paste(distance, *tile, outside=1.0) < 0
-        return inside
+    @cached_property
+    def outlines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Distances to the outlines of what the object covers and of what of it is seen.
+
+        See `outline_distance`; as far as pictures of `THUMBNAIL` pixels or more show them.
+        """
+        height, width = self.picture.shape[:2]
+        scale = min(1.0, THUMBNAIL / max(height, width))
+        pixel = len(self.fit.coverage) / (self.window.side * scale)
+        outside, inside = (  # and half a pixel, as values between two points are drawn
+            min(REACH, pixel * number + 0.5) for number in (line_reach(scale * height, scale * width), 1.0)
+        )
+        return (
+            outline_distance(self.fit.coverage.numpy(), outside, inside),
+            outline_distance(self.fit.visible.numpy(), inside, inside),
+        )
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
@@ -279,13 +294,17 @@ class Explanation:
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
-        return overlay(coded(self.picture), self.window, *self._outlines)
+        return overlay(coded(self.picture), self.window, *self.outlines)
 
     def panels(self) -> np.ndarray:
         """Photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3) uint8."""
+        return self._panels.copy()
+
+    @cached_property
+    def _panels(self) -> np.ndarray:
         return panels(self._close_up)
 
-    @property
+    @cached_property
     def part_albedo(self) -> np.ndarray:
         """Linear RGB (parts, 3) of each of the class's parts, see `vig.output.part_colours`."""
         names = self.object_class.shape_model.part_names
@@ -306,9 +325,9 @@ class Explanation:
             photo=self.window.crop(self.picture, PANEL)[0],
             rendering=drawn.rgb[0].numpy(),
             coverage=drawn.coverage[0].numpy(),
-            normals=drawn.normals[0].numpy() @ pose[:3, :3].T,
+            normals=drawn.normals[0].numpy() @ pose[:3, :3].T.astype(np.float32),
             part=part,
-            visible=upright.paste(self._outlines[1], *everything) < 0,
+            visible=upright.paste(self.outlines[1], *everything) < 0,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -327,7 +346,7 @@ class Explanation:
         hints = self.hints.described() if self.hints else {}
         return described | {"trusted": list(self.trusted), "hints": hints}
 
-    def save(self, folder: str | Path, photo: str = "photo") -> Path:
+    def save(self, folder: str | Path, photo: str = "photo", files: Sequence[str] | None = None) -> Path:
         """Write the files of docs/explanation.md into a folder, and return it.
 
         Exports of another result that are there, see `export`, are removed.
@@ -335,13 +354,14 @@ class Explanation:
         Args:
             folder: Is made when it is missing.
             photo: What the photo is called in the report.
+            files: Which of them beside explanation.json, such as ["mask.png"]; by default all.
 
         Raises:
-            UserError: The folder cannot be written.
+            UserError: The folder cannot be written, or there is no such file.
         """
-        from vig_app.report.folder import save_explanation
+        from vig_app.report.folder import FILES, save_explanation
 
-        return save_explanation(self, folder, photo)
+        return save_explanation(self, folder, photo, FILES if files is None else files)
 
     def report(self, photo: str = "photo") -> str:
         """A page of HTML that shows the explanation in any browser, in one file, without the network.
@@ -349,9 +369,9 @@ class Explanation:
         Args:
             photo: What the photo is called there.
         """
-        from vig_app.report.contents import page_of
+        from vig_app.report.contents import page_of, page_photo
 
-        return page_of(self, photo, self.to_dict(), self.overlay(), self.panels())
+        return page_of(self, photo, self.to_dict(), page_photo(self))
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
@@ -381,6 +401,11 @@ class Explanation:
             where the focal length or the class's size is a guess, the depth has a deviation as large as the
             distance itself.
         """
+        matrix, pose, covariance = (part.copy() for part in (*self._pinhole, self._pinhole_covariance))
+        return matrix, pose, covariance
+
+    @cached_property
+    def _pinhole_covariance(self) -> np.ndarray:
         matrix, pose = self._pinhole
         layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
         deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
@@ -389,7 +414,7 @@ class Explanation:
         deviations = self.fit.position_deviation.double().numpy().copy()
         deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
         covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
-        return matrix, pose, covariance
+        return covariance
 
     @cached_property
     def _pinhole(self) -> tuple[np.ndarray, np.ndarray]:

@@ -94,6 +94,22 @@ def test_seven_files_are_written_and_the_json_says_what_was_returned(
     assert Image.open(folder / "overlay.png").size == (150, 150)
 
 
+def test_chosen_files_alone_are_written_and_others_of_another_result_go(
+    fit: Fit, teapot: ObjectClass, tmp_path: Path
+) -> None:
+    photo = np.full((150, 150, 3), 0.2, np.float32)
+    explanation = Explanation(photo, Window.of(150, 150), fit, teapot)
+    explanation.save(tmp_path)
+    explanation.save(tmp_path, files=["mask.png"])
+    assert len(list(tmp_path.iterdir())) == 7, "they are of this result, too"
+    other = Explanation(photo, Window.of(150, 150), replace(fit, evidence=1.0), teapot)
+    other.save(tmp_path, files=["mask.png"])
+    assert {path.name for path in tmp_path.iterdir()} == {"explanation.json", "mask.png"}
+    with pytest.raises(UserError, match="report.html; got 'mask.jpg'. Leave it out"):
+        other.save(tmp_path / "new", files=["mask.jpg"])
+    assert not (tmp_path / "new").exists()
+
+
 def test_the_json_speaks_degrees_and_names_every_latent(
     fit: Fit, teapot: ObjectClass, tmp_path: Path
 ) -> None:

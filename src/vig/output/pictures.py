@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from vig.photo import Window
-from vig.photo.outline import FINER, REACH
+from vig.photo.outline import FINER
 from vig.scene.light import srgb_from_linear
 
 OUTLINE = np.array([255, 210, 0], np.float32)
@@ -17,14 +18,19 @@ BORDER = np.array([20, 20, 20], np.float32)
 """Beside the outline, so that it shows on bright and yellow ground, too."""
 HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
+THUMBNAIL = 320
+"""Pixels of the longer side of the smallest pictures with outlines."""
 PANEL = 300
 """Pixels a side of the pictures in `panels`."""
+PANEL_NAMES = ("photo", "re-rendering", "residual", "normals", "mask")
 LABEL = 22
 """Pixels of the line above each that says what it shows."""
 LEAST_PIXELS = 30
 """Seen pixels from which a part's own colour is told."""
 MOST_RESIDUAL = 0.5
 """Difference of sRGB brightness, of 1, that is drawn in full colour."""
+RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
+"""Where the photo is brighter, and where it is darker."""
 
 
 def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
@@ -44,20 +50,33 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.
     """
     picture = photo.copy()
     height, width = photo.shape[:2]
-    line = max(1.5, min(height, width) / 250)
-    border, scale = max(1.0, line / 2), window.side * FINER / len(covered)
-    for tile in window.tiles(width, height):
-        outer = scale * window.paste(covered, *tile, outside=REACH)
-        inner = scale * window.paste(visible, *tile, outside=REACH)
+    line, scale = line_width(height, width), window.side * FINER / len(covered)
+    border, nowhere = max(1.0, line / 2), float(covered.max())
+    for tile in window.tiles(width, height, around=covered < nowhere):
+        outer = scale * window.paste(covered, *tile, outside=nowhere)
+        inner = scale * window.paste(visible, *tile, outside=nowhere)
+        near = outer < min(line_reach(height, width), 0.999 * scale * nowhere)
+        touched = np.nonzero(near & ((outer > -0.5) | (inner > -0.5)))
+        outer, inner = outer[touched], inner[touched]
         hidden = HIDDEN_SHARE * _share(-outer) * _share(inner)
         middle = np.abs(outer - border - line / 2)
-        dark, bright = _share(line / 2 + border - middle), _share(line / 2 - middle)
-        touched = (hidden > 0) | (dark > 0)
         colours = picture[tile][touched].astype(np.float32)
+        dark, bright = _share(line / 2 + border - middle), _share(line / 2 - middle)
         for share, colour in ((hidden, HIDDEN), (dark, BORDER), (bright, OUTLINE)):
-            colours += share[touched][:, None] * (colour - colours)
+            colours += share[:, None] * (colour - colours)
         picture[tile][touched] = colours.round()
     return picture
+
+
+def line_width(height: float, width: float) -> float:
+    """Pixels of an outline on a photo of a size, the dark lines beside it left out."""
+    return max(1.5, min(height, width) / 250)
+
+
+def line_reach(height: float, width: float) -> float:
+    """Pixels from the object to the outer end of an outline and of the dark line beside it."""
+    line = line_width(height, width)
+    return line + 2 * max(1.0, line / 2) + 0.5
 
 
 @dataclass(frozen=True)
@@ -89,28 +108,37 @@ def panels(shown: CloseUp) -> np.ndarray:
     Normals are coloured by direction: red to the right, green up, blue towards the eye. The mask is white
     where the object is seen, pink where it is hidden.
     """
-    share = shown.coverage[..., None]
-    size, empty = len(share), np.array([1.0, 1.0, 1.0])
+    size, photo = len(shown.photo), srgb_from_linear(shown.photo)
+    here = shown.visible | (shown.coverage > 0)
+    share, seen, behind = shown.coverage[here][:, None], shown.visible[here][:, None], photo[here]
     # Both encoded before they are mixed, as screens would.
-    photo, drawn = srgb_from_linear(shown.photo), srgb_from_linear(shown.rendering / np.maximum(share, 1e-6))
-    difference = (photo - drawn).mean(-1, keepdims=True) / MOST_RESIDUAL
-    towards = np.where(difference > 0, [0.80, 0.10, 0.10], [0.10, 0.25, 0.80])
-    residual = empty + np.abs(difference).clip(0, 1) * (towards - empty)
-    normals = 0.5 + 0.5 * shown.normals * [1, -1, -1]
-    hidden = HIDDEN / 255
-    pictures = {
-        "photo": photo,
-        "re-rendering": photo + share * (drawn - photo),
-        "residual": np.where(shown.visible[..., None], residual, 0.85),
-        "normals": 0.85 + share * (normals - 0.85),
-        "mask": np.where(shown.visible[..., None], empty, 0.15 + share * (hidden - 0.15)),
-    }
-    sheet = np.full((size + LABEL, len(pictures) * size, 3), 255, np.uint8)
-    for number, picture in enumerate(pictures.values()):
-        sheet[LABEL:, number * size : (number + 1) * size] = (255 * picture.clip(0, 1)).round()
-    image = Image.fromarray(sheet)
+    drawn = srgb_from_linear(shown.rendering[here] / np.maximum(share, 1e-6))
+    difference = (behind - drawn).mean(-1, keepdims=True) / MOST_RESIDUAL
+    towards = np.where(difference > 0, RESIDUAL_COLOURS[:1], RESIDUAL_COLOURS[1:])
+    residual = 1 + np.abs(difference).clip(0, 1) * (towards - 1)
+    normals = 0.5 + 0.5 * shown.normals[here] * np.array([1, -1, -1], np.float32)
+    pictures: tuple[tuple[np.ndarray | float, np.ndarray], ...] = (  # where it is not, and where it is
+        (photo, behind),
+        (photo, behind + share * (drawn - behind)),
+        (0.85, np.where(seen, residual, np.float32(0.85))),
+        (0.85, 0.85 + share * (normals - 0.85)),
+        (0.15, np.where(seen, np.float32(1), 0.15 + share * (HIDDEN / 255 - 0.15))),
+    )
+    sheet = np.empty((size + LABEL, len(pictures) * size, 3), np.uint8)
+    sheet[:LABEL] = _labels(size)
+    for number, (ground, object_there) in enumerate(pictures):
+        panel = sheet[LABEL:, number * size : (number + 1) * size]
+        panel[:] = np.round(np.multiply(ground, 255))
+        panel[here] = (255 * object_there.clip(0, 1)).round()
+    return sheet
+
+
+@functools.cache
+def _labels(size: int) -> np.ndarray:
+    """Names of `panels` of a size beside each other, (LABEL, 5 size, 3) uint8."""
+    image = Image.new("RGB", (len(PANEL_NAMES) * size, LABEL), "white")
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(14)
-    for number, name in enumerate(pictures):
+    for number, name in enumerate(PANEL_NAMES):
         pen.text((number * size + 6, 3), name, fill=(0, 0, 0), font=font)
     return np.asarray(image)
 
@@ -122,11 +150,13 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, parts: int) -> np.ndarray:
     itself where too little of it is.
     """
     colours = np.tile(albedo.astype(np.float32), (parts, 1))
-    light = (shown.rendering / np.maximum(albedo, 1e-3)).mean(-1)
+    seen = shown.visible & (shown.coverage > 0.99)
+    light = (shown.rendering[seen] / np.maximum(albedo, 1e-3)).mean(-1)
+    photo, owner = shown.photo[seen], np.where(light > 0.02, shown.part[seen], -1)
     for part in range(parts):
-        here = shown.visible & (shown.part == part) & (shown.coverage > 0.99) & (light > 0.02)
+        here = owner == part
         if here.sum() >= LEAST_PIXELS:
-            colours[part] = np.median(shown.photo[here] / light[here][:, None], axis=0).clip(0, 1)
+            colours[part] = np.median(photo[here] / light[here][:, None], axis=0).clip(0, 1)
     return colours
 
 

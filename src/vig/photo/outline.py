@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from PIL import Image
 
@@ -13,34 +15,58 @@ SMOOTH = 0.5
 """Pixels of the map within which staircases are smoothed."""
 REACH = 12
 """Pixels of the map up to which distances are told; farther away they stay at that."""
+BESIDE = 5
+"""Points from which distances are smoothed."""
 
 
-def outline_distance(share: np.ndarray) -> np.ndarray:
+def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = REACH) -> np.ndarray:
     """Signed distance (4 S, 4 S) float32, in pixels of a map (S, S), to where the map is a half.
 
-    share: in [0, 1], such as the share of each pixel that an object covers. Negative where it is more than a
-    half, cut off at `REACH`.
+    Args:
+        share: In [0, 1], such as the share of each pixel that an object covers. Distances are negative where
+            it is more than a half.
+        outside: Up to which distance they are needed there, at most `REACH`; farther away they stay at that.
+        inside: The same of the other side.
     """
     from scipy import ndimage
 
-    size, mask = len(share), share > 0.25
-    distance: np.ndarray = np.full((FINER * size, FINER * size), float(REACH), np.float32)
-    if (box := box_of(mask)) is None:
+    size, reach = len(share), math.ceil(max(outside, inside)) + 1
+    distance: np.ndarray = np.full((FINER * size, FINER * size), outside, np.float32)
+    if (box := box_of(share > 0.25)) is None:
         return distance
     x, y, width, height = box
-    top, left = max(0, y - REACH), max(0, x - REACH)
-    part = share[top : y + height + REACH, left : x + width + REACH]
+    top, left = max(0, y - reach), max(0, x - reach)
+    part = share[top : y + height + reach, left : x + width + reach]
     soft = ndimage.gaussian_filter(part.astype(np.float32), SMOOTH, mode="nearest")
     shape = part.shape[1] * FINER, part.shape[0] * FINER
     fine = np.asarray(Image.fromarray(soft).resize(shape, Image.Resampling.BICUBIC)) > 0.5
-    if fine.all() or not fine.any():
-        near = np.full(fine.shape, -REACH if fine.all() else REACH, np.float32)
-    else:
-        # From the outline, which runs half a point beside the points next to it.
-        near = np.where(
-            fine, 0.5 - ndimage.distance_transform_edt(fine), ndimage.distance_transform_edt(~fine) - 0.5
-        ).astype(np.float32)
-        near = ndimage.gaussian_filter(near, 1.0, mode="nearest") / FINER
+    # From the outline, which runs half a point beside the points next to it.
+    within, beyond = _points_to(~fine, inside), _points_to(fine, outside)
+    near = ndimage.gaussian_filter(np.where(fine, 0.5 - within, beyond - 0.5), 1.0, mode="nearest") / FINER
     high, wide = shape[::-1]
     distance[FINER * top : FINER * top + high, FINER * left : FINER * left + wide] = near
-    return distance.clip(-REACH, REACH)
+    return distance.clip(-inside, outside)
+
+
+def _points_to(places: np.ndarray, reach: float) -> np.ndarray:
+    """Distance (h, w) float32, in points, to the nearest of some places (h, w) bool.
+
+    Exact up to a reach in pixels of the map and `BESIDE` points; farther away it is a point more than that.
+    """
+    most = math.ceil(FINER * reach) + BESIDE
+    along = np.where(places, 0, most + 1).astype(np.int16)
+    step = 1
+    while step <= most:  # along the rows: 0 or 1, then 0 or 2, then 0 or 4 points on make any number
+        farther = along + np.int16(step)
+        np.minimum(along[:, step:], farther[:, :-step], out=along[:, step:])
+        np.minimum(along[:, :-step], farther[:, step:], out=along[:, :-step])
+        step *= 2
+    square = np.minimum(along, most + 1) ** 2
+    nearest, farther = square.copy(), np.empty_like(square)
+    for step in range(1, most + 1):
+        np.add(square, np.int16(step * step), out=farther)
+        np.minimum(nearest[step:], farther[:-step], out=nearest[step:])
+        np.minimum(nearest[:-step], farther[step:], out=nearest[:-step])
+    roots = np.sqrt(np.arange((most + 1) ** 2 + 1, dtype=np.float32))
+    distance: np.ndarray = roots[np.minimum(nearest, (most + 1) ** 2)]
+    return distance

@@ -97,16 +97,22 @@ def reprojected(
     pose, (points, off) = start, residual(start)
     for _ in range(STEPS):
         x, y, z = points.T
-        zero = np.zeros_like(x)
-        by_point = np.stack(
-            [np.stack([matrix[0, 0] / z, zero, -matrix[0, 0] * x / z**2], 1),
-             np.stack([zero, matrix[1, 1] / z, -matrix[1, 1] * y / z**2], 1)], axis=1
-        )  # fmt: skip
         # A turn w through the object's middle moves a point by w x (point - middle).
-        arm = points - points.mean(0)
-        turn = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
-        jacobian = root[:, :, None] * np.concatenate([by_point, by_point @ turn], axis=2)
-        step = np.linalg.lstsq(jacobian.reshape(-1, 6), -off.ravel(), rcond=None)[0]
+        arm_x, arm_y, arm_z = (points - points.mean(0)).T
+        zero, by_x, by_y = np.zeros_like(z), matrix[0, 0] / z, matrix[1, 1] / z
+        x_by_z, y_by_z = -by_x * x / z, -by_y * y / z
+        jacobian = np.array(
+            [
+                [by_x, zero],
+                [zero, by_y],
+                [x_by_z, y_by_z],
+                [arm_y * x_by_z, arm_y * y_by_z - arm_z * by_y],
+                [arm_z * by_x - arm_x * x_by_z, -arm_x * y_by_z],
+                [-arm_y * by_x, arm_x * by_y],
+            ]
+        )
+        jacobian = (jacobian * root[:, 0]).reshape(6, -1)
+        step = np.linalg.lstsq(jacobian @ jacobian.T, -jacobian @ off.T.ravel(), rcond=None)[0]
         moved = np.eye(4)
         moved[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix()
         middle = points.mean(0)

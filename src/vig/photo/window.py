@@ -12,8 +12,9 @@ import numpy as np
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.photo.images import linear_photo
+from vig.photo.images import linear_photo, linear_planes
 from vig.photo.lens import LEAST_COSINE, Intrinsics
+from vig.photo.masks import box_of
 from vig.scene import IMAGE_SIZE, Camera
 from vig.scene.camera import FOCAL_OVER_WIDTH
 
@@ -120,9 +121,7 @@ class Window:
         """
         if isinstance(photo, ImagePyramid):
             photo, scale = photo.level(self.side / size)
-            lens = self.lens and self.lens.scaled(1 / scale)
-            here = Window(self.left / scale, self.top / scale, self.side / scale, self.roll, lens)
-            return here.crop(photo, size)
+            return self.scaled(1 / scale).crop(photo, size)
         if self.lens is not None:
             return self._cut_through_lens(photo, size)
         if self.roll:
@@ -134,22 +133,25 @@ class Window:
         right, bottom = self.left + self.side, self.top + self.side
         # Only what the resampling reads is made linear: the window, and what the bicubic takes beside it.
         margin = math.ceil(max(0, -self.left, -self.top, right - width, bottom - height))
-        columns, rows = (
-            np.arange(max(math.floor(low) - BESIDE, -margin), min(math.ceil(high) + BESIDE, length + margin))
+        (x0, x1), (y0, y1) = (
+            (max(math.floor(low) - BESIDE, -margin), min(math.ceil(high) + BESIDE, length + margin))
             for low, high, length in ((self.left, right, width), (self.top, bottom, height))
         )
-        padded = linear_photo(photo[np.ix_(rows.clip(0, height - 1), columns.clip(0, width - 1))])
-        inside = np.outer((rows >= 0) & (rows < height), (columns >= 0) & (columns < width))
-        area = (self.left - columns[0], self.top - rows[0], right - columns[0], bottom - rows[0])
         method = Image.Resampling.BOX if self.side > size else Image.Resampling.BICUBIC
-        channels = [*np.moveaxis(padded, 2, 0), inside]
+        area = (self.left - x0, self.top - y0, right - x0, bottom - y0)
         cut = [
-            np.asarray(
-                Image.fromarray(np.ascontiguousarray(channel, np.float32)).resize((size, size), method, area)
-            )
-            for channel in channels
+            np.asarray(plane.resize((size, size), method, area))
+            for plane in linear_planes(_bordered(photo, (y0, y1), (x0, x1)))
         ]
-        return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+        shown = [
+            Image.fromarray(((places >= 0) & (places < length)).astype(np.float32)[None]).resize(
+                (size, 1), method, (start, 0, end, 1)
+            )
+            for places, length, start, end in (
+                (np.arange(y0, y1), height, area[1], area[3]), (np.arange(x0, x1), width, area[0], area[2]),
+            )
+        ]  # fmt: skip
+        return np.clip(np.stack(cut, axis=-1), 0, 1), np.outer(*map(np.asarray, shown)) > 0.5
 
     def _cut_turned(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
         """`cut`, from the upright window about this one, resampled at its scale."""
@@ -179,7 +181,7 @@ class Window:
         image, inside = level.crop(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
         from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
-        transform = to_level @ self._photo_from_window @ from_pixel
+        transform = to_level @ self.photo_from_window @ from_pixel
         cut = [
             np.asarray(_warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC))
             for channel in (*np.moveaxis(image, 2, 0), inside)
@@ -199,7 +201,7 @@ class Window:
         return roll if self.lens is None else roll @ self.lens.turned_to(*self.centre)[0]
 
     @cached_property
-    def _photo_from_window(self) -> np.ndarray:
+    def photo_from_window(self) -> np.ndarray:
         """Homography (3, 3) to the photo from the window, in pixels of the photo about its middle."""
         if self.lens is None or self.focal is None:
             cos, sin = math.cos(self.roll), math.sin(self.roll)
@@ -213,6 +215,11 @@ class Window:
                 f" {self.side:.0f} pixels about {self.centre[0]:.0f}, {self.centre[1]:.0f}. Check the camera."
             )
         return matrix
+
+    def scaled(self, factor: float) -> Window:
+        """The same window of the photo `factor` times as wide and high."""
+        lens = self.lens and self.lens.scaled(factor)
+        return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
 
     def camera_distance_ratio(self, focal: float) -> float:
         """How much longer a photo's focal length in pixels is than that of the window's standard camera,
@@ -232,14 +239,14 @@ class Window:
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
         """A point of the photo from where it is in the window: pixels of the photo from its middle."""
         if self.lens is not None:
-            return _mapped(self._photo_from_window, x, y)
+            return _mapped(self.photo_from_window, x, y)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
     def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
         """Where a point of the photo is in the window: pixels of the photo from its middle."""
         if self.lens is not None:
-            return _mapped(np.linalg.inv(self._photo_from_window), x, y)
+            return _mapped(np.linalg.inv(self.photo_from_window), x, y)
         cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
         return cos * x + sin * y, cos * y - sin * x
 
@@ -260,9 +267,16 @@ class Window:
         if self.lens is not None:
             to_pixel = np.array([[scale, 0, half], [0, scale, half], [0, 0, 1]])
             from_tile = np.array([[1, 0, columns.start], [0, 1, rows.start], [0, 0, 1]])
-            transform = to_pixel @ np.linalg.inv(self._photo_from_window) @ from_tile
+            transform = to_pixel @ np.linalg.inv(self.photo_from_window) @ from_tile
             size = columns.stop - columns.start, rows.stop - rows.start
             return np.asarray(_warped(image, transform, size, outside, Image.Resampling.BILINEAR))
+        if not self.roll:
+            across = scale * (np.arange(columns.start, columns.stop) + 0.5 - self.left)
+            down = scale * (np.arange(rows.start, rows.stop) + 0.5 - self.top)
+            drawn = _between(_between(np.asarray(image, np.float32), down, 0), across, 1)
+            drawn[(down < 0) | (down >= len(image))] = outside
+            drawn[:, (across < 0) | (across >= len(image))] = outside
+            return drawn
         cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
         x, y = self.centre[0] - columns.start, self.centre[1] - rows.start
         transform = (cos, sin, half - cos * x - sin * y, -sin, cos, half + sin * x - cos * y)
@@ -283,7 +297,7 @@ class Window:
             here, other = size / self.side, there.side / size
             to_pixel = np.array([[here, 0, size / 2], [0, here, size / 2], [0, 0, 1]])
             from_pixel = np.array([[other, 0, -there.side / 2], [0, other, -there.side / 2], [0, 0, 1]])
-            transform = np.linalg.inv(self._photo_from_window) @ there._photo_from_window
+            transform = np.linalg.inv(self.photo_from_window) @ there.photo_from_window
             transform = to_pixel @ transform @ from_pixel
             return np.asarray(_warped(image, transform, (size, size), outside, Image.Resampling.BILINEAR))
         corners = [self.to_window(*there.to_photo(x, y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
@@ -301,9 +315,20 @@ class Window:
             source.transform((size, size), Image.Transform.AFFINE, transform, method, fillcolor=outside)
         )
 
-    def tiles(self, width: int, height: int) -> Iterator[tuple[slice, slice]]:
-        """The part of a photo that the window touches, as rows and columns of a few lines at a time."""
-        bounds = self._bounds()
+    def tiles(
+        self, width: int, height: int, around: np.ndarray | None = None
+    ) -> Iterator[tuple[slice, slice]]:
+        """The part of a photo that the window touches, as rows and columns of a few lines at a time.
+
+        around: (S, S) bool, a map of the window; its box alone is wanted.
+        """
+        if around is None:
+            bounds = self._bounds()
+        elif (box := box_of(around)) is None:
+            return
+        else:
+            left, top, wide, high = (self.side / len(around) * number for number in box)
+            bounds = self._bounds((left, top, left + wide, top + high))
         left, right, top, bottom = (
             min(max(edge, 0), length)
             for edge, length in (
@@ -317,16 +342,42 @@ class Window:
             for line in range(top, bottom, LINES):
                 yield slice(line, min(line + LINES, bottom)), slice(left, right)
 
-    def _bounds(self) -> tuple[float, float, float, float]:
-        """Left, right, top and bottom in the photo of what the window shows."""
-        if self.lens is None:
-            half = self.side / 2 * (abs(math.cos(self.roll)) + abs(math.sin(self.roll)))
-            x, y = self.centre
-            return x - half, x + half, y - half, y + half
-        half = self.side / 2
-        corners = [self.to_photo(x, y) for x in (-half, half) for y in (-half, half)]
+    def _bounds(
+        self, part: tuple[float, float, float, float] | None = None
+    ) -> tuple[float, float, float, float]:
+        """Left, right, top and bottom in the photo of what the window shows, or of a part of it.
+
+        part: left, top, right, bottom in pixels of the photo from the window's corner.
+        """
+        x0, y0, x1, y1 = (edge - self.side / 2 for edge in part or (0.0, 0.0, self.side, self.side))
+        corners = [self.to_photo(x, y) for x in (x0, x1) for y in (y0, y1)]
         (left, top), (right, bottom) = np.min(corners, 0), np.max(corners, 0)
         return float(left), float(right), float(top), float(bottom)
+
+
+def _bordered(photo: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
+    """Rows and columns, from and to, of a photo (H, W, 3) whose border is continued beyond it."""
+    within, beyond = [], []
+    for (start, end), length in zip((rows, columns), photo.shape[:2], strict=True):
+        first = min(max(start, 0), length - 1)
+        last = max(min(end, length), first + 1)
+        before = min(max(first - start, 0), end - start - 1)
+        within.append(slice(first, last))
+        beyond.append((before, end - start - before - (last - first)))
+    part = photo[tuple(within)]
+    return np.pad(part, (*beyond, (0, 0)), "edge") if np.any(beyond) else part
+
+
+def _between(image: np.ndarray, places: np.ndarray, axis: int) -> np.ndarray:
+    """Values of a map at places along an axis, from the middles of two pixels; a new array."""
+    first = np.floor(places - 0.5).astype(int)
+    share = (places - 0.5 - first).astype(np.float32)
+    last = image.shape[axis] - 1
+    here, there = (image.take((first + step).clip(0, last), axis) for step in (0, 1))
+    there -= here
+    there *= np.expand_dims(share, 1 - axis)
+    there += here
+    return there
 
 
 def _mapped(homography: np.ndarray, x: Place, y: Place) -> tuple[Place, Place]:

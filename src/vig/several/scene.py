@@ -90,20 +90,27 @@ class SceneExplanation:
         height, width = self.objects[0].picture.shape[:2]
         return f"SceneExplanation({', '.join(self.names)} in {width} x {height}: {self.order_note})"
 
-    def save(self, folder: str | Path, photo: str = "photo", export: Sequence[str] = ()) -> Path:
+    def save(
+        self,
+        folder: str | Path,
+        photo: str = "photo",
+        export: Sequence[str] = (),
+        files: Sequence[str] | None = None,
+    ) -> Path:
         """Write each object's results into a folder of its `names`, and what they have in common.
 
         Args:
             folder: Is made when it is missing; docs/many.md describes its files.
             photo: What the photo is called in the reports.
             export: Formats that are written of each object, too; see `Explanation.export`.
+            files: Which files are written of each object; see `Explanation.save`.
 
         Raises:
-            UserError: The folder cannot be written.
+            UserError: The folder cannot be written, or there is no such file.
         """
-        from vig_app.report.folder import save_scene
+        from vig_app.report.folder import FILES, save_scene
 
-        return save_scene(self, folder, photo, export)
+        return save_scene(self, folder, photo, export, FILES if files is None else files)
 
     @property
     def order_note(self) -> str:

@@ -83,6 +83,9 @@ class FitCommand:
     export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
     """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos with bop or
     coco also one file for all, as `vig export` does."""
+    files: tuple[str, ...] = ()
+    """Write these files of each photo alone, beside explanation.json: overlay.png thumbnail.jpg mask.png
+    render.png object.glb report.html. By default all."""
     quiet: bool = False
     """Print the folder alone, and what went wrong."""
     log: Path | None = None

@@ -35,6 +35,7 @@ from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.naming import in_one_line, listed, note
 from vig_app.exports import RUN_FORMATS, export_run, run_files
+from vig_app.report.folder import check_files
 from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
 from vig_app.report.html import write_page
 from vig_app.report.sheet import sheet_name, write_sheets
@@ -60,6 +61,7 @@ WITHOUT_TRACK = (
 
 def fit(settings: FitCommand) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
+    check_files(settings.files)
     if settings.track:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
@@ -85,7 +87,12 @@ def fit(settings: FitCommand) -> int:
     log = partial(_add_line, settings.log)
     log(f"vig {__version__}: {len(photos)} photos into '{settings.out}'")
     run_settings = RunSettings(
-        object_class, explain_settings, settings.device, settings.export, further_classes
+        object_class,
+        explain_settings,
+        settings.device,
+        settings.export,
+        further_classes,
+        settings.files or None,
     )
     tasks = (
         Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
@@ -132,7 +139,8 @@ def fit(settings: FitCommand) -> int:
     elif failed < len(rows):
         if not settings.quiet:
             page = settings.out / ("" if len(photos) > 1 else folders[0].name) / "report.html"
-            print(f"to look at: {page}")
+            if page.exists():
+                print(f"to look at: {page}")
         print(settings.out)
     return 0 if not failed else 1 if failed < len(rows) else 2
 

@@ -2,184 +2,101 @@
 
 from __future__ import annotations
 
-import base64
-import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image
 
 from vig.explanation import Explanation
-from vig.parallel import on_one_core
+from vig.output.pictures import LABEL, PANEL, line_width
 from vig.photo.images import coded
-from vig.renderer import Rendering, render, render_latents, scene_of
-from vig.renderer.shading import smooth_normals
-from vig.scene import Latents, srgb8_from_linear, srgb_from_linear
+from vig.photo.outline import FINER, REACH
 from vig_app.report import words
-from vig_app.report.html import filled, jpeg_url
+from vig_app.report.drawing import clip_matrix, mesh_data, pose_data, steps_of, views_of
+from vig_app.report.html import filled, png_url
 
 PAGE_SIDE = 768
-"""Pixels of the longer side of a page's pictures."""
-VIEW_SIDE = 300
-"""Of the pictures of views and of steps of the fit."""
-STEPS = 8
-"""Steps of the fit that a page shows at most."""
+"""Pixels of the longer side of a page's photo."""
+COARSER = 2
+"""How many times fewer points a side the distances to the outlines have on a page."""
 
 
-def page_of(
-    explanation: Explanation, photo: str, described: dict[str, Any], overlay: np.ndarray, panels: np.ndarray
-) -> str:
+def page_of(explanation: Explanation, photo: str, described: dict[str, Any], reduced: np.ndarray) -> str:
     """HTML of an explanation's page.
 
     Args:
         explanation: What it shows.
         photo: What the photo is called there.
         described: What explanation.json holds.
-        overlay: `explanation.overlay()`, which the folder has as well.
-        panels: `explanation.panels()`, likewise.
+        reduced: Its `page_photo`.
     """
-    height, width = explanation.picture.shape[:2]
-    scale = min(1.0, PAGE_SIDE / max(height, width))
-    size = round(width * scale), round(height * scale)
-
-    def reduced(picture: np.ndarray) -> np.ndarray:
-        return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0))
-
-    reduced_photo, part_albedo = reduced(coded(explanation.picture)), explanation.part_albedo
-    hidden = reduced((explanation.amodal & ~explanation.mask).view(np.uint8) * np.uint8(255))
+    height, width = reduced.shape[:2]
+    scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
+    camera = explanation.camera
     part_names = explanation.object_class.shape_model.part_names
-    background = srgb_from_linear(explanation.window.crop(explanation.picture, VIEW_SIDE)[0])
-    poses, path = _views(explanation), list(_steps(explanation))
-    pictures = _shown(explanation, background, poses + path)
-    views, steps = pictures[: len(poses)], pictures[len(poses) :]
+    views, steps = views_of(explanation), list(steps_of(explanation))
+    poses = pose_data(explanation, views + steps)
     return filled(
         "page.html",
         name=photo,
         described=described,
         badge=words.badge(described),
         summary=words.summary(described),
-        photo=reduced_photo,
-        whole=_with_hidden_part(explanation, part_albedo, reduced_photo, hidden, scale),
-        outline=reduced(overlay),
-        panels=panels,
+        photo=reduced,
+        outlines=png_url(_outline_maps(explanation)),
+        panels=explanation.panels(),
         rows=words.table_rows(described),
-        colours=[(name, words.css_colour(rgb)) for name, rgb in zip(part_names, part_albedo, strict=True)],
-        views=views,
+        colours=[
+            (name, words.css_colour(rgb))
+            for name, rgb in zip(part_names, explanation.part_albedo, strict=True)
+        ],
+        views=[view.words for view in views],
         views_note=words.views_note(described),
         data={
-            "views": [{"azimuth": view.azimuth, "elevation": view.elevation} for view in views],
-            "steps": [vars(step) | {"picture": jpeg_url(step.picture)} for step in steps],
-            "model": _model(explanation, part_albedo, described["light"]),
+            "mesh": mesh_data(explanation),
+            "views": poses[: len(views)],
+            "steps": poses[len(views) :],
+            "clip": clip_matrix(camera, explanation.camera_from_object, explanation.vertices),
+            "window": [0, LABEL, PANEL, PANEL],
+            "outline": _outline_data(explanation, scale, line_width(height, width)),
         },
     )
 
 
-@dataclass(frozen=True)
-class ShownView:
-    """A view and its picture: `words` say which, angles are in radians, picture (H, W, 3) uint8 shows it."""
-
-    words: str
-    azimuth: float
-    elevation: float
-    picture: np.ndarray
-
-
-@dataclass(frozen=True)
-class Pose:
-    """What a picture shows: `words` say which, latents (B = 1) and framing (4,) place the object."""
-
-    words: str
-    latents: Latents
-    framing: torch.Tensor
+def page_photo(explanation: Explanation) -> np.ndarray:
+    """The photo (h, w, 3) uint8 as the page shows it, `PAGE_SIDE` pixels at most."""
+    height, width = explanation.picture.shape[:2]
+    scale = min(1.0, PAGE_SIDE / max(height, width))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    if scale == 1:
+        return coded(explanation.picture)
+    picture = Image.fromarray(coded(explanation.picture))
+    return np.asarray(picture.resize(size, Image.Resampling.HAMMING))
 
 
-def _views(explanation: Explanation) -> list[Pose]:
-    """The fit and its alternatives."""
-    fit = explanation.fit
-    first = Pose("this fit: " + words.view_words(fit.latents, fit.confidence), fit.latents, fit.framing)
-    return [first] + [
-        Pose(words.view_words(view.latents, view.probability), view.latents, view.framing)
-        for view in fit.alternatives
-    ]
+def _outline_maps(explanation: Explanation) -> np.ndarray:
+    """Distances to the outlines of what is covered and of what is seen, one above the other, (2 S, S) uint8.
+
+    128 is on the outline and 1 to 255 are within `REACH` pixels of what was fitted, inside and outside.
+    """
+    size = len(explanation.outlines[0]) // COARSER
+    maps = np.stack([(each[::2, ::2] + each[1::2, 1::2]) / 2 for each in explanation.outlines])
+    if explanation.others is not None:  # seen there is something else
+        white = explanation.others.view(np.uint8) * np.uint8(255)
+        others = explanation.window.crop(np.broadcast_to(white[..., None], (*white.shape, 3)), size)[0]
+        maps[1] = np.where(others[..., 0] > 0.5, np.maximum(maps[1], 1.0), maps[1])
+    levels: np.ndarray = (128 + maps * (127 / REACH)).round().astype(np.uint8)
+    return levels.reshape(2 * size, size)
 
 
-def _steps(explanation: Explanation) -> Iterable[Pose]:
-    """Some steps of the fit that moved, the first and the last among them."""
-    path = explanation.fit.descent
-    moved = torch.cat([torch.tensor([True]), (path[1:] != path[:-1]).any(1)]).nonzero()[:, 0]
-    for number in moved[np.unique(np.linspace(0, len(moved) - 1, STEPS).round().astype(int))].tolist():
-        latents = Latents.from_vector(path[number : number + 1, :-4])
-        text = f"step {number} of {len(path) - 1}: {words.view_words(latents, math.nan)}"
-        yield Pose(text, latents, path[number, -4:])
-
-
-def _shown(explanation: Explanation, photo: np.ndarray, poses: Sequence[Pose]) -> list[ShownView]:
-    """Poses in front of the window's photo (h, w, 3) in [0, 1] sRGB, drawn at once."""
-    object_class = explanation.object_class
-    standard = object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
-
-    def draw() -> Rendering:
-        cameras = [
-            standard.framed(*pose.framing.tolist()).scaled(VIEW_SIDE / standard.width) for pose in poses
-        ]
-        return render(
-            [
-                scene_of(pose.latents, object_class, camera)
-                for pose, camera in zip(poses, cameras, strict=True)
-            ]
-        )
-
-    drawn, shown = on_one_core(draw), []
-    for pose, rgb, share in zip(poses, drawn.rgb.numpy(), drawn.coverage.numpy()[..., None], strict=True):
-        # Both encoded before they are mixed, as screens would.
-        object_colour = srgb_from_linear(rgb / np.maximum(share, 1e-6))
-        picture = (255 * (photo + share * (object_colour - photo))).clip(0, 255).round().astype(np.uint8)
-        shown.append(
-            ShownView(pose.words, float(pose.latents.azimuth), float(pose.latents.elevation), picture)
-        )
-    return shown
-
-
-def _with_hidden_part(
-    explanation: Explanation, part_albedo: np.ndarray, photo: np.ndarray, hidden: np.ndarray, scale: float
-) -> np.ndarray:
-    """A photo (h, w, 3) uint8 with the object drawn in where it is hidden, (h, w) uint8."""
-    latents, object_class = explanation.fit.latents, explanation.object_class
-    model, albedo = object_class.shape_model, latents.albedo[0].numpy()
-    camera = replace(explanation.camera.scaled(scale), width=photo.shape[1], height=photo.shape[0])
-    drawn = on_one_core(partial(render_latents, latents, object_class, camera))
-    albedo_of_part = part_albedo[model.parts[model.faces[drawn.triangle_id[0].numpy(), 0]]]
-    coverage = drawn.coverage[0].numpy()[..., None]
-    linear = drawn.rgb[0].numpy() / np.maximum(coverage, 1e-6) * albedo_of_part / np.maximum(albedo, 1e-3)
-    share = coverage * hidden[..., None] / 255
-    colour = srgb8_from_linear(linear.clip(0, 1)).astype(np.float32)
-    whole: np.ndarray = photo + share * (colour - photo)
-    return whole.round().astype(np.uint8)
-
-
-def _model(explanation: Explanation, part_albedo: np.ndarray, light: list[float]) -> dict[str, Any]:
-    """The object as the page draws it in 3-D: place, normal and colour of each corner of its triangles."""
-    model, vertices = explanation.object_class.shape_model, explanation.vertices
-    normals = smooth_normals(torch.from_numpy(vertices), torch.from_numpy(model.faces)).numpy()
-    corners, extent = model.faces.ravel(), np.ptp(vertices, axis=0)
-    colours = part_albedo[model.parts[model.faces[:, 0]]]
+def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
+    """How the page draws outlines as overlay.png has them, on a photo reduced by a scale across and down."""
+    window, size = explanation.window, len(explanation.outlines[0]) // COARSER
+    to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
+    matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / scale[0], 1 / scale[1], 1])
     return {
-        "place": _base64(vertices[corners]),
-        "normal": _base64(normals[corners]),
-        "colour": _base64(np.repeat(colours, 3, axis=0)),
-        "count": len(corners),
-        "target": (vertices.min(0) + extent / 2).tolist(),
-        "size": float(extent.max()),
-        "light": light,
-        "azimuth": float(explanation.latents.azimuth),
-        "elevation": float(explanation.latents.elevation),
+        "map": (matrix / matrix[2, 2]).tolist(),
+        "size": size,
+        "step": REACH / 127 * window.side * FINER / len(explanation.outlines[0]) * scale[0],
+        "line": line,
     }
-
-
-def _base64(array: np.ndarray) -> str:
-    """An array as little-endian float32."""
-    return base64.b64encode(np.ascontiguousarray(array, "<f4").tobytes()).decode()

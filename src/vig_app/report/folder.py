@@ -14,46 +14,97 @@ from PIL import Image
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.output import mask_picture, write_glb, write_json
+from vig.output import mask_picture, overlay, write_glb, write_json
 from vig.photo.images import write_png
 from vig.several.scene import COLOURS, SceneExplanation
 from vig_app.exports import export_explanation, remove_exports
-from vig_app.report.contents import page_of
-from vig_app.report.folder_page import Entry, folder_html, write_thumbnail
+from vig_app.report.contents import page_of, page_photo
+from vig_app.report.folder_page import Entry, folder_html, reduced, write_thumbnail
 from vig_app.report.html import write_page
 
+FILES = (
+    "explanation.json", "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
+)  # fmt: skip
+"""What an explanation's folder holds; the first in any case."""
 
-def save_explanation(explanation: Explanation, folder: str | Path, photo: str) -> Path:
+
+def save_explanation(
+    explanation: Explanation, folder: str | Path, photo: str, files: Sequence[str] = FILES
+) -> Path:
     """The work of `Explanation.save`."""
     if not isinstance(folder, str | Path):
         raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
-    save_entry(explanation, Path(folder), photo, photo)
+    save_entry(explanation, Path(folder), photo, photo, files)
     return Path(folder)
 
 
-def save_entry(explanation: Explanation, folder: Path, photo: str, name: str) -> Entry:
+def save_entry(
+    explanation: Explanation, folder: Path, photo: str, name: str, files: Sequence[str] = FILES
+) -> Entry:
     """`save_explanation`; returns what the page of several photos or objects shows of it under a name."""
-    described, picture, panels = explanation.to_dict(), explanation.overlay(), explanation.panels()
-    _remove_stale_exports(folder, described)
-    write_png(folder / "overlay.png", picture)
-    thumbnail = write_thumbnail(folder, picture)
-    write_png(folder / "mask.png", mask_picture(explanation.amodal, explanation.mask))
-    write_png(folder / "render.png", panels)
-    write_glb(
-        folder / "object.glb",
-        explanation.vertices,
-        explanation.part_albedo,
-        explanation.object_class,
-        explanation.camera,
-        float(explanation.latents.azimuth),
-        float(explanation.latents.elevation),
-    )
-    write_page(folder / "report.html", page_of(explanation, photo, described, picture, panels))
+    check_files(files)
+    described = explanation.to_dict()
+    _remove_stale_files(folder, described, files)
+    shown = page_photo(explanation)
+    entry = Entry(name, folder.name, described, outlined(explanation, reduced(shown)))
+    for file in FILES[1:]:
+        if file in files:
+            _write(explanation, folder / file, photo, entry.picture, described, shown)
     write_json(folder, described)
-    return Entry(name, folder.name, described, thumbnail)
+    return entry
 
 
-def save_scene(scene: SceneExplanation, folder: str | Path, photo: str, export: Sequence[str]) -> Path:
+def check_files(files: Sequence[str]) -> None:
+    """UserError unless all are of `FILES`."""
+    wanted = f"expected files of {', '.join(FILES)}"
+    if isinstance(files, str):
+        raise UserError(f"{wanted}; got one name, {files!r}. Pass a list of names.")
+    for name in files:
+        if name not in FILES:
+            raise UserError(f"{wanted}; got {name!r}. Leave it out; without any all are written.")
+
+
+def _write(
+    explanation: Explanation,
+    path: Path,
+    photo: str,
+    thumbnail: np.ndarray,
+    described: dict[str, Any],
+    shown: np.ndarray,
+) -> None:
+    """Write one file of `FILES`, by its name; `shown` is the explanation's `page_photo`."""
+    match path.name:
+        case "overlay.png":
+            write_png(path, explanation.overlay())
+        case "thumbnail.jpg":
+            write_thumbnail(path.parent, thumbnail)
+        case "mask.png":
+            write_png(path, mask_picture(explanation.amodal, explanation.mask))
+        case "render.png":
+            write_png(path, explanation.panels())
+        case "object.glb":
+            write_glb(
+                path,
+                explanation.vertices,
+                explanation.part_albedo,
+                explanation.object_class,
+                explanation.camera,
+                float(explanation.latents.azimuth),
+                float(explanation.latents.elevation),
+            )
+        case "report.html":
+            write_page(path, page_of(explanation, photo, described, shown))
+
+
+def outlined(explanation: Explanation, photo: np.ndarray) -> np.ndarray:
+    """`Explanation.overlay` on its photo (h, w, 3) uint8 made smaller, `THUMBNAIL` pixels or more."""
+    window = explanation.window.scaled(photo.shape[1] / explanation.picture.shape[1])
+    return overlay(photo, window, *explanation.outlines)
+
+
+def save_scene(
+    scene: SceneExplanation, folder: str | Path, photo: str, export: Sequence[str], files: Sequence[str]
+) -> Path:
     """The work of `SceneExplanation.save`."""
     folder, picture = Path(folder), scene.overlay()
     numbers = np.zeros(picture.shape[:2], np.uint8)
@@ -61,10 +112,10 @@ def save_scene(scene: SceneExplanation, folder: str | Path, photo: str, export: 
         numbers[mask] = number
     write_png(folder / "overlay.png", picture)
     _write_numbers(folder / "mask.png", numbers)
-    write_thumbnail(folder, picture)
+    write_thumbnail(folder, reduced(picture))
     entries = []
     for name, explanation in zip(scene.names, scene.objects, strict=True):
-        entries.append(save_entry(explanation, folder / name, f"{photo}, {name}", name))
+        entries.append(save_entry(explanation, folder / name, f"{photo}, {name}", name, files))
         export_explanation(explanation, folder / name, export, photo)
     note = scene.order_note if len(scene.objects) > 1 else ""
     write_page(folder / "report.html", folder_html(entries, title=photo, picture=picture, note=note))
@@ -81,8 +132,10 @@ def _write_numbers(path: Path, numbers: np.ndarray) -> None:
         image.save(temporary, "PNG")
 
 
-def _remove_stale_exports(folder: Path, described: dict[str, Any]) -> None:
-    """Remove the exports in a folder whose explanation.json is not what is described."""
+def _remove_stale_files(folder: Path, described: dict[str, Any], files: Sequence[str]) -> None:
+    """Remove exports and files that are not written anew where explanation.json is not what is described."""
     with suppress(OSError, ValueError):
         if json.loads((folder / "explanation.json").read_text()) != json.loads(json.dumps(described)):
             remove_exports(folder)
+            for name in set(FILES) - {*files, "explanation.json"}:
+                (folder / name).unlink(missing_ok=True)

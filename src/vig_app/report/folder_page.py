@@ -14,12 +14,11 @@ import numpy as np
 from PIL import Image
 
 from vig.io.files import atomic_write
+from vig.output.pictures import THUMBNAIL
 from vig_app.report.html import QUALITY, filled
 
 MOST_ERRORS = 200
 """Photos that are listed as not explained."""
-THUMBNAIL = 320
-"""Pixels of the longer side of a photo's picture."""
 WHOLE = 1200
 """And of the picture of several objects."""
 THUMBNAIL_FILE = "thumbnail.jpg"
@@ -99,14 +98,14 @@ def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
 
 def reduced(picture: np.ndarray, side: int = THUMBNAIL) -> np.ndarray:
     """A picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
+    if max(picture.shape) <= side:
+        return picture
     image = Image.fromarray(picture)
     image.thumbnail((side, side), Image.Resampling.BICUBIC, reducing_gap=2.0)
     return np.asarray(image)
 
 
-def write_thumbnail(folder: Path, picture: np.ndarray) -> np.ndarray:
-    """Write and return the thumbnail of a picture (H, W, 3) uint8, which pages and sheets show."""
-    thumbnail = reduced(picture)
+def write_thumbnail(folder: Path, thumbnail: np.ndarray) -> None:
+    """Write a picture (h, w, 3) uint8 of `THUMBNAIL` pixels that pages and sheets show."""
     with atomic_write(folder / THUMBNAIL_FILE) as temporary:
         Image.fromarray(thumbnail).save(temporary, "JPEG", quality=QUALITY)
-    return thumbnail

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from vig.io.files import atomic_write
+from vig.photo.images import png_bytes
 
 QUALITY = 88
 """Of JPEG files, of at most 100."""
@@ -33,6 +34,11 @@ def jpeg_url(picture: np.ndarray) -> str:
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=QUALITY)
     return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()
+
+
+def png_url(picture: np.ndarray) -> str:
+    """As `jpeg_url`, of numbers (H, W) uint8 that must stay as they are."""
+    return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode()
 
 
 _PAGES = Environment(

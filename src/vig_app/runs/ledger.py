@@ -77,7 +77,8 @@ def is_done(task: Task, key: str, rows: Rows) -> bool:
 def settings_key(settings: RunSettings, explainer: Explainer) -> str:
     """What all photos' results depend on."""
     packs = [_pack_state(explainer.object_class.folder), *map(_pack_state, settings.others)]
-    return repr((FORMAT, __version__, settings.explain, sorted(settings.export), packs))
+    files = (sorted(settings.files),) if settings.files else ()
+    return repr((FORMAT, __version__, settings.explain, sorted(settings.export), packs, *files))
 
 
 def key_of(task: Task, settings: str) -> str:

@@ -78,6 +78,7 @@ class RunSettings:
         explain: How to fit.
         device: See `Explainer`.
         export: Formats that are written, too; see `Explanation.export`.
+        files: Which files are written; see `Explanation.save`.
     """
 
     object_class: str | Path = "teapot"
@@ -85,6 +86,7 @@ class RunSettings:
     device: str = "cpu"
     export: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
+    files: tuple[str, ...] | None = None
 
 
 def prepare(settings: RunSettings) -> Callable[[Task], Rows]:
@@ -136,7 +138,7 @@ class Work:
             explainers = [self.of_class(name) for name in names]
             scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
         with beside_folder(task) as beside:
-            scene.save(beside, task.photo.name, self.settings.export)
+            scene.save(beside, task.photo.name, self.settings.export, self.settings.files)
         return [
             row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}
             for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
@@ -145,7 +147,7 @@ class Work:
     def write(self, task: Task, explanation: Explanation) -> None:
         """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
-            explanation.save(beside, task.photo.name)
+            explanation.save(beside, task.photo.name, self.settings.files)
             explanation.export(beside, self.settings.export, task.photo.name)
             lens = None if task.camera is None else explanation.window.lens
             camera = None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)

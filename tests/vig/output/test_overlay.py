@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from PIL import Image
+from scipy import ndimage
 
 from vig.output import CloseUp, overlay, panels, part_colours
 from vig.output.pictures import HIDDEN, LABEL, OUTLINE
 from vig.photo import Window, outline_distance
+from vig.photo.outline import FINER, SMOOTH
 
 
 def half_hidden(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -39,6 +42,31 @@ def test_the_outline_is_as_wide_in_a_large_photo_and_as_smooth() -> None:
     rows, columns = np.mgrid[:1300, :1400] + 0.5
     radius = np.hypot(columns - 700, rows - 650)
     assert inside[radius < 397].all() and not inside[(radius > 403) & (radius < 550)].any()
+
+
+def test_distances_are_exact_as_far_as_they_are_asked_for() -> None:
+    """Against the transform of all points, on a blot; nearer bounds change nothing within them."""
+    rng = np.random.default_rng(np.random.SeedSequence(3))
+    noise = ndimage.gaussian_filter(rng.normal(size=(60, 60)), 3)
+    blot = np.zeros((60, 60), np.float32)
+    blot[15:45, 15:45] = noise[15:45, 15:45] > 0
+    near, far = outline_distance(blot, 3.0, 1.0), outline_distance(blot)
+    np.testing.assert_allclose(near, far.clip(-1, 3), atol=1e-6)
+    soft = ndimage.gaussian_filter(blot, SMOOTH, mode="nearest")
+    fine = np.asarray(Image.fromarray(soft).resize((240, 240), Image.Resampling.BICUBIC)) > 0.5
+    beyond, within = ndimage.distance_transform_edt(~fine), ndimage.distance_transform_edt(fine)
+    expected = (
+        ndimage.gaussian_filter(np.where(fine, 0.5 - within, beyond - 0.5), 1.0, mode="nearest") / FINER
+    )
+    close = np.abs(expected) < 10
+    np.testing.assert_allclose(far[close], expected[close], atol=1e-5)
+
+
+def test_only_a_maps_box_of_the_window_is_visited() -> None:
+    around = np.zeros((40, 40), bool)
+    around[10:20, 5:25] = True
+    assert list(Window(100, 200, 80).tiles(500, 500, around)) == [(slice(220, 240), slice(110, 150))]
+    assert not list(Window(100, 200, 80).tiles(500, 500, around & False))
 
 
 def test_only_the_windows_part_of_a_photo_is_visited() -> None:

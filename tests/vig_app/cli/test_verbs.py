@@ -63,6 +63,11 @@ def test_help_offers_what_there_is():
     assert get_args(get_type_hints(FitCommand)["likelihood"]) == tuple(LIKELIHOODS)
 
 
+def test_an_unknown_file_is_refused(capsys, photo, tmp_path):
+    error = refused(capsys, "fit", photo, "--files", "mask.png", "picture.png", "--out", tmp_path / "out")
+    assert "thumbnail.jpg" in error and "got 'picture.png'" in error
+
+
 def test_an_unknown_likelihood_is_refused(capsys, photo, tmp_path):
     error = refused(capsys, "fit", photo, "--likelihood", "no-such", "--out", tmp_path / "out")
     assert "robust" in error
