@@ -322,13 +322,21 @@ class Explanation:
         upright = Window(0, 0, PANEL)
         everything = slice(0, PANEL), slice(0, PANEL)
         return CloseUp(
-            photo=self.window.crop(self.picture, PANEL)[0],
+            photo=self._photo_of_window(PANEL),
             rendering=drawn.rgb[0].numpy(),
             coverage=drawn.coverage[0].numpy(),
             normals=drawn.normals[0].numpy() @ pose[:3, :3].T.astype(np.float32),
             part=part,
             visible=upright.paste(self.outlines[1], *everything) < 0,
         )
+
+    def _photo_of_window(self, size: int) -> np.ndarray:
+        """The window in S x S pixels, linear RGB, from as much of a large photo's detail as shows."""
+        coarser = int(self.window.side / (2 * size))
+        if coarser < 2:
+            return self.window.crop(self.picture, size)[0]
+        picture = np.asarray(Image.fromarray(coded(self.picture)).reduce(coarser))
+        return self.window.scaled(1 / coarser).crop(picture, size)[0]
 
     def to_dict(self) -> dict[str, Any]:
         """What `explanation.json` holds."""
@@ -346,7 +354,13 @@ class Explanation:
         hints = self.hints.described() if self.hints else {}
         return described | {"trusted": list(self.trusted), "hints": hints}
 
-    def save(self, folder: str | Path, photo: str = "photo", files: Sequence[str] | None = None) -> Path:
+    def save(
+        self,
+        folder: str | Path,
+        photo: str = "photo",
+        files: Sequence[str] | None = None,
+        full_size: bool = False,
+    ) -> Path:
         """Write the files of docs/explanation.md into a folder, and return it.
 
         Exports of another result that are there, see `export`, are removed.
@@ -355,13 +369,14 @@ class Explanation:
             folder: Is made when it is missing.
             photo: What the photo is called in the report.
             files: Which of them beside explanation.json, such as ["mask.png"]; by default all.
+            full_size: Whether overlay.png is as large as the photo; else it has 2,048 pixels a side at most.
 
         Raises:
             UserError: The folder cannot be written, or there is no such file.
         """
         from vig_app.report.folder import FILES, save_explanation
 
-        return save_explanation(self, folder, photo, FILES if files is None else files)
+        return save_explanation(self, folder, photo, FILES if files is None else files, full_size)
 
     def report(self, photo: str = "photo") -> str:
         """A page of HTML that shows the explanation in any browser, in one file, without the network.
@@ -371,7 +386,7 @@ class Explanation:
         """
         from vig_app.report.contents import page_of, page_photo
 
-        return page_of(self, photo, self.to_dict(), page_photo(self))
+        return page_of(self, photo, self.to_dict(), page_photo(coded(self.picture)))
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.

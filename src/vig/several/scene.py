@@ -96,6 +96,7 @@ class SceneExplanation:
         photo: str = "photo",
         export: Sequence[str] = (),
         files: Sequence[str] | None = None,
+        full_size: bool = False,
     ) -> Path:
         """Write each object's results into a folder of its `names`, and what they have in common.
 
@@ -103,14 +104,15 @@ class SceneExplanation:
             folder: Is made when it is missing; docs/many.md describes its files.
             photo: What the photo is called in the reports.
             export: Formats that are written of each object, too; see `Explanation.export`.
-            files: Which files are written of each object; see `Explanation.save`.
+            files: Which files are written of each object; see `Explanation.save`, as for full_size.
+            full_size: Whether pictures are as large as the photo.
 
         Raises:
             UserError: The folder cannot be written, or there is no such file.
         """
         from vig_app.report.folder import FILES, save_scene
 
-        return save_scene(self, folder, photo, export, FILES if files is None else files)
+        return save_scene(self, folder, photo, export, FILES if files is None else files, full_size)
 
     @property
     def order_note(self) -> str:

@@ -86,6 +86,8 @@ class FitCommand:
     files: tuple[str, ...] = ()
     """Write these files of each photo alone, beside explanation.json: overlay.png thumbnail.jpg mask.png
     render.png object.glb report.html. By default all."""
+    full_size: bool = False
+    """Write overlay.png as large as the photo; else its longer side has 2,048 pixels at most."""
     quiet: bool = False
     """Print the folder alone, and what went wrong."""
     log: Path | None = None

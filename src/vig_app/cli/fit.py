@@ -93,6 +93,7 @@ def fit(settings: FitCommand) -> int:
         settings.export,
         further_classes,
         settings.files or None,
+        settings.full_size,
     )
     tasks = (
         Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)

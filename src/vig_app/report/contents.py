@@ -9,7 +9,6 @@ from PIL import Image
 
 from vig.explanation import Explanation
 from vig.output.pictures import LABEL, PANEL, line_width
-from vig.photo.images import coded
 from vig.photo.outline import FINER, REACH
 from vig_app.report import words
 from vig_app.report.drawing import clip_matrix, mesh_data, pose_data, steps_of, views_of
@@ -63,15 +62,14 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
     )
 
 
-def page_photo(explanation: Explanation) -> np.ndarray:
-    """The photo (h, w, 3) uint8 as the page shows it, `PAGE_SIDE` pixels at most."""
-    height, width = explanation.picture.shape[:2]
+def page_photo(photo: np.ndarray) -> np.ndarray:
+    """A photo (H, W, 3) uint8 as the page shows it, `PAGE_SIDE` pixels at most."""
+    height, width = photo.shape[:2]
     scale = min(1.0, PAGE_SIDE / max(height, width))
     size = max(1, round(width * scale)), max(1, round(height * scale))
     if scale == 1:
-        return coded(explanation.picture)
-    picture = Image.fromarray(coded(explanation.picture))
-    return np.asarray(picture.resize(size, Image.Resampling.HAMMING))
+        return photo
+    return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.HAMMING))
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:

@@ -15,7 +15,7 @@ from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.output import mask_picture, overlay, write_glb, write_json
-from vig.photo.images import write_png
+from vig.photo.images import coded, write_png
 from vig.several.scene import COLOURS, SceneExplanation
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.report.contents import page_of, page_photo
@@ -26,29 +26,44 @@ FILES = (
     "explanation.json", "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
 )  # fmt: skip
 """What an explanation's folder holds; the first in any case."""
+PICTURE_SIDE = 2048
+"""Pixels of overlay.png's longer side at most, unless its full size is asked for."""
 
 
 def save_explanation(
-    explanation: Explanation, folder: str | Path, photo: str, files: Sequence[str] = FILES
+    explanation: Explanation,
+    folder: str | Path,
+    photo: str,
+    files: Sequence[str] = FILES,
+    full_size: bool = False,
 ) -> Path:
     """The work of `Explanation.save`."""
     if not isinstance(folder, str | Path):
         raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
-    save_entry(explanation, Path(folder), photo, photo, files)
+    save_entry(explanation, Path(folder), photo, photo, files, full_size)
     return Path(folder)
 
 
 def save_entry(
-    explanation: Explanation, folder: Path, photo: str, name: str, files: Sequence[str] = FILES
+    explanation: Explanation,
+    folder: Path,
+    photo: str,
+    name: str,
+    files: Sequence[str] = FILES,
+    full_size: bool = False,
 ) -> Entry:
     """`save_explanation`; returns what the page of several photos or objects shows of it under a name."""
     check_files(files)
     described = explanation.to_dict()
     _remove_stale_files(folder, described, files)
-    shown = page_photo(explanation)
+    picture = coded(explanation.picture)
+    picture = picture if full_size else reduced(picture, PICTURE_SIDE)
+    shown = page_photo(picture)
     entry = Entry(name, folder.name, described, outlined(explanation, reduced(shown)))
     for file in FILES[1:]:
-        if file in files:
+        if file == "overlay.png" and file in files:
+            write_png(folder / file, outlined(explanation, picture))
+        elif file in files:
             _write(explanation, folder / file, photo, entry.picture, described, shown)
     write_json(folder, described)
     return entry
@@ -72,10 +87,8 @@ def _write(
     described: dict[str, Any],
     shown: np.ndarray,
 ) -> None:
-    """Write one file of `FILES`, by its name; `shown` is the explanation's `page_photo`."""
+    """Write one of `FILES` but overlay.png, by its name; `shown` is the explanation's `page_photo`."""
     match path.name:
-        case "overlay.png":
-            write_png(path, explanation.overlay())
         case "thumbnail.jpg":
             write_thumbnail(path.parent, thumbnail)
         case "mask.png":
@@ -103,19 +116,24 @@ def outlined(explanation: Explanation, photo: np.ndarray) -> np.ndarray:
 
 
 def save_scene(
-    scene: SceneExplanation, folder: str | Path, photo: str, export: Sequence[str], files: Sequence[str]
+    scene: SceneExplanation,
+    folder: str | Path,
+    photo: str,
+    export: Sequence[str],
+    files: Sequence[str],
+    full_size: bool = False,
 ) -> Path:
     """The work of `SceneExplanation.save`."""
     folder, picture = Path(folder), scene.overlay()
     numbers = np.zeros(picture.shape[:2], np.uint8)
     for number, mask in enumerate(scene.masks, 1):
         numbers[mask] = number
-    write_png(folder / "overlay.png", picture)
+    write_png(folder / "overlay.png", picture if full_size else reduced(picture, PICTURE_SIDE))
     _write_numbers(folder / "mask.png", numbers)
     write_thumbnail(folder, reduced(picture))
     entries = []
     for name, explanation in zip(scene.names, scene.objects, strict=True):
-        entries.append(save_entry(explanation, folder / name, f"{photo}, {name}", name, files))
+        entries.append(save_entry(explanation, folder / name, f"{photo}, {name}", name, files, full_size))
         export_explanation(explanation, folder / name, export, photo)
     note = scene.order_note if len(scene.objects) > 1 else ""
     write_page(folder / "report.html", folder_html(entries, title=photo, picture=picture, note=note))

@@ -77,7 +77,7 @@ def is_done(task: Task, key: str, rows: Rows) -> bool:
 def settings_key(settings: RunSettings, explainer: Explainer) -> str:
     """What all photos' results depend on."""
     packs = [_pack_state(explainer.object_class.folder), *map(_pack_state, settings.others)]
-    files = (sorted(settings.files),) if settings.files else ()
+    files = (sorted(settings.files or ()), settings.full_size) if settings.files or settings.full_size else ()
     return repr((FORMAT, __version__, settings.explain, sorted(settings.export), packs, *files))
 
 

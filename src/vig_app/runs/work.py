@@ -78,7 +78,8 @@ class RunSettings:
         explain: How to fit.
         device: See `Explainer`.
         export: Formats that are written, too; see `Explanation.export`.
-        files: Which files are written; see `Explanation.save`.
+        files: Which files are written; see `Explanation.save`, as for full_size.
+        full_size: Whether pictures are as large as the photos.
     """
 
     object_class: str | Path = "teapot"
@@ -87,6 +88,7 @@ class RunSettings:
     export: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
     files: tuple[str, ...] | None = None
+    full_size: bool = False
 
 
 def prepare(settings: RunSettings) -> Callable[[Task], Rows]:
@@ -138,7 +140,8 @@ class Work:
             explainers = [self.of_class(name) for name in names]
             scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
         with beside_folder(task) as beside:
-            scene.save(beside, task.photo.name, self.settings.export, self.settings.files)
+            settings = self.settings
+            scene.save(beside, task.photo.name, settings.export, settings.files, settings.full_size)
         return [
             row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}
             for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
@@ -147,7 +150,7 @@ class Work:
     def write(self, task: Task, explanation: Explanation) -> None:
         """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
-            explanation.save(beside, task.photo.name, self.settings.files)
+            explanation.save(beside, task.photo.name, self.settings.files, self.settings.full_size)
             explanation.export(beside, self.settings.export, task.photo.name)
             lens = None if task.camera is None else explanation.window.lens
             camera = None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)
