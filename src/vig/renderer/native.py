@@ -62,8 +62,8 @@ ARGUMENTS = {
     " on_rgb on_coverage on_visible on_depth on_normal to_background",
 }
 """Fields of the table that a call passes, by type, in their order; 0 where a call has no such thing."""
-ALBEDO, LIGHT = INPUTS.index("albedo"), INPUTS.index("light")
-NAMES = [name for names in ARGUMENTS.values() for name in names.split()]
+PLACES = {name: place for place, name in enumerate(" ".join(ARGUMENTS.values()).split())}
+NUMBERS = {name: number for number, name in enumerate(CODE)}
 
 FIRST_CAPACITY = 4096
 """Crossings for which there is space at first."""
@@ -129,14 +129,14 @@ def _kernel(dtype: torch.dtype) -> Any:
 
 def _call(name: str, packed: PackedScenes, rows: list[int], **fields: Tensor | int) -> None:
     """Run a kernel on contiguous tensors; rows: see `_rows`."""
-    numbers = [
-        field if isinstance(field, int) else field.data_ptr() for field in (fields.get(n, 0) for n in NAMES)
-    ]
+    numbers = [0] * len(PLACES)
+    for field, value in fields.items():
+        numbers[PLACES[field]] = value if isinstance(value, int) else value.data_ptr()
     table = array("q", numbers + rows)
     wp.launch(
         _kernel(packed.background.dtype),
         dim=1,
-        inputs=[list(CODE).index(name), table.buffer_info()[0]],
+        inputs=[NUMBERS[name], table.buffer_info()[0]],
         device="cpu",
     )
 
@@ -149,27 +149,19 @@ def _rows(
     on_textures: Sequence[Tensor | None] = (),
 ) -> list[int]:
     """Of each object what `struct Object` of arguments.cc holds: addresses, then sizes."""
-    width, rows = len(INPUTS), []
+    rows: list[int] = []
 
-    def addresses(tensors: Sequence[Tensor | None], first: int, count: int) -> list[int]:
-        own = tensors[first : first + count] if first >= 0 else ()
-        return [0 if each is None else each.data_ptr() for each in own] or [0] * count
+    def add(tensors: Sequence[Tensor | None], first: int, count: int) -> None:
+        if tensors and first >= 0:
+            rows.extend(0 if each is None else each.data_ptr() for each in tensors[first : first + count])
+        else:
+            rows.extend((0,) * count)
 
-    for n, topology in enumerate(packed.topologies):
-        albedo, light = packed.inputs[n * width + ALBEDO], packed.inputs[n * width + LIGHT]
-        own = packed.texture[n]
-        pyramid = None if own < 0 else packed.pyramids[own]
+    for n, (own, sizes) in enumerate(zip(packed.texture, packed.tables, strict=True)):
         for whole, two in ((inputs, textures), (on, on_textures)):
-            rows += addresses(whole, n * width, width)
-            rows += addresses(two, 2 * own, 2)
-        rows += [topology.faces.data_ptr(), topology.edges.data_ptr(), topology.texture_faces.data_ptr()]
-        rows.append(0 if pyramid is None else pyramid.levels.data_ptr())
-        rows += [topology.vertex_count, len(topology.faces), len(topology.edges)]
-        rows += [packed.first_vertex[n], packed.first_face[n], packed.place[n]]
-        rows.append(1 if albedo is None or albedo.ndim == 1 else len(albedo))
-        rows.append(1 if light is None or light.ndim == 1 else 3)
-        rows.append(len(packed.coordinates[n]))
-        rows += (0, 0) if pyramid is None else (len(pyramid.texels), len(pyramid.levels))
+            add(whole, n * len(INPUTS), len(INPUTS))
+            add(two, 2 * own, 2)
+        rows += sizes
     return rows
 
 
@@ -195,7 +187,8 @@ class _Native(torch.autograd.Function):
         ctx.save_for_backward(*inputs)
         ctx.stage = stage
         results, ctx.kept = stage.forward(*(each if each is None else each.contiguous() for each in inputs))
-        ctx.mark_non_differentiable(*(each for each in results if not each.is_floating_point()))
+        if isinstance(stage, Surface):
+            ctx.mark_non_differentiable(*results[2:])
         return results
 
     @staticmethod
@@ -270,7 +263,7 @@ class Place:
             background_numbers=background.numel(),
         )
         if status[0]:
-            packed.check_finite()
+            packed.check_numbers()
         kept = {name: tensor.detach() for name, tensor in made.items()}
         return (made["points"], made["attributes"], made["lights"]), kept
 
@@ -324,8 +317,10 @@ class Layers:
             "starts": self.starts.buffer_info()[0],
         }
 
-    def draw(self, points: Tensor, textures: Sequence[Tensor] = (), **fields: Tensor) -> dict[str, Tensor]:
-        """Run the kernel `paint`: what it found, as the fields that its way back needs."""
+    def draw(
+        self, points: Tensor, textures: Sequence[Tensor] = (), **fields: Tensor
+    ) -> tuple[dict[str, Tensor], Any]:
+        """Run the kernel `paint`: what it found, as fields that its way back needs, and its status."""
         packed = self.packed
         edges = sum(len(each.edges) for each in packed.topologies)
         grid = [side * self.samples + 2 * general.MARGIN for side in packed.size[1:]]
@@ -339,11 +334,12 @@ class Layers:
             made["crossing"] = points.new_empty(capacity, 8, dtype=torch.int32)
             made["steps"] = points.new_empty(capacity, self.channels)
             made["joints"] = points.new_zeros(len(points), 2)
-            status = torch.tensor([capacity, 0, 0])
-            _call("paint", packed, rows, points=points, status=status, **made, **sizes, **fields)
-            if int(status[1]) <= capacity:
-                return made | {"status": status}
-            capacity = int(status[1])
+            status = array("q", [capacity, 0, 0])
+            address = status.buffer_info()[0]
+            _call("paint", packed, rows, points=points, status=address, **made, **sizes, **fields)
+            if status[1] <= capacity:
+                return made, status
+            capacity = status[1]
 
 
 class Paint(Layers):
@@ -361,8 +357,8 @@ class Paint(Layers):
             return (visible[:, 0],), self.draw(points, visible=visible)
         rgb, coverage = points.new_empty(images, height, width, 3), points.new_empty(images, height, width)
         fields = dict(zip(("attributes", "lights", "background"), inputs[1:4], strict=True))
-        kept = self.draw(points, inputs[4:], rgb=rgb, coverage=coverage, visible=visible, **fields)
-        self.face = kept["face"]
+        kept = made, _ = self.draw(points, inputs[4:], rgb=rgb, coverage=coverage, visible=visible, **fields)
+        self.face = made["face"]
         return (rgb, coverage, visible), kept
 
     def backward(
@@ -378,8 +374,10 @@ class Paint(Layers):
         on = _zeros(textures, needed[4:])
         attributes = fields.get("attributes")
         rows = _rows(self.packed, textures=textures, on_textures=on)
-        _call("paint_back", self.packed, rows, **kept, **fields, **made, **given, **self.sizes(attributes))
-        return [*(made.get(f"to_{name}") for name in fields), *on]
+        found, status = kept
+        fields |= found | {"status": status.buffer_info()[0]}
+        _call("paint_back", self.packed, rows, **fields, **made, **given, **self.sizes(attributes))
+        return [*(made.get(f"to_{name}") for name in names[: len(inputs)]), *on]
 
 
 class Surface(Layers):
@@ -393,7 +391,7 @@ class Surface(Layers):
         return general.surface(self.packed, *inputs)
 
     def forward(self, points: Tensor, attributes: Tensor) -> tuple[tuple[Tensor, ...], Any]:
-        face = self.draw(points)["face"] if self.face is None else self.face
+        face = self.draw(points)[0]["face"] if self.face is None else self.face
         size = self.packed.size
         depth, normals = points.new_empty(size), points.new_empty(*size, 3)
         ids = [points.new_empty(size, dtype=torch.int32) for _ in range(2)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate
 
 import torch
@@ -28,7 +29,7 @@ class PackedScenes:
     inputs: of each object those of INPUTS, None where there is none. topologies (O). image, place (O): an
     object's scene and its place in that scene's list. first_vertex, first_face, first_coordinate (O + 1):
     where its own begin. texture (O): which of `pyramids` an object has, -1 for none. coordinates: their
-    texture coordinates, (0, 2) of the others. background (B, H, W, 3) or (B, 1, 1, 3). size: (B, H, W).
+    texture coordinates, None of the others. background (B, H, W, 3) or (B, 1, 1, 3). size: (B, H, W).
     """
 
     scenes: Sequence[Scene]
@@ -41,7 +42,7 @@ class PackedScenes:
     first_coordinate: list[int]
     texture: list[int]
     pyramids: list[Pyramid]
-    coordinates: list[torch.Tensor]
+    coordinates: list[torch.Tensor | None]
     background: torch.Tensor
     size: tuple[int, int, int]
 
@@ -58,13 +59,40 @@ class PackedScenes:
     @property
     def textures(self) -> list[torch.Tensor]:
         """Texture coordinates and texels of each object that has them, one after the other."""
-        numbered = ((n, self.texture[n]) for n in range(len(self.texture)) if self.texture[n] >= 0)
-        return [tensor for n, own in numbered for tensor in (self.coordinates[n], self.pyramids[own].texels)]
+        own = (each for each in self.coordinates if each is not None)
+        pairs = zip(own, self.pyramids, strict=True)
+        return [tensor for coordinates, pyramid in pairs for tensor in (coordinates, pyramid.texels)]
 
-    def check_finite(self) -> None:
-        """ValueError that names the first input that is not."""
+    @cached_property
+    def tables(self) -> list[list[int]]:
+        """Of each object the last fields of `struct Object` of arguments.cc: addresses, then sizes."""
+        rows = []
+        for n, topology in enumerate(self.topologies):
+            albedo, light = self.inputs[n * len(INPUTS) + 4 : n * len(INPUTS) + 6]
+            pyramid = self.pyramids[self.texture[n]] if self.texture[n] >= 0 else None
+            faces, edges = topology.faces, topology.edges
+            rows.append(
+                [
+                    *(faces.data_ptr(), edges.data_ptr(), topology.texture_faces.data_ptr()),
+                    pyramid.levels.data_ptr() if pyramid else 0,
+                    *(topology.vertex_count, faces.shape[0], edges.shape[0]),
+                    *(self.first_vertex[n], self.first_face[n], self.place[n]),
+                    1 if albedo is None or albedo.ndim == 1 else albedo.shape[0],
+                    3 if light is not None and light.ndim == 2 else 1,
+                    self.first_coordinate[n + 1] - self.first_coordinate[n],
+                    *((pyramid.texels.shape[0], pyramid.levels.shape[0]) if pyramid else (0, 0)),
+                ]
+            )
+        return rows
+
+    def check_numbers(self) -> None:
+        """ValueError that names the first input that is not finite, or focal lengths of 0 or less."""
         for index, scene in enumerate(self.scenes):
             _check(f"of scene {index}", _scene_tensors(scene), finite=True)
+            if not ((focal := scene.camera.focal) > 0).all():
+                raise ValueError(
+                    f"focal of scene {index} must be positive pixels; got {focal.tolist()}. Give two."
+                )
             for place, item in enumerate(scene.objects):
                 _check(f"of object {place} of scene {index}", _object_tensors(item), finite=True)
 
@@ -72,7 +100,7 @@ class PackedScenes:
 def pack(scenes: Sequence[Scene]) -> PackedScenes:
     """Number the objects of all scenes through. Raises ValueError for shapes and types that do not fit.
 
-    Numbers that are not finite are for `check_finite`, where a kernel has met one.
+    Numbers are for `check_numbers`, where a kernel has met one that is not finite.
     """
     odd = (
         [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
@@ -90,7 +118,8 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
         raise ValueError(f"an image must have at least one pixel; got {width} x {height}. Give its size.")
     inputs: list[torch.Tensor | None] = []
     pyramids: list[Pyramid] = []
-    owners, topologies, texture, coordinates = [], [], [], []
+    coordinates: list[torch.Tensor | None] = []
+    owners, topologies, texture = [], [], []
     for index, scene in enumerate(scenes):
         _check_scene(index, scene, (height, width), like)
         eye, lamp = scene.camera, scene.lamp
@@ -106,7 +135,7 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
             topologies.append(item.topology)
             if item.texture is None or item.texture_coordinates is None:
                 texture.append(-1)
-                coordinates.append(like.new_zeros(0, 2))
+                coordinates.append(None)
             else:
                 texture.append(len(pyramids))
                 pyramids.append(item.texture)
@@ -122,7 +151,7 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
         place=[place for _, place in owners],
         first_vertex=[0, *accumulate(topology.vertex_count for topology in topologies)],
         first_face=[0, *accumulate(len(topology.faces) for topology in topologies)],
-        first_coordinate=[0, *accumulate(map(len, coordinates))],
+        first_coordinate=[0, *accumulate(0 if each is None else len(each) for each in coordinates)],
         texture=texture,
         pyramids=pyramids,
         coordinates=coordinates,
@@ -175,9 +204,6 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
             f" {camera.height} {name}. Render other sizes apart."
         )
     _check(name, _scene_tensors(scene), like)
-    if not (camera.focal > 0).all():
-        _check(name, {"focal": (camera.focal, [(2,)])}, finite=True)
-        raise ValueError(f"focal {name} must be positive pixels; got {camera.focal.tolist()}. Give two.")
 
 
 def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:

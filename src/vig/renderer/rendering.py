@@ -38,7 +38,7 @@ def render(
     columns = (general.LIT if shading == "vertex" else general.ALBEDO).stop
     if packed.background.device.type == "cpu" and not differentiates_forward(packed.tensors):
         return _native(packed, samples, columns)
-    packed.check_finite()
+    packed.check_numbers()
     points, attributes, lights = general.place(packed, columns, *packed.inputs)
     rgb, coverage, visible = general.paint(
         packed, samples, points, attributes, lights, packed.background, *packed.textures

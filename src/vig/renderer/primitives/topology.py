@@ -30,6 +30,8 @@ class Topology:
 
     def __post_init__(self) -> None:
         count = len(self.faces)
+        for name in ("faces", "texture_faces", "edges"):
+            object.__setattr__(self, name, getattr(self, name).contiguous())
         check_table("faces", self.faces, (None, 3), self.vertex_count)
         check_table("texture_faces", self.texture_faces, (count, 3))
         check_table("edges", self.edges, (None, 6))

@@ -14,19 +14,19 @@ const auto draw = [&](const real* points_, const int* corners_, int end, wp::int
 };
 // Space of a layer that grows with what it finds; given back at the end.
 struct Cell {
-    int edge, axis, line, low, hidden, next, face, other;
+    int edge, axis, line, low, hidden, face, other, pixel;
     real x, y, limit;  // a face nearer than the limit hides it
 };
 const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     const whole begin = t.starts[layer], end = t.starts[layer + 1];
     int* const face = t.face + layer * grid;
-    for (whole p = 0; p < grid; ++p)
-        face[p] = -1;
     whole vertices = 0, faces = 0;
     for (whole o = begin; o < end; ++o) {
         vertices += objects[o].vertices;
         faces += objects[o].face_count;
     }
+    for (whole p = 0; p < grid && faces == 0; ++p)
+        face[p] = -1;
     if (faces == 0)
         return;
     const whole first_vertex = objects[begin].first_vertex, first_face = objects[begin].first_face;
@@ -150,10 +150,7 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
             row[3] = edge[5] < 0 ? -1 : edge[5] + face_shift;
         }
     }
-    // Where they cross the lines of pixel centres, in lists by the pixel that holds the crossing.
-    const int words = (columns_of_grid + 63) / 64;
-    wp::uint64* const marks = (wp::uint64*)calloc((size_t)words * rows_of_grid, sizeof(wp::uint64));
-    int* const heads = (int*)malloc(grid * sizeof(int));
+    // Where they cross the lines of pixel centres.
     whole capacity = 4096, count = 0;
     Cell* cells = (Cell*)malloc(capacity * sizeof(Cell));
     const int length[2] = {columns_of_grid, rows_of_grid};
@@ -195,23 +192,11 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
                 cell.y = axis ? u : v;
                 // One over depth is linear on the screen.
                 cell.limit = NEARER / ((1 - share) * a[2] + share * b[2]);
-                const int x = (int)cell.x, y = (int)cell.y;
-                wp::uint64& mark = marks[(whole)y * words + x / 64];
-                const wp::uint64 bit = (wp::uint64)1 << (x % 64);
-                cell.next = mark & bit ? heads[(whole)y * columns_of_grid + x] : -1;
-                mark |= bit;
-                heads[(whole)y * columns_of_grid + x] = (int)count++;
+                cell.pixel = (int)cell.y * columns_of_grid + (int)cell.x;
+                ++count;
             }
         }
     }
-    constexpr real LITTLE = real(1e-3);
-    const auto lowest_bit = [](wp::uint64 word) {
-#ifdef __CUDA_ARCH__
-        return __ffsll(word) - 1;
-#else
-        return __builtin_ctzll(word);
-#endif
-    };
     // Crossings and faces that may hide them, tested side by side.
     constexpr int PAIRS = 1024, SIDE = 16;
     int pair_cell[PAIRS + SIDE], pair_face[PAIRS + SIDE], pairs = 0;
@@ -248,6 +233,38 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
         }
         pairs = 0;
     };
+    // Most that are hidden are so by what is seen in one of their two pixels.
+    for (whole n = 0; n < count; ++n) {
+        const Cell& cell = cells[n];
+        const whole here = cell.axis ? (whole)cell.low * columns_of_grid + cell.line
+                                     : (whole)cell.line * columns_of_grid + cell.low;
+        for (int side = 0; side < 2; ++side) {
+            const int seen = face[here + (side ? (cell.axis ? columns_of_grid : 1) : 0)] - (int)first_face;
+            pair_cell[pairs] = (int)n;
+            pair_face[pairs] = seen;
+            pairs += (seen >= 0) & (cell.face != seen) & (cell.other != seen);
+            if (pairs == PAIRS)
+                test();
+        }
+    }
+    test();
+    // Those that are left in the order of their pixels: those of pixels p to p' are the ones from ends[p - 1] to ends[p'].
+    int* const ends = (int*)calloc(grid + 1, sizeof(int)) + 1;
+    for (whole n = 0; n < count; ++n)
+        ends[cells[n].pixel] += !cells[n].hidden;
+    for (whole p = 0, sum = 0; p < grid; ++p) {
+        const int here = ends[p];
+        ends[p] = (int)sum;
+        sum += here;
+    }
+    Cell* const unsorted = cells;
+    cells = (Cell*)malloc(count * sizeof(Cell) + 1);
+    for (whole n = 0; n < count; ++n)
+        if (!unsorted[n].hidden)
+            cells[ends[unsorted[n].pixel]++] = unsorted[n];
+    count = ends[grid - 1];
+    free(unsorted);
+    constexpr real LITTLE = real(1e-3);
     for (whole p = 0; p < part_count; ++p) {
         const real* const a = screen + 3 * (whole)parts[3 * p];
         const real* const b = screen + 3 * (whole)parts[3 * p + 1];
@@ -263,27 +280,18 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
         const real nearest = (1 - LITTLE * LITTLE) / wp::max(a[2], wp::max(b[2], c[2]));
         const int x0 = (int)wp::max(x_low, real(0)), x1 = (int)wp::min(x_high, real(columns_of_grid - 1));
         const int y0 = (int)wp::max(y_low, real(0)), y1 = (int)wp::min(y_high, real(rows_of_grid - 1));
-        for (int y = y0; y <= y1; ++y)
-            for (int word = x0 / 64; word <= x1 / 64; ++word) {
-                wp::uint64 mark = marks[(whole)y * words + word];
-                if (word == x0 / 64)
-                    mark &= ~(wp::uint64)0 << (x0 % 64);
-                if (word == x1 / 64)
-                    mark &= ~(wp::uint64)0 >> (63 - x1 % 64);
-                while (mark) {
-                    const int x = 64 * word + lowest_bit(mark);
-                    mark &= mark - 1;
-                    for (int n = heads[(whole)y * columns_of_grid + x]; n >= 0; n = cells[n].next) {
-                        const Cell& cell = cells[n];
-                        pair_cell[pairs] = n;
-                        pair_face[pairs] = face;
-                        pairs += (cell.x >= x_low) & (cell.x <= x_high) & (cell.y >= y_low) & (cell.y <= y_high) &
-                                 (nearest < cell.limit) & (cell.face != face) & (cell.other != face);
-                        if (pairs == PAIRS)
-                            test();
-                    }
-                }
+        for (int y = y0; y <= y1; ++y) {
+            const whole line = (whole)y * columns_of_grid;
+            for (int n = ends[line + x0 - 1], last = ends[line + x1]; n < last; ++n) {
+                const Cell& cell = cells[n];
+                pair_cell[pairs] = n;
+                pair_face[pairs] = face;
+                pairs += (cell.x >= x_low) & (cell.x <= x_high) & (cell.y >= y_low) & (cell.y <= y_high) &
+                         (nearest < cell.limit) & (cell.face != face) & (cell.other != face);
+                if (pairs == PAIRS)
+                    test();
             }
+        }
     }
     test();
     // Those that nothing hides, and how many of them lie between the same two pixels.
@@ -309,8 +317,7 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
         }
     free(sharers);
     free(cells);
-    free(heads);
-    free(marks);
+    free(ends - 1);
     for (whole e = first_edge; e < silhouettes; ++e) {
         const int* const ends = t.chosen + 4 * e;
         const Slope slope = slope_of(screen + 3 * (ends[0] - first_vertex), screen + 3 * (ends[1] - first_vertex));

@@ -9,12 +9,14 @@ for (whole layer = 0; layer < t.layers; ++layer) {
     const int* const face = t.face + layer * grid;
     real* const picture = (real*)calloc(grid * channels, sizeof(real));
     Seen seen = {t.starts[layer]};
+    const real* const behind = t.background + 3 * layer;
+    const bool black = colours && !t.background_is_image && behind[0] == 0 && behind[1] == 0 && behind[2] == 0;
     for (int row = 0; row < rows_of_grid; ++row)
         for (int column = 0; column < columns_of_grid; ++column) {
             const whole place = (whole)row * columns_of_grid + column;
             real* const out = picture + 3 * place;
             if (face[place] < 0) {
-                if (colours)
+                if (colours && !black)
                     memcpy(out, background_at(layer, row, column, t.background), 3 * sizeof(real));
                 continue;
             }

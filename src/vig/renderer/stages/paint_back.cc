@@ -8,6 +8,10 @@ for (whole layer = 0; layer < t.layers; ++layer) {
     const int* const face = t.face + layer * grid;
     real* const pulled = (real*)calloc(grid * channels, sizeof(real));
     const auto spread = [&](const real* from, whole step, real* to) {
+        for (whole n = 0; n < t.width * step && t.samples == 1; ++n)
+            to[n] += from[n];
+        if (t.samples == 1)
+            return;
         for (whole j = 0; j < t.samples; ++j)
             for (whole i = 0; i < t.samples; ++i)
                 for (whole x = 0; x < t.width; ++x)
