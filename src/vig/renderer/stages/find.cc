@@ -265,31 +265,43 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     count = ends[grid - 1];
     free(unsorted);
     constexpr real LITTLE = real(1e-3);
-    for (whole p = 0; p < part_count; ++p) {
-        const real* const a = screen + 3 * (whole)parts[3 * p];
-        const real* const b = screen + 3 * (whole)parts[3 * p + 1];
-        const real* const c = screen + 3 * (whole)parts[3 * p + 2];
-        const int face = cut ? origin[p] : (int)p;
-        const real x_low = wp::min(a[0], wp::min(b[0], c[0])) - LITTLE;
-        const real x_high = wp::max(a[0], wp::max(b[0], c[0])) + LITTLE;
-        const real y_low = wp::min(a[1], wp::min(b[1], c[1])) - LITTLE;
-        const real y_high = wp::max(a[1], wp::max(b[1], c[1])) + LITTLE;
-        if (!(x_high >= 0 && y_high >= 0 && x_low <= columns_of_grid && y_low <= rows_of_grid))
-            continue;
-        // Before the exact test: what lies outside the box or is nearer than all corners is not hidden.
-        const real nearest = (1 - LITTLE * LITTLE) / wp::max(a[2], wp::max(b[2], c[2]));
-        const int x0 = (int)wp::max(x_low, real(0)), x1 = (int)wp::min(x_high, real(columns_of_grid - 1));
-        const int y0 = (int)wp::max(y_low, real(0)), y1 = (int)wp::min(y_high, real(rows_of_grid - 1));
-        for (int y = y0; y <= y1; ++y) {
-            const whole line = (whole)y * columns_of_grid;
-            for (int n = ends[line + x0 - 1], last = ends[line + x1]; n < last; ++n) {
-                const Cell& cell = cells[n];
-                pair_cell[pairs] = n;
-                pair_face[pairs] = face;
-                pairs += (cell.x >= x_low) & (cell.x <= x_high) & (cell.y >= y_low) & (cell.y <= y_high) &
-                         (nearest < cell.limit) & (cell.face != face) & (cell.other != face);
-                if (pairs == PAIRS)
-                    test();
+    for (whole base = 0; base < part_count; base += SIDE) {
+        real x_low[SIDE], x_high[SIDE], y_low[SIDE], y_high[SIDE], nearest[SIDE];
+        int x0[SIDE], x1[SIDE], y0[SIDE], y1[SIDE];
+        for (int k = 0; k < SIDE; ++k) {
+            const int* const corner = parts + 3 * wp::min(base + k, part_count - 1);
+            const real* const a = screen + 3 * (whole)corner[0];
+            const real* const b = screen + 3 * (whole)corner[1];
+            const real* const c = screen + 3 * (whole)corner[2];
+            x_low[k] = wp::min(a[0], wp::min(b[0], c[0])) - LITTLE;
+            x_high[k] = wp::max(a[0], wp::max(b[0], c[0])) + LITTLE;
+            y_low[k] = wp::min(a[1], wp::min(b[1], c[1])) - LITTLE;
+            y_high[k] = wp::max(a[1], wp::max(b[1], c[1])) + LITTLE;
+            nearest[k] = wp::max(a[2], wp::max(b[2], c[2]));
+        }
+        for (int k = 0; k < SIDE; ++k) {
+            // Before the exact test: what lies outside the box or is nearer than all corners is not hidden.
+            nearest[k] = (1 - LITTLE * LITTLE) / nearest[k];
+            const bool there = (x_high[k] >= 0) & (y_high[k] >= 0) & (x_low[k] <= columns_of_grid) &
+                               (y_low[k] <= rows_of_grid);
+            x0[k] = there ? (int)(x_low[k] > 0 ? x_low[k] : 0) : 0;
+            y0[k] = there ? (int)(y_low[k] > 0 ? y_low[k] : 0) : 0;
+            x1[k] = there ? (int)(x_high[k] < columns_of_grid - 1 ? x_high[k] : columns_of_grid - 1) : 0;
+            y1[k] = there ? (int)(y_high[k] < rows_of_grid - 1 ? y_high[k] : rows_of_grid - 1) : -1;
+        }
+        for (int k = 0; k < SIDE && base + k < part_count; ++k) {
+            const int of = cut ? origin[base + k] : (int)(base + k);
+            for (int y = y0[k]; y <= y1[k]; ++y) {
+                const whole line = (whole)y * columns_of_grid;
+                for (int n = ends[line + x0[k] - 1], last = ends[line + x1[k]]; n < last; ++n) {
+                    const Cell& cell = cells[n];
+                    pair_cell[pairs] = n;
+                    pair_face[pairs] = of;
+                    pairs += (cell.x >= x_low[k]) & (cell.x <= x_high[k]) & (cell.y >= y_low[k]) &
+                             (cell.y <= y_high[k]) & (nearest[k] < cell.limit) & (cell.face != of) & (cell.other != of);
+                    if (pairs == PAIRS)
+                        test();
+                }
             }
         }
     }
