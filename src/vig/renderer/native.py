@@ -225,8 +225,8 @@ def run(stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
     return apply(stage, *inputs)
 
 
-def _zeros(inputs: Sequence[Any], needed: Sequence[bool]) -> list[Tensor | None]:
-    return [torch.zeros_like(each) if need else None for each, need in zip(inputs, needed, strict=True)]
+def _made(inputs: Sequence[Any], needed: Sequence[bool]) -> list[Tensor | None]:
+    return [torch.empty_like(each) if need else None for each, need in zip(inputs, needed, strict=True)]
 
 
 def _given(names: Sequence[str], cotangents: Sequence[Tensor | None]) -> dict[str, Tensor]:
@@ -270,7 +270,7 @@ class Place:
     def backward(
         self, kept: Any, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
     ) -> Sequence[Tensor | None]:
-        on = _zeros(inputs, needed)
+        on = _made(inputs, needed)
         given = _given(("on_points", "on_attributes", "on_lights"), cotangents)
         _call("place_back", self.packed, _rows(self.packed, inputs, on), **kept, **self._sizes(), **given)
         return on
@@ -333,7 +333,7 @@ class Layers:
         while True:
             made["crossing"] = points.new_empty(capacity, 8, dtype=torch.int32)
             made["steps"] = points.new_empty(capacity, self.channels)
-            made["joints"] = points.new_zeros(len(points), 2)
+            made["joints"] = points.new_empty(len(points), 2)
             status = array("q", [capacity, 0, 0])
             address = status.buffer_info()[0]
             _call("paint", packed, rows, points=points, status=address, **made, **sizes, **fields)
@@ -368,10 +368,10 @@ class Paint(Layers):
         on_names = ("on_visible",) if self.is_alone else ("on_rgb", "on_coverage", "on_visible")
         given = _given(on_names, cotangents)
         fields, textures = dict(zip(names, inputs, strict=False)), inputs[4:]
-        made = {f"to_{name}": torch.zeros_like(each) for name, each in fields.items()}
+        made = {f"to_{name}": torch.empty_like(each) for name, each in fields.items()}
         if not (self.is_alone or needed[3]):
             made.pop("to_background")
-        on = _zeros(textures, needed[4:])
+        on = _made(textures, needed[4:])
         attributes = fields.get("attributes")
         rows = _rows(self.packed, textures=textures, on_textures=on)
         found, status = kept
@@ -405,7 +405,7 @@ class Surface(Layers):
     ) -> Sequence[Tensor | None]:
         points, attributes = inputs
         given = _given(("on_depth", "on_normal"), cotangents)
-        on = torch.zeros_like(points), torch.zeros_like(attributes)
+        on = torch.empty_like(points), torch.empty_like(attributes)
         fields = {"points": points, "attributes": attributes, "face": kept, **given}
         fields |= {"to_points": on[0], "to_attributes": on[1]}
         _call("surface_back", self.packed, _rows(self.packed), **fields, **self.sizes(attributes))

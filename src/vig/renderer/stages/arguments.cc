@@ -89,3 +89,23 @@ const auto pull_reflect = [&](const real* light, const real* n, const real* g, r
         }
     }
 };
+// How many numbers an input of an object has.
+const auto numbers_of = [](const Object& object, int input) {
+    const whole vertices = 3 * object.vertices;
+    const whole counts[INPUTS] = {vertices, 9, 3, vertices, 3 * object.albedo_rows, 9 * object.light_columns,
+                                  3, 3, 9, 3, 2, 2, 2 * object.coordinate_rows, 3 * object.texel_rows};
+    return counts[input];
+};
+const auto clear = [](real* numbers, whole count) {
+    if (numbers)
+        memset(numbers, 0, count * sizeof(real));
+};
+// What is added to is cleared here: torch would share that out to its threads.
+const auto clear_cotangents = [&]() {
+    clear(t.to_points, 3 * t.vertices);
+    clear(t.to_attributes, t.columns * t.vertices);
+    clear(t.to_lights, LIGHT_ROW * t.objects);
+    for (whole o = 0; o < t.objects; ++o)
+        for (int i = 0; i < INPUTS; ++i)
+            clear(objects[o].on[i], numbers_of(objects[o], i));
+};

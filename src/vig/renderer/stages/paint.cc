@@ -1,6 +1,7 @@
 // Pictures: colours and masks of each layer at the points of its grid, blended at crossings, averaged over samples.
 // status[0]: in, for how many crossings there is space. status[1], status[2]: out, crossings and edges found.
 whole silhouettes = 0, crossings = 0;
+clear(t.joints, 2 * t.vertices);
 for (whole layer = 0; layer < t.layers; ++layer) {
     const whole first = crossings;
     find(layer, silhouettes, crossings);

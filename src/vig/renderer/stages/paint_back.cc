@@ -1,4 +1,6 @@
 // Cotangents on pictures pulled back to points, attributes, lights and backgrounds. status: see paint.cc.
+clear_cotangents();
+clear(t.to_background, 3 * t.layers * (t.background_is_image ? t.height * t.width : 1));
 const whole crossings = t.status[1], silhouettes = t.status[2];
 whole next = 0;
 real* const on_places = (real*)calloc(3 * t.vertices + silhouettes + 1, sizeof(real));

@@ -18,10 +18,8 @@ if (!finite(t.background, t.background_numbers))
 for (whole o = 0; o < t.objects; ++o) {
     const Object& object = objects[o];
     const whole count = object.vertices, columns = t.columns;
-    const whole sizes[INPUTS] = {3 * count, 9, 3, 3 * count, 3 * object.albedo_rows, 9 * object.light_columns,
-                                 3, 3, 9, 3, 2, 2, 2 * object.coordinate_rows, 3 * object.texel_rows};
     for (int i = 0; i < INPUTS; ++i)
-        if (object.in[i] && !finite(object.in[i], sizes[i]))
+        if (object.in[i] && !finite(object.in[i], numbers_of(object, i)))
             t.status[0] = 1;
     const real* const* const in = object.in;
     if (!(in[FOCAL][0] > 0 && in[FOCAL][1] > 0))

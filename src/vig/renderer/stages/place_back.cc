@@ -1,4 +1,5 @@
 // Cotangents on points, attributes and lights, pulled back to the inputs of objects.
+clear_cotangents();
 for (whole o = 0; o < t.objects; ++o) {
     const Object& object = objects[o];
     const real* const* const in = object.in;

@@ -1,4 +1,5 @@
 // Cotangents on depth and normals, pulled back to points and attributes.
+clear_cotangents();
 for (whole layer = 0; layer < t.layers; ++layer) {
     Seen seen = {t.starts[layer]};
     for (int y = 0; y < t.height; ++y)
