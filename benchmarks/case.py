@@ -1,4 +1,4 @@
-"""The problem of all renderers, and our side of the comparison.
+"""The problem of all renderers, and our two sides of the comparison.
 
 A mesh before a camera, guesses a little apart, and a photo to explain.
 """
@@ -12,7 +12,7 @@ import torch
 
 from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
-from vig.renderer.explained import render_latents
+from vig.renderer import MeshObject, Pinhole, Scene, Topology, render, render_latents
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel, latent_layout
 from vig_world.raster.rasterize import rasterize
 
@@ -171,3 +171,43 @@ class Ours:
     def _evaluate(self, index: int, derivatives: bool, curvature: bool = True) -> Evaluation:
         guess = self.case.guesses[index % len(self.case.guesses)]
         return self.likelihood(guess, *self._rest, derivatives=derivatives, images=False, curvature=curvature)
+
+
+class Rendered:
+    """The public renderer as a user calls it: the squared error of one picture, on the CPU in float32."""
+
+    def __init__(self, case: Case):
+        camera, model = case.camera, case.model
+        self.size, self.photo = (camera.width, camera.height), torch.from_numpy(case.photo).float()
+        self.topology = Topology.of(model.faces, model.mean)
+        self.points = [torch.from_numpy(points).float() for points in case.points()]
+        self.inputs = {
+            "albedo": case.truth.albedo[0].float().repeat(len(model.mean), 1),
+            "light": case.truth.light[0].float(),
+            "focal": torch.full((2,), camera.focal),
+            "centre": torch.tensor([camera.cx, camera.cy]),
+            "rotation": torch.eye(3),
+            "translation": torch.zeros(3),
+        }
+
+    def forward(self, index: int) -> float:
+        """The squared error of a guess."""
+        return float(self._error(self.points[index % len(self.points)], self.inputs))
+
+    def gradient(self, index: int) -> dict[str, np.ndarray]:
+        """The squared error's gradient with respect to vertices, their colours, light and camera."""
+        leaves = {"vertices": self.points[index % len(self.points)], **self.inputs}
+        leaves = {name: value.clone().requires_grad_() for name, value in leaves.items()}
+        self._error(leaves["vertices"], leaves).backward()
+        return {name: value.grad.numpy() for name, value in leaves.items() if value.grad is not None}
+
+    def covered(self) -> int:
+        """Pixels that show the object at the first guess."""
+        return int((render(self._scene(self.points[0], self.inputs)).object_id >= 0).sum())
+
+    def _error(self, vertices: torch.Tensor, values: dict[str, torch.Tensor]) -> torch.Tensor:
+        return (render(self._scene(vertices, values)).rgb[0] - self.photo).square().sum()
+
+    def _scene(self, vertices: torch.Tensor, values: dict[str, torch.Tensor]) -> Scene:
+        eye = Pinhole(*self.size, *(values[name] for name in ("focal", "centre", "rotation", "translation")))
+        return Scene([MeshObject(vertices, self.topology, values["albedo"], light=values["light"])], eye)

@@ -1,4 +1,4 @@
-"""Our evaluation beside other differentiable renderers: `python -m benchmarks.renderer [--json FILE]`.
+"""Our renderer and our objective beside others: `python -m benchmarks.renderer [--json FILE]`.
 
 The same teapot, camera and image size for all, in one process, on one thread and then on two, two meshes and
 three image sizes, the measurements interleaved. What is compared and what is not: docs/results.md.
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import measuring
-from benchmarks.case import SIZES, STANDARD_SIZE, Case, Ours, make_case, set_threads
+from benchmarks.case import SIZES, STANDARD_SIZE, Case, Ours, Rendered, make_case, set_threads
 from benchmarks.measuring import interleaved
 from benchmarks.peers import DEODR, MITSUBA, Peer
 
@@ -23,6 +23,8 @@ SECOND_THREADS = 2
 FULL = "full_evaluation"
 
 TITLES = {
+    "render_forward": "vig: renderer, forward",
+    "render_gradient": "vig: renderer, forward + gradient",
     "forward": "vig: objective",
     "gradient": "vig: objective and gradient",
     FULL: "vig: objective, gradient, normal matrix",
@@ -33,6 +35,8 @@ TITLES = {
     "mitsuba_gradient": "Mitsuba: forward + gradient",
 }
 RATIOS = {
+    "render_gradient_vs_deodr": ("deodr_gradient", "render_gradient"),
+    "render_gradient_vs_mitsuba": ("mitsuba_gradient", "render_gradient"),
     "full_evaluation_vs_deodr": ("deodr_gradient", FULL),
     "full_evaluation_vs_deodr_rasterizer": ("deodr_rasterizer", FULL),
     "full_evaluation_vs_mitsuba": ("mitsuba_gradient", FULL),
@@ -42,7 +46,12 @@ RATIOS = {
 }
 """Their time over ours: above 1 we are faster."""
 
-BARS = {"full_evaluation_vs_deodr": 12.0, "full_evaluation_vs_mitsuba": 150.0}
+BARS = {
+    "render_gradient_vs_deodr": 3.0,
+    "render_gradient_vs_mitsuba": 40.0,
+    "full_evaluation_vs_deodr": 12.0,
+    "full_evaluation_vs_mitsuba": 150.0,
+}
 """The project's bars for the standard case."""
 
 Calls = dict[str, Callable[[int], object]]
@@ -52,10 +61,11 @@ Metric = dict[str, Any]
 def contenders(case: Case, peers: tuple[Peer, ...], threads: int) -> Calls:
     """The timed functions, checked: all cover the same pixels and have a gradient that is not zero."""
     set_threads(threads)
-    mine = Ours(case)
-    calls: Calls = {"forward": mine.forward, "gradient": mine.gradient, FULL: mine.full}
-    gradients: dict[str, Any] = {FULL: mine.full(0).gradient}
-    pixels = {FULL: mine.covered()}
+    drawn, mine = Rendered(case), Ours(case)
+    calls: Calls = {"render_forward": drawn.forward, "render_gradient": drawn.gradient}
+    calls |= {"forward": mine.forward, "gradient": mine.gradient, FULL: mine.full}
+    gradients: dict[str, Any] = {"render_gradient": drawn.gradient(0), FULL: mine.full(0).gradient}
+    pixels = {"render_gradient": drawn.covered(), FULL: mine.covered()}
     if DEODR in peers and threads == 1:  # it has no threads
         adapter = DEODR.load()
         whole, core = adapter.Deodr(case), adapter.DeodrRasterizer(case)

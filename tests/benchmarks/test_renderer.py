@@ -74,11 +74,14 @@ def test_a_peer_that_does_not_run_is_a_line_with_a_hint() -> None:
 def test_without_peers_our_own_times_are_measured() -> None:
     case = make_case(75)
     metrics = renderer.metrics_of(interleaved(renderer.contenders(case, (), 1), 1), "")
-    assert [row["name"] for row in metrics] == ["forward_ms", "gradient_ms", "full_evaluation_ms"]
+    assert [row["name"] for row in metrics] == [
+        *("render_forward_ms", "render_gradient_ms"),
+        *("forward_ms", "gradient_ms", "full_evaluation_ms"),
+    ]
     assert all(row["value"] > 0 for row in metrics)
     printed = renderer.table(case, 1, metrics, "")
     assert printed.splitlines()[0] == f"5252 faces, 75 x 75, {case.covered()} object pixels, 1 thread"
-    assert len(printed.splitlines()) == 4
+    assert len(printed.splitlines()) == 6
 
 
 def test_the_command_runs_without_peers(tmp_path, monkeypatch, capsys) -> None:

@@ -131,7 +131,9 @@ def test_all_kernels_compile_for_gpus(packaged: vig.ObjectClass, tmp_path: Path)
     ]
     kernels = [kernel for module in modules for kernel in module.kernels.values()]
     files = {Path(kernel.func.__code__.co_filename) for kernel in kernels}
-    assert files == {path for path in SOURCE.rglob("*.py") if "@wp.kernel(" in path.read_text()}
+    processor_only = SOURCE / "renderer" / "native.py"
+    kept = {path for path in SOURCE.rglob("*.py") if "@wp.kernel(" in path.read_text()} - {processor_only}
+    assert files == kept
     for module in modules:
         made = wp.compile_aot_module(module, arch=[80, 90], module_dir=tmp_path / module.name, use_ptx=False)
         assert len(list((tmp_path / module.name).glob("*.cubin"))) == 2, made

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 import torch
+from torch.autograd import forward_ad
 
 
 def has_bfloat16() -> bool:
@@ -52,6 +53,14 @@ def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
     packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
     structures = ctypes.byref(bounds), ctypes.byref(packed)
     return lambda: forward(*structures), packed
+
+
+def differentiates_forward(tensors: Iterable[torch.Tensor]) -> bool:
+    """Whether a transform of torch.func is active, or any of the tensors has a tangent; True when unknown."""
+    levels = getattr(getattr(torch._C, "_functorch", None), "peek_interpreter_stack", None)
+    if levels is None or levels() is not None:
+        return True
+    return any(forward_ad.unpack_dual(tensor).tangent is not None for tensor in tensors)
 
 
 def process_of(executor: ProcessPoolExecutor) -> BaseProcess | None:

@@ -1,63 +1,107 @@
-"""Scenes laid side by side for the kernels: one list of vertices, faces and edges for a whole batch."""
+"""Scenes laid side by side for the kernels: the objects of a whole batch, numbered through."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from itertools import accumulate
 
-import numpy as np
 import torch
 
-from vig.renderer.primitives import Pyramid, stack_pyramids
+from vig.renderer.primitives import Pyramid, Topology
 from vig.renderer.scene import MeshObject, Scene
-from vig.renderer.shading import smooth_normals, unit
 
 _Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
 """Tensors by name, each with the shapes that it may have."""
+
+INPUTS = (
+    *("vertices", "rotation", "translation", "normals", "albedo", "light"),
+    *("lamp", "radiance", "eye_rotation", "eye_translation", "focal", "centre"),
+)
+"""What of an object, its lamp and its camera places and lights it, in the order of `PackedScenes.inputs`."""
 
 
 @dataclass(frozen=True)
 class PackedScenes:
     """All objects of B scenes, numbered through: O of them with V vertices, F faces, E edges.
 
-    points (V, 3): homogeneous screen points (x z, y z, z), pixels and metres. normals (V, 3): unit, world.
-    albedo (V, 3). vertex_object (V,), face_object (F,): which object. faces, texture_faces (F, 3), edges
-    (E, 6): int32, numbered through. coordinates (T, 2): texture coordinates. texture (O,) int32: which
-    of `textures` an object has, -1 for none. light (O, 9, 3), direction (O, 3), radiance (O, 3): see `shade`.
-    lit (O,): whether any light falls on an object. image (O,), place (O,): an object's scene and its place
-    in that scene's list. first_face (O,): the first face of each. background (B, H, W, 3) or (B, 1, 1, 3).
+    inputs: of each object those of INPUTS, None where there is none. topologies (O). image, place (O): an
+    object's scene and its place in that scene's list. first_vertex, first_face, first_coordinate (O + 1):
+    where its own begin. texture (O): which of `pyramids` an object has, -1 for none. coordinates: their
+    texture coordinates, None of the others. background (B, H, W, 3) or (B, 1, 1, 3). size: (B, H, W).
     """
 
-    points: torch.Tensor
-    normals: torch.Tensor
-    albedo: torch.Tensor
-    vertex_object: torch.Tensor
-    face_object: torch.Tensor
-    faces: torch.Tensor
-    texture_faces: torch.Tensor
-    edges: torch.Tensor
-    coordinates: torch.Tensor
-    texture: torch.Tensor
-    textures: Pyramid | None
-    light: torch.Tensor
-    direction: torch.Tensor
-    radiance: torch.Tensor
-    lit: torch.Tensor
-    image: torch.Tensor
-    place: torch.Tensor
-    first_face: torch.Tensor
+    scenes: Sequence[Scene]
+    inputs: list[torch.Tensor | None]
+    topologies: list[Topology]
+    image: list[int]
+    place: list[int]
+    first_vertex: list[int]
+    first_face: list[int]
+    first_coordinate: list[int]
+    texture: list[int]
+    pyramids: list[Pyramid]
+    coordinates: list[torch.Tensor | None]
     background: torch.Tensor
     size: tuple[int, int, int]
 
     @property
     def most_objects(self) -> int:
         """Objects of the scene that has most."""
-        return int(self.place.max()) + 1 if len(self.place) else 0
+        return max(self.place, default=-1) + 1
+
+    @property
+    def tensors(self) -> list[torch.Tensor]:
+        """All that a picture is differentiable in."""
+        return [self.background, *self.textures, *(each for each in self.inputs if each is not None)]
+
+    @property
+    def textures(self) -> list[torch.Tensor]:
+        """Texture coordinates and texels of each object that has them, one after the other."""
+        own = (each for each in self.coordinates if each is not None)
+        pairs = zip(own, self.pyramids, strict=True)
+        return [tensor for coordinates, pyramid in pairs for tensor in (coordinates, pyramid.texels)]
+
+    @cached_property
+    def tables(self) -> list[list[int]]:
+        """Of each object the last fields of `struct Object` of arguments.cc: addresses, then sizes."""
+        rows = []
+        for n, topology in enumerate(self.topologies):
+            albedo, light = self.inputs[n * len(INPUTS) + 4 : n * len(INPUTS) + 6]
+            pyramid = self.pyramids[self.texture[n]] if self.texture[n] >= 0 else None
+            faces, edges = topology.faces, topology.edges
+            rows.append(
+                [
+                    *(faces.data_ptr(), edges.data_ptr(), topology.texture_faces.data_ptr()),
+                    pyramid.levels.data_ptr() if pyramid else 0,
+                    *(topology.vertex_count, faces.shape[0], edges.shape[0]),
+                    *(self.first_vertex[n], self.first_face[n], self.place[n]),
+                    1 if albedo is None or albedo.ndim == 1 else albedo.shape[0],
+                    3 if light is not None and light.ndim == 2 else 1,
+                    self.first_coordinate[n + 1] - self.first_coordinate[n],
+                    *((pyramid.texels.shape[0], pyramid.levels.shape[0]) if pyramid else (0, 0)),
+                ]
+            )
+        return rows
+
+    def check_numbers(self) -> None:
+        """ValueError that names the first input that is not finite, or focal lengths of 0 or less."""
+        for index, scene in enumerate(self.scenes):
+            _check(f"of scene {index}", _scene_tensors(scene), finite=True)
+            if not ((focal := scene.camera.focal) > 0).all():
+                raise ValueError(
+                    f"focal of scene {index} must be positive pixels; got {focal.tolist()}. Give two."
+                )
+            for place, item in enumerate(scene.objects):
+                _check(f"of object {place} of scene {index}", _object_tensors(item), finite=True)
 
 
 def pack(scenes: Sequence[Scene]) -> PackedScenes:
-    """Project the objects of all scenes and number them through. Raises ValueError for invalid scenes."""
+    """Number the objects of all scenes through. Raises ValueError for shapes and types that do not fit.
+
+    Numbers are for `check_numbers`, where a kernel has met one that is not finite.
+    """
     odd = (
         [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
     )
@@ -72,115 +116,48 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
         raise ValueError(f"a camera must be float32 or float64; got {like.dtype}. Convert it.")
     if height < 1 or width < 1:
         raise ValueError(f"an image must have at least one pixel; got {width} x {height}. Give its size.")
-    owners, points, normals, albedo, lights, textures = [], [], [], [], [], []
-    coordinates, texture_faces = [], []
+    inputs: list[torch.Tensor | None] = []
+    pyramids: list[Pyramid] = []
+    coordinates: list[torch.Tensor | None] = []
+    owners, topologies, texture = [], [], []
     for index, scene in enumerate(scenes):
         _check_scene(index, scene, (height, width), like)
+        eye, lamp = scene.camera, scene.lamp
+        shared = (
+            *((lamp.direction, lamp.radiance) if lamp else (None, None)),
+            *(eye.rotation, eye.translation, eye.focal, eye.centre),
+        )
         for place, item in enumerate(scene.objects):
             _check_object(f"object {place} of scene {index}", item, like)
-            world, normal = _placed(item)
             owners.append((index, place))
-            points.append(_screen_points(scene, world))
-            normals.append(normal)
-            albedo.append(item.albedo.expand(len(world), 3))
-            lights.append(_lights(scene, item, like))
-            textures.append(item.texture)
+            inputs += (item.vertices, item.rotation, item.translation, item.normals, item.albedo, item.light)
+            inputs += shared
+            topologies.append(item.topology)
             if item.texture is None or item.texture_coordinates is None:
-                # One row of coordinates, to which all corners point.
-                coordinates.append(like.new_zeros(1, 2))
-                texture_faces.append(torch.zeros_like(item.topology.faces))
+                texture.append(-1)
+                coordinates.append(None)
             else:
+                texture.append(len(pyramids))
+                pyramids.append(item.texture)
                 coordinates.append(item.texture_coordinates)
-                texture_faces.append(item.topology.texture_faces)
-    topologies = [scenes[index].objects[place].topology for index, place in owners]
-    counts = [(len(t.faces), t.vertex_count, len(uv)) for t, uv in zip(topologies, coordinates, strict=True)]
-    starts: list[list[int]] = np.cumsum([(0, 0, 0), *counts], axis=0).tolist()
-    device = like.device
-    no_rows = torch.zeros((0, 6), dtype=torch.int32, device=device)
-
-    def whole(numbers: list[Any], dtype: torch.dtype = torch.int64) -> torch.Tensor:
-        return torch.tensor(numbers, dtype=dtype, device=device)
-
-    def numbered(index: int) -> torch.Tensor:
-        return torch.arange(len(owners), device=device).repeat_interleave(whole([c[index] for c in counts]))
-
-    def shifted(tables: list[torch.Tensor], column: int) -> torch.Tensor:
-        moved = [table + start[column] for table, start in zip(tables, starts, strict=False)]
-        return _joined(moved, no_rows[:, :3])
-
-    own = [texture for texture in textures if texture is not None]
-    order = iter(range(len(own)))
-    light, direction, radiance, lit = zip(*lights, strict=True) if lights else ((), (), (), ())
     background = [_background(scene, like) for scene in scenes]
     if any(each.shape[1:3] != (1, 1) for each in background):
         background = [each.expand(1, height, width, 3) for each in background]
     return PackedScenes(
-        points=_joined(points, like.new_zeros(0, 3)),
-        normals=_joined(normals, like.new_zeros(0, 3)),
-        albedo=_joined(albedo, like.new_zeros(0, 3)),
-        vertex_object=numbered(1),
-        face_object=numbered(0),
-        faces=shifted([t.faces for t in topologies], 1),
-        texture_faces=shifted(texture_faces, 2),
-        edges=_joined(
-            [_shifted(t.edges, s[1], s[0]) for t, s in zip(topologies, starts, strict=False)], no_rows
-        ),
-        coordinates=_joined(coordinates, like.new_zeros(0, 2)),
-        texture=whole([-1 if t is None else next(order) for t in textures], torch.int32),
-        textures=stack_pyramids(own) if own else None,
-        light=torch.stack(light) if light else like.new_zeros(0, 9, 3),
-        direction=torch.stack(direction) if direction else like.new_zeros(0, 3),
-        radiance=torch.stack(radiance) if radiance else like.new_zeros(0, 3),
-        lit=whole(list(lit), torch.bool),
-        image=whole([index for index, _ in owners]),
-        place=whole([place for _, place in owners]),
-        first_face=whole([s[0] for s in starts[:-1]]),
-        background=torch.cat(background),
+        scenes=scenes,
+        inputs=inputs,
+        topologies=topologies,
+        image=[index for index, _ in owners],
+        place=[place for _, place in owners],
+        first_vertex=[0, *accumulate(topology.vertex_count for topology in topologies)],
+        first_face=[0, *accumulate(len(topology.faces) for topology in topologies)],
+        first_coordinate=[0, *accumulate(0 if each is None else len(each) for each in coordinates)],
+        texture=texture,
+        pyramids=pyramids,
+        coordinates=coordinates,
+        background=background[0] if len(background) == 1 else torch.cat(background),
         size=(len(scenes), height, width),
     )
-
-
-def _joined(parts: list[torch.Tensor], empty: torch.Tensor) -> torch.Tensor:
-    if len(parts) == 1:
-        return parts[0]
-    return torch.cat(parts) if parts else empty
-
-
-def _shifted(edges: torch.Tensor, vertex: int, face: int) -> torch.Tensor:
-    """Add offsets to the vertices and faces of edges; -1 stays."""
-    if vertex == face == 0:
-        return edges
-    shift = torch.tensor([vertex] * 4 + [face] * 2, dtype=torch.int32, device=edges.device)
-    return torch.where(edges < 0, edges, edges + shift)
-
-
-def _placed(item: MeshObject) -> tuple[torch.Tensor, torch.Tensor]:
-    """World vertices and unit normals of an object."""
-    world = item.vertices if item.rotation is None else item.vertices @ item.rotation.mT
-    if item.translation is not None:
-        world = world + item.translation
-    if item.normals is None:
-        return world, smooth_normals(world, item.topology.faces)
-    return world, unit(item.normals if item.rotation is None else item.normals @ item.rotation.mT)
-
-
-def _screen_points(scene: Scene, world: torch.Tensor) -> torch.Tensor:
-    camera = scene.camera
-    # Homogeneous: x and y times depth, divided only where a pixel is known to be beyond the near plane.
-    in_camera = world @ camera.rotation.mT + camera.translation
-    depth = in_camera[:, 2:]
-    return torch.cat([in_camera[:, :2] * camera.focal + camera.centre * depth, depth], dim=1)
-
-
-def _lights(
-    scene: Scene, item: MeshObject, like: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, bool]:
-    light = like.new_zeros(9, 3)
-    if item.light is not None:
-        light = item.light if item.light.ndim == 2 else item.light[:, None].expand(9, 3)
-    if scene.lamp is None:
-        return light, like.new_zeros(3), like.new_zeros(3), item.light is not None
-    return light, unit(scene.lamp.direction[None])[0], scene.lamp.radiance, True
 
 
 def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
@@ -190,34 +167,24 @@ def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
     return scene.background[None] if scene.background.ndim == 3 else scene.background[None, None, None]
 
 
-def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Tensor) -> None:
-    camera, name = scene.camera, f"of scene {index}"
-    if (camera.height, camera.width) != size:
-        raise ValueError(
-            f"images of one batch must be of one size, {size[1]} x {size[0]}; got {camera.width} x"
-            f" {camera.height} {name}. Render other sizes apart."
-        )
+def _scene_tensors(scene: Scene) -> _Tensors:
+    camera, lamp = scene.camera, scene.lamp
     own: _Tensors = {
         "focal": (camera.focal, [(2,)]),
         "centre": (camera.centre, [(2,)]),
         "camera rotation": (camera.rotation, [(3, 3)]),
         "camera translation": (camera.translation, [(3,)]),
-        "background": (scene.background, [(3,), (*size, 3)]),
+        "background": (scene.background, [(3,), (camera.height, camera.width, 3)]),
     }
-    if scene.lamp is not None:
-        own |= {
-            "lamp direction": (scene.lamp.direction, [(3,)]),
-            "lamp radiance": (scene.lamp.radiance, [(3,)]),
-        }
-    _check(name, own, like)
-    if not (camera.focal > 0).all():
-        raise ValueError(f"focal {name} must be positive pixels; got {camera.focal.tolist()}. Give two.")
+    if lamp is not None:
+        own |= {"lamp direction": (lamp.direction, [(3,)]), "lamp radiance": (lamp.radiance, [(3,)])}
+    return own
 
 
-def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
+def _object_tensors(item: MeshObject) -> _Tensors:
     count = item.topology.vertex_count
     coordinates, texels = item.texture_coordinates, None if item.texture is None else item.texture.texels
-    own: _Tensors = {
+    return {
         "vertices": (item.vertices, [(count, 3)]),
         "albedo": (item.albedo, [(3,), (count, 3)]),
         "rotation": (item.rotation, [(3, 3)]),
@@ -227,32 +194,49 @@ def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
         "texture_coordinates": (coordinates, [(0 if coordinates is None else len(coordinates), 2)]),
         "texture": (texels, [(0 if texels is None else len(texels), 3)]),
     }
-    _check(f"of {name}", own, like)
+
+
+def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Tensor) -> None:
+    camera, name = scene.camera, f"of scene {index}"
+    if (camera.height, camera.width) != size:
+        raise ValueError(
+            f"images of one batch must be of one size, {size[1]} x {size[0]}; got {camera.width} x"
+            f" {camera.height} {name}. Render other sizes apart."
+        )
+    _check(name, _scene_tensors(scene), like)
+
+
+def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
+    _check(f"of {name}", _object_tensors(item), like)
+    item.topology.check_unchanged()
     if item.texture is None:
         return
-    faces = item.topology.texture_faces
-    if coordinates is None or (len(faces) and int(faces.max()) >= len(coordinates)):
+    rows = 0 if item.texture_coordinates is None else len(item.texture_coordinates)
+    if item.texture_coordinates is None or item.topology.texture_rows > rows:
         raise ValueError(
             f"a texture needs a row of texture_coordinates for each of its corners; {name} has "
-            f"{0 if coordinates is None else len(coordinates)} for corners up to {int(faces.max())}"
+            f"{rows} for corners up to {item.topology.texture_rows - 1}"
         )
 
 
-def _check(of: str, tensors: _Tensors, like: torch.Tensor) -> None:
-    """ValueError unless each of the tensors has one of its shapes, the camera's type, and is finite."""
+def _check(of: str, tensors: _Tensors, like: torch.Tensor | None = None, finite: bool = False) -> None:
+    """ValueError unless each of the tensors has one of its shapes, the type of `like`, and is finite."""
     for what, (tensor, shapes) in tensors.items():
         if tensor is None:
             continue
-        name = f"{what} {of}"
         if not isinstance(tensor, torch.Tensor):
-            raise ValueError(f"{name} must be a tensor; got a {type(tensor).__name__}. Convert it.")
-        if tuple(tensor.shape) not in shapes:
+            raise ValueError(f"{what} {of} must be a tensor; got a {type(tensor).__name__}. Convert it.")
+        if tensor.shape not in shapes:
             wanted = " or ".join(map(str, shapes))
-            raise ValueError(f"{name} must be {wanted}; got {tuple(tensor.shape)}. Pass it in that shape.")
-        if tensor.dtype != like.dtype or tensor.device != like.device:
             raise ValueError(
-                f"{name} must be {like.dtype} on {like.device}, like the camera; got {tensor.dtype} on "
+                f"{what} {of} must be {wanted}; got {tuple(tensor.shape)}. Pass it in that shape."
+            )
+        if like is not None and (tensor.dtype != like.dtype or tensor.device != like.device):
+            raise ValueError(
+                f"{what} {of} must be {like.dtype} on {like.device}, like the camera; got {tensor.dtype} on "
                 f"{tensor.device}. Convert it."
             )
-        if bad := int((~tensor.detach().isfinite()).sum()):
-            raise ValueError(f"{name} must be finite; {bad} of {tensor.numel()} numbers are not. Clean them.")
+        if finite and (bad := int((~tensor.detach().isfinite()).sum())):
+            raise ValueError(
+                f"{what} {of} must be finite; {bad} of {tensor.numel()} numbers are not. Clean them."
+            )

@@ -25,8 +25,8 @@ KEYS_MARGIN = 8
 PIXEL_BOX = Path(__file__).with_name("pixel_box.cc")
 """Native code that both rasterisers share, this one and the generator's."""
 
-_FARTHEST = 1 << (62 - FACE_BITS)
-_DEPTH_STEPS = 1 << 27
+FARTHEST = 1 << (62 - FACE_BITS)
+DEPTH_STEPS = 1 << 27
 """Steps of a key in one over depth, per 1 / metre: 4 nanometres at 0.7 m."""
 
 
@@ -41,8 +41,8 @@ def native_draw_faces(dtype: torch.dtype) -> Any:
     vec3 = wp.types.vector(3, real)
     constants = {
         "SLACK": -4.0 * torch.finfo(dtype).eps,
-        "DEPTH_STEPS": float(_DEPTH_STEPS),
-        "FARTHEST": _FARTHEST,
+        "DEPTH_STEPS": float(DEPTH_STEPS),
+        "FARTHEST": FARTHEST,
         "FACE_BITS": FACE_BITS,
     }
 

@@ -6,23 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import torch
+from torch import Tensor
 
+from vig.parallel.internals import differentiates_forward
+from vig.renderer import general, native
 from vig.renderer.packing import PackedScenes, pack
-from vig.renderer.primitives import (
-    Visible,
-    antialias,
-    barycentrics,
-    find_crossings,
-    interpolate,
-    sample_texture,
-    visible_faces,
-)
-from vig.renderer.raster import NEAR
 from vig.renderer.scene import Rendering, Scene
-from vig.renderer.shading import shade, unit
-
-MARGIN = 1
-"""Pixels drawn around the image and cut off again, so that its own border is blended like its middle."""
 
 
 def render(
@@ -46,47 +35,24 @@ def render(
     if not isinstance(samples, int) or samples < 1:
         raise ValueError(f"samples must be a whole number of 1 or more; got {samples}. Take 1 for fits.")
     packed = pack([scenes] if isinstance(scenes, Scene) else scenes)
-    points, size = _gridded(packed, samples)
-    layer = packed.image[packed.face_object].int()
-    visible = visible_faces(points, packed.faces, layer, size)
-    textured = packed.textures is not None
-    weights = barycentrics(points, packed.faces[visible.face], visible.centres, textured)
-    rgb, normals, depth = _surface(packed, points, visible, weights, shading)
-    owner = packed.place[packed.face_object[visible.face]]
-    masks = (owner[:, None] == torch.arange(packed.most_objects, device=owner.device)).to(rgb.dtype)
-
-    screen = _screen(points)
-    behind = _background(packed, samples, packed.most_objects)
-    crossings = find_crossings(points, packed.faces, packed.edges, layer, size)
-    picture = visible.image(torch.cat([rgb, masks], dim=1), behind)
-    picture = _reduced(antialias(picture, screen, crossings), samples)
-    colours, masks = picture[..., :3], picture[..., 3:]
-    visible_masks = masks.permute(0, 3, 1, 2)
-
-    # Depth, normals and numbers are of pixel centres: averages of them would belong to no surface.
-    if samples > 1:
-        points, size = _gridded(packed, 1)
-        visible = visible_faces(points, packed.faces, layer, size)
-        weights = barycentrics(points, packed.faces[visible.face], visible.centres, False)
-        _, normals, depth = _surface(packed, points, visible, weights, None)
-        owner = packed.place[packed.face_object[visible.face]]
-    triangle = visible.face - packed.first_face[packed.face_object[visible.face]]
-    ids = visible.image(torch.stack([owner, triangle], dim=1).int(), -1)
-    return Rendering(
-        rgb=colours,
-        coverage=visible_masks.sum(1),
-        visible_masks=visible_masks,
-        full_masks=_full_masks(packed, visible_masks, samples),
-        depth=_cropped(visible.image(depth, torch.inf))[..., 0],
-        normals=_cropped(visible.image(normals)),
-        object_id=_cropped(ids)[..., 0],
-        triangle_id=_cropped(ids)[..., 1],
+    columns = (general.LIT if shading == "vertex" else general.ALBEDO).stop
+    if packed.background.device.type == "cpu" and not differentiates_forward(packed.tensors):
+        return _native(packed, samples, columns)
+    packed.check_numbers()
+    points, attributes, lights = general.place(packed, columns, *packed.inputs)
+    rgb, coverage, visible = general.paint(
+        packed, samples, points, attributes, lights, packed.background, *packed.textures
+    )
+    return Rendering.lazily(
+        rgb,
+        coverage,
+        visible,
+        lambda: _full_masks(packed, visible, lambda: general.alone(packed, samples, points)[0]),
+        lambda: general.surface(packed, points, attributes),
     )
 
 
-def jacobian(
-    function: Callable[[torch.Tensor], torch.Tensor], latents: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor]:
+def jacobian(function: Callable[[Tensor], Tensor], latents: Tensor) -> tuple[Tensor, Tensor]:
     """Value (...) of a function of P numbers, and its Jacobian (..., P), by forward differentiation.
 
     function: renders, say, from a vector of latents (P,) and returns one tensor. One pass per number: for few
@@ -101,96 +67,29 @@ def jacobian(
     return value, torch.stack(columns, dim=-1) if columns else value.new_zeros(*value.shape, 0)
 
 
-def _gridded(packed: PackedScenes, samples: int) -> tuple[torch.Tensor, tuple[int, int, int]]:
-    """Homogeneous points on the grid of samples, with its margin, and the size of that grid."""
-    images, height, width = packed.size
-    # Points are homogeneous, (x z, y z, z): a shift of the image is a shift by z.
-    place, depth = packed.points[:, :2], packed.points[:, 2:]
-    points = torch.cat([place * samples + MARGIN * depth, depth], dim=1)
-    return points, (images, height * samples + 2 * MARGIN, width * samples + 2 * MARGIN)
+def _native(packed: PackedScenes, samples: int, columns: int) -> Rendering:
+    points, attributes, lights = native.run(native.Place(packed, columns), *packed.inputs)
+    stage = native.Paint(packed, samples)
+    inputs = points, attributes, lights, packed.background, *packed.textures
+    rgb, coverage, visible = native.run(stage, *inputs)
+    face = stage.face if samples == 1 else None
+    return Rendering.lazily(
+        rgb,
+        coverage,
+        visible,
+        lambda: _full_masks(
+            packed, visible, lambda: native.run(native.Paint(packed, samples, alone=True), points)[0]
+        ),
+        lambda: native.run(native.Surface(packed, face), points, attributes),
+    )
 
 
-def _screen(points: torch.Tensor) -> torch.Tensor:
-    """Pixel coordinates (V, 2); of no meaning nearer than NEAR, where no edge is blended."""
-    depth = points[:, 2:]
-    return points[:, :2] / torch.where(depth >= NEAR, depth, 1.0)
-
-
-def _surface(
-    packed: PackedScenes,
-    points: torch.Tensor,
-    visible: Visible,
-    weights: torch.Tensor,
-    shading: Literal["vertex", "pixel"] | None,
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Colour (N, 3), unit normal (N, 3) and depth (N, 1) of the covered pixels; no colour without shading."""
-    attributes = [packed.normals, points[:, 2:], packed.albedo]
-    if shading == "vertex":
-        attributes.append(_reflected(packed, packed.normals, packed.vertex_object))
-    corners = packed.faces[visible.face]
-    at_centre, *along = weights.unbind(1)
-    rows = interpolate(torch.cat(attributes, dim=1), corners, at_centre)
-    normals, depth, colour, *reflected = torch.tensor_split(rows, (3, 4, 7, 10)[: len(attributes) - 1], dim=1)
-    normals = unit(normals)
-    if shading is None:
-        return colour, normals, depth
-    owner = packed.face_object[visible.face]
-    colour = colour * (reflected[0] if reflected else _reflected(packed, normals, owner))
-    if packed.textures is not None:
-        corners = packed.texture_faces[visible.face]
-        uv = interpolate(packed.coordinates, corners, at_centre)
-        changes = [interpolate(packed.coordinates, corners, way) for way in along]
-        footprint = torch.stack(changes, dim=1)
-        colour = colour * sample_texture(packed.textures, packed.texture[owner], uv, footprint)
-    return colour, normals, depth
-
-
-def _reflected(packed: PackedScenes, normals: torch.Tensor, owner: torch.Tensor) -> torch.Tensor:
-    """What white surfaces of these objects reflect: (N, 3); 1 where an object has no light."""
-    colour = shade(normals, owner, packed.light, packed.direction, packed.radiance)
-    return torch.where(packed.lit[owner][:, None], colour, 1.0)
-
-
-def _background(packed: PackedScenes, samples: int, masks: int) -> torch.Tensor:
-    """What is seen where nothing is, on the grid of samples with its margin: colours, then empty masks."""
-    background = packed.background
-    if background.shape[1:3] != (1, 1):
-        background = background.repeat_interleave(samples, 1).repeat_interleave(samples, 2)
-        rows, columns = (
-            torch.arange(-MARGIN, n + MARGIN, device=background.device).clamp(0, n - 1)
-            for n in background.shape[1:3]
-        )
-        background = background[:, rows][:, :, columns]
-    return torch.cat([background, background.new_zeros(*background.shape[:3], masks)], dim=3)
-
-
-def _full_masks(packed: PackedScenes, visible_masks: torch.Tensor, samples: int) -> torch.Tensor:
+def _full_masks(packed: PackedScenes, visible: Tensor, alone: Callable[[], Tensor]) -> Tensor:
     """Coverage of each object as if it were alone: (B, O, H, W)."""
-    images, most, height, width = visible_masks.shape
+    images, most, height, width = visible.shape
     if most <= 1:
-        return visible_masks
-    points, grid = _gridded(packed, samples)
-    # Each object gets an image layer of its own.
-    size = (len(packed.image), *grid[1:])
-    layer = packed.face_object.int()
-    visible = visible_faces(points, packed.faces, layer, size)
-    crossings = find_crossings(points, packed.faces, packed.edges, layer, size)
-    alone = visible.image(points.new_ones(len(visible.pixel), 1))
-    alone = _reduced(antialias(alone, _screen(points), crossings), samples)[..., 0]
-    full = points.new_zeros(images * most, height, width)
-    return full.index_copy(0, packed.image * most + packed.place, alone).view(images, most, height, width)
-
-
-def _cropped(image: torch.Tensor) -> torch.Tensor:
-    """The image without its margin."""
-    return image[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
-
-
-def _reduced(image: torch.Tensor, samples: int) -> torch.Tensor:
-    """The image without its margin, every samples x samples points averaged."""
-    image = _cropped(image)
-    if samples == 1:
-        return image
-    images, height, width, channels = image.shape
-    blocks = image.reshape(images, height // samples, samples, width // samples, samples, channels)
-    return blocks.mean(dim=(2, 4))
+        return visible
+    row = torch.tensor(packed.image, device=visible.device) * most
+    row = row + torch.tensor(packed.place, device=visible.device)
+    full = visible.new_zeros(images * most, height, width)
+    return full.index_copy(0, row, alone()).view(images, most, height, width)

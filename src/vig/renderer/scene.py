@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -95,6 +96,8 @@ class Rendering:
     Of the surface at the pixel's centre: depth (B, H, W) in metres along the optical axis, inf where nothing
     is; normals (B, H, W, 3) unit, world frame, 0 where nothing is; object_id (B, H, W) int32, the place in
     the scene's list, -1 where nothing is; triangle_id (B, H, W) int32, the row of that object's faces, or -1.
+
+    What nobody asks for, of the full masks and of the surface, is not computed.
     """
 
     rgb: torch.Tensor
@@ -105,3 +108,34 @@ class Rendering:
     normals: torch.Tensor
     object_id: torch.Tensor
     triangle_id: torch.Tensor
+
+    @staticmethod
+    def lazily(
+        rgb: torch.Tensor,
+        coverage: torch.Tensor,
+        visible_masks: torch.Tensor,
+        full_masks: Callable[[], torch.Tensor],
+        surface: Callable[[], Sequence[torch.Tensor]],
+    ) -> Rendering:
+        """A rendering whose full masks and surface (the last four) are computed at first use."""
+        made = object.__new__(Rendering)
+        graph = torch.is_grad_enabled()
+        vars(made).update(rgb=rgb, coverage=coverage, visible_masks=visible_masks)
+        vars(made).update(_later=(graph, full_masks, surface))
+        return made
+
+    def __getattr__(self, name: str) -> torch.Tensor:
+        """A field that has not been computed."""
+        if name not in ("full_masks", *_SURFACE) or "_later" not in vars(self):
+            raise AttributeError(f"a Rendering has no {name}")
+        graph, full_masks, surface = vars(self)["_later"]
+        with torch.set_grad_enabled(graph):
+            if name == "full_masks":
+                vars(self)[name] = full_masks()
+            else:
+                vars(self).update(zip(_SURFACE, surface(), strict=True))
+        found: torch.Tensor = vars(self)[name]
+        return found
+
+
+_SURFACE = ("depth", "normals", "object_id", "triangle_id")

@@ -35,6 +35,7 @@ class Pyramid:
     def __post_init__(self) -> None:
         check_floats(texels=(self.texels, (None, None)))
         check_table("levels", self.levels, (None, 3))
+        object.__setattr__(self, "levels", self.levels.contiguous())
         check_table("first", self.first, (None,), len(self.levels) + 1)
         start, height, width = self.levels.long().unbind(1)
         ends = start + height * width

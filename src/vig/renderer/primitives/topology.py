@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -18,15 +18,20 @@ class Topology:
     faces (F, 3) int32: vertices. texture_faces (F, 3) int32: rows of the texture coordinates, `faces` itself
     where there is one pair of coordinates per vertex. edges (E, 6) int32: vertices a and b, the third vertex
     of the face on either side, and those two faces; -1 twice at a border. vertex_count: V.
+    texture_rows: how many rows of texture coordinates there must be.
     """
 
     faces: torch.Tensor
     texture_faces: torch.Tensor
     edges: torch.Tensor
     vertex_count: int
+    texture_rows: int = field(init=False)
+    _versions: tuple[int, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         count = len(self.faces)
+        for name in ("faces", "texture_faces", "edges"):
+            object.__setattr__(self, name, getattr(self, name).contiguous())
         check_table("faces", self.faces, (None, 3), self.vertex_count)
         check_table("texture_faces", self.texture_faces, (count, 3))
         check_table("edges", self.edges, (None, 6))
@@ -37,6 +42,18 @@ class Topology:
         for columns, most, least in (([0, 1, 2], self.vertex_count, 0), ([3], self.vertex_count, -1),
                                      ([4], count, 0), ([5], count, -1)):  # fmt: skip
             check_indices("edges", self.edges[:, columns], most, least)
+        rows = int(self.texture_faces.max()) + 1 if count else 0
+        object.__setattr__(self, "texture_rows", rows)
+        object.__setattr__(self, "_versions", self._current())
+
+    def check_unchanged(self) -> None:
+        """Check once more where a table has been written to: kernels rely on its numbers."""
+        if self._versions != self._current():
+            self.__post_init__()
+
+    def _current(self) -> tuple[int, ...]:
+        tables = self.faces, self.texture_faces, self.edges
+        return tuple(0 if table.is_inference() else table._version for table in tables)
 
     @staticmethod
     def of(
@@ -51,7 +68,7 @@ class Topology:
         for the edges, so that no silhouette is seen between them. An edge of three or more faces counts as
         a border of each. Faces that use a vertex twice have no edges.
         """
-        faces = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
+        faces = np.array(faces, np.int32, order="C").reshape(-1, 3)
         vertices = np.asarray(vertices)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError(f"vertices must be (V, 3); got {vertices.shape}")
@@ -61,7 +78,7 @@ class Topology:
             )
         if texture_faces is None:
             texture_faces = faces
-        texture_faces = np.ascontiguousarray(texture_faces, np.int32)
+        texture_faces = np.array(texture_faces, np.int32, order="C")
         if texture_faces.shape != faces.shape:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
         edges = _edges(_welded(vertices)[faces] if len(faces) else faces)

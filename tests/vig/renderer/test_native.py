@@ -1,0 +1,167 @@
+"""The native stages beside the same in plain torch: pictures, and gradients of every input."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from vig.renderer import MeshObject, Pinhole, Rendering, Scene, Topology, render, rendering
+
+if TYPE_CHECKING:
+    from conftest import World
+
+Build = Callable[[dict[str, torch.Tensor]], Scene | list[Scene]]
+IMAGES = ("rgb", "coverage", "visible_masks", "full_masks", "depth", "normals")
+IDS = ("object_id", "triangle_id")
+
+
+def both_ways(
+    build: Build, inputs: dict[str, torch.Tensor], **how: Any
+) -> tuple[Rendering, list[torch.Tensor]]:
+    """A rendering, and the gradient of a random weighing of all its images by every input."""
+    leaves = {name: value.clone().requires_grad_() for name, value in inputs.items()}
+    seen, random = render(build(leaves), **how), torch.Generator().manual_seed(0)
+    total = torch.zeros((), dtype=torch.float64)
+    for name in IMAGES:
+        image = getattr(seen, name).double()
+        weights = torch.randn(image.shape, generator=random, dtype=torch.float64)
+        total = total + (weights * torch.where(image.isinf(), 0.0, image)).sum()
+    return seen, list(torch.autograd.grad(total, list(leaves.values()), materialize_grads=True))
+
+
+def compare(build: Build, inputs: dict[str, torch.Tensor], **how: Any) -> None:
+    """Both, within rounding of float64."""
+    seen, gradients = both_ways(build, inputs, **how)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rendering, "differentiates_forward", lambda tensors: True)
+        plain, expected = both_ways(build, inputs, **how)
+    for name in IDS:
+        assert torch.equal(getattr(seen, name), getattr(plain, name)), name
+    for name in IMAGES:
+        torch.testing.assert_close(getattr(seen, name), getattr(plain, name), rtol=0, atol=1e-10)
+    for name, mine, theirs in zip(inputs, gradients, expected, strict=True):
+        scale = float(theirs.abs().max())
+        assert float((mine - theirs).abs().max()) <= 1e-9 * scale + 1e-12, name
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"shading": "pixel"}, {"samples": 2}, {"shading": "pixel", "samples": 3}]
+)
+def test_random_scenes(world: Callable[..., World], how: dict[str, Any]) -> None:
+    for number in range(3):
+        made = world(np.random.default_rng([21, number]))
+        compare(made.build, made.inputs, **how)
+
+
+def test_a_batch_of_unlike_scenes(world: Callable[..., World]) -> None:
+    """None, one and two objects; with normals of its own, without light, before a plain background."""
+    made = world(np.random.default_rng(22))
+
+    def build(values: dict[str, torch.Tensor]) -> list[Scene]:
+        scene = made.build(values)
+        front, back = scene.objects
+        own = replace(front, normals=values["front vertices"] * 3, texture=None)
+        dark = replace(back, light=None, rotation=values["front rotation"])
+        plain = replace(scene, background=values["back albedo"][0], lamp=None)
+        return [scene, replace(plain, objects=[dark, own, front]), replace(plain, objects=[]), plain]
+
+    compare(build, made.inputs)
+    compare(build, made.inputs, shading="pixel")
+
+
+def test_meshes_across_the_near_plane() -> None:
+    """Soups of triangles that pierce each other, before, across and behind the eye's plane."""
+    eye = [torch.tensor(a, dtype=torch.float64) for a in ([30.0, 31.0], [14.2, 11.9], np.eye(3), [0, 0, 0.0])]
+    for number in range(6):
+        rng = np.random.default_rng([23, number])
+        centre = rng.uniform((-0.3, -0.3, -0.2), (0.3, 0.3, 0.9), (40, 1, 3))
+        corners = (centre + rng.uniform(0.02, 0.2, (40, 1, 1)) * rng.normal(size=(40, 3, 3))).reshape(-1, 3)
+        topologies = [Topology.of(np.arange(60).reshape(-1, 3), half) for half in np.split(corners, 2)]
+
+        def build(values: dict[str, torch.Tensor], topologies: list[Topology] = topologies) -> Scene:
+            halves = values["vertices"].split(60)
+            objects = [
+                MeshObject(half, topology, values["albedo"])
+                for half, topology in zip(halves, topologies, strict=True)
+            ]
+            return Scene(objects, Pinhole(30, 24, *eye))
+
+        albedo = torch.from_numpy(rng.uniform(size=3))
+        compare(build, {"vertices": torch.from_numpy(corners), "albedo": albedo})
+
+
+def test_more_crossings_than_there_was_space_for(
+    world: Callable[..., World], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = world(np.random.default_rng(24))
+    expected = render(made.scene)
+    monkeypatch.setattr("vig.renderer.native.FIRST_CAPACITY", 3)
+    seen = render(made.scene)
+    assert torch.equal(seen.rgb, expected.rgb) and torch.equal(seen.full_masks, expected.full_masks)
+
+
+class _Large(TorchDispatchMode):
+    """Names of operations that make more numbers than torch gives to one thread."""
+
+    names: set[str]
+
+    def __torch_dispatch__(self, function: Any, types: Any, arguments: Any = (), named: Any = None) -> Any:
+        result = function(*arguments, **(named or {}))
+        if isinstance(result, torch.Tensor) and result.numel() > 32768:
+            self.names.add(function.overloadpacket.__name__)
+        return result
+
+
+def test_no_picture_passes_through_operations_that_torch_shares_out(world: Callable[..., World]) -> None:
+    """On more threads these wait for each other far longer than they compute."""
+    made = world(np.random.default_rng(25), size=256)
+    leaves = {name: value.clone().requires_grad_() for name, value in made.inputs.items()}
+    background = torch.zeros(3, dtype=torch.float64)
+    with _Large() as large:
+        large.names = set()
+        seen = render(replace(made.build(leaves), background=background))
+        torch.autograd.backward(
+            [seen.rgb, seen.coverage], [torch.ones_like(seen.rgb), torch.ones_like(seen.coverage)]
+        )
+    assert large.names <= {"new_empty", "empty_like", "ones_like", "detach", "select", "alias"}
+
+
+def test_what_is_computed_later_belongs_to_the_graph_of_its_rendering(world: Callable[..., World]) -> None:
+    made = world(np.random.default_rng(26))
+    place = made.inputs["front translation"].clone().requires_grad_()
+    seen = render(made.build({**made.inputs, "front translation": place}))
+    with torch.no_grad():
+        assert seen.full_masks.requires_grad and seen.depth.requires_grad
+        bare = render(made.build({**made.inputs, "front translation": place}))
+    assert not bare.full_masks.requires_grad
+    assert torch.equal(seen.full_masks, bare.full_masks)
+    with pytest.raises(AttributeError, match="no shadow"):
+        _ = seen.shadow
+
+
+def test_tables_that_were_written_to_are_checked_again() -> None:
+    corners = np.array([[-0.1, -0.1, 0.4], [0.1, -0.1, 0.4], [0.0, 0.1, 0.4]])
+    item = MeshObject(
+        torch.tensor(corners), Topology.of(np.array([[0, 1, 2]]), corners), torch.ones(3).double()
+    )
+    eye = [torch.tensor(a, dtype=torch.float64) for a in ([30.0, 30.0], [8.0, 8.0], np.eye(3), [0, 0, 0.0])]
+    render(Scene([item], Pinhole(16, 16, *eye)))
+    item.topology.faces[0, 1] = 7
+    with pytest.raises(ValueError, match="faces must be from 0 to 2; they are from 0 to 7"):
+        render(Scene([item], Pinhole(16, 16, *eye)))
+
+
+def test_the_renderer_stands_on_its_own() -> None:
+    """Its import brings no network, no fit and no photograph."""
+    listed = "import sys, vig.renderer; print(*(name for name in sys.modules if name.startswith('vig.')))"
+    names = subprocess.run([sys.executable, "-c", listed], capture_output=True, text=True, check=True).stdout
+    rooms = {name.split(".")[1] for name in names.split()}
+    assert rooms == {"renderer", "io", "parallel", "scene"}
