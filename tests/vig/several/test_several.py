@@ -157,14 +157,14 @@ def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
     behind = 2
     infront, _ = _Refit(alone, scene.occludes, behind)._others()
     taken, left = ((each[behind].fit.mask.numpy() & infront).sum() for each in (alone, scene.objects))
-    assert taken > 300
+    assert taken > 50
     assert left < 0.25 * taken
     visible = group.visible[behind]
     before, after = (
         (each.mask & visible).sum() / (each.mask | visible).sum()
         for each in (alone[behind], scene.objects[behind])
     )
-    assert 1 - after < 0.5 * (1 - before), "half of what was wrong is right"
+    assert after > max(0.95, before), "of what is seen of it nothing is lost"
     assert np.allclose(scene.poses[behind][0], scene.poses[0][0])  # one camera
 
 

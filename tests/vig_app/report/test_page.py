@@ -213,7 +213,8 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
     def iou(other: torch.Tensor) -> float:
         return float((page & other).sum() / (page | other).sum())
 
-    assert iou(expected) > 0.9 > iou(expected.flip(1)) and iou(expected) > iou(expected.flip(0))
+    assert iou(expected) > 0.94, "as the renderer draws it"
+    assert iou(expected) > 0.03 + max(iou(expected.flip(1)), iou(expected.flip(0)))
 
 
 PIXELS = """(canvas, size) => {
