@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import pytest
 import torch
 
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
@@ -38,6 +39,24 @@ def test_once_is_the_network_as_it_is() -> None:
     both = recognizer(photo)
     assert torch.allclose(both.roll, (once.roll - turned.roll) / 2, atol=1e-3)
     assert not torch.allclose(once.numbers, both.numbers, atol=1e-3)
+
+
+def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    recognizer = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
+    computed = []
+    plain = recognizer._predict
+    monkeypatch.setattr(
+        recognizer, "_predict", lambda photos, twice: (computed.append(twice), plain(photos, twice))[1]
+    )
+    photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
+    first, again = recognizer(photo), recognizer(photo.clone())
+    assert computed == [True] and torch.equal(first.mask, again.mask)
+    recognizer(photo, twice=False)
+    photo[0, 75, 75, 0] = 1 - photo[0, 75, 75, 0]
+    recognizer(photo, twice=False)
+    recognizer(photo.double(), twice=False)
+    recognizer(torch.cat([photo, photo]), twice=False)
+    assert computed == [True, False, False, False]
 
 
 def test_folded_normalisation_predicts_the_same() -> None:
