@@ -140,6 +140,10 @@ class Prediction:
     def __getitem__(self, index: slice) -> Prediction:
         return Prediction(*(tensor[index] for tensor in self.tensors), symmetry=self.symmetry)
 
+    def clone(self) -> Prediction:
+        """The same in tensors of its own."""
+        return Prediction(*(tensor.clone() for tensor in self.tensors), symmetry=self.symmetry)
+
     @staticmethod
     def joined(parts: Sequence[Prediction]) -> Prediction:
         """Concatenate."""
@@ -166,8 +170,8 @@ class Recognizer:
     """Which networks this reads, as a weights file's metadata names them."""
     device = "cpu"
     network: Any
-    _latest: tuple[torch.Tensor, bool, Prediction] | None = None
-    """The last photo that was asked for alone, whether twice, and the answer."""
+    _latest: tuple[torch.Tensor, Any, Prediction] | None = None
+    """The last photo that was asked for alone, how, and the answer."""
     symmetry, mirror = Symmetry.NONE, True
     """Of the class; without mirror symmetry photos are not flipped."""
 
@@ -240,11 +244,11 @@ class Recognizer:
         def predict(part: torch.Tensor) -> Prediction:
             return on_one_core(lambda: self._predict(part.to(self.device), twice)).folded(self.symmetry)
 
-        photos, before = photos.float(), self._latest
-        if before is not None and before[1] == twice and torch.equal(before[0], photos):
-            return before[2]
+        photos, asked = photos.float(), (twice, self.mirror, self.symmetry, id(self.calibration))
+        if self._latest is not None and self._latest[1] == asked and torch.equal(self._latest[0], photos):
+            return self._latest[2].clone()
         predicted = Prediction.joined(list(map_on_threads(predict, photos.split(batch))))
-        self._latest = (photos.clone(), twice, predicted) if len(photos) == 1 else None
+        self._latest = (photos.clone(), asked, predicted.clone()) if len(photos) == 1 else None
         return predicted
 
     def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:

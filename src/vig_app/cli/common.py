@@ -85,7 +85,7 @@ class FitCommand:
     coco also one file for all, as `vig export` does."""
     files: tuple[str, ...] = ()
     """Write these files of each photo alone, beside explanation.json: overlay.png thumbnail.jpg mask.png
-    render.png object.glb report.html. By default all."""
+    render.png object.glb report.html. By default all; mask.png with --export, too, which names it."""
     full_size: bool = False
     """Write overlay.png as large as the photo; else its longer side has 2,048 pixels at most."""
     quiet: bool = False

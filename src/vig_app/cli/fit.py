@@ -59,6 +59,11 @@ WITHOUT_TRACK = (
 """Options that do not go with `--track`."""
 
 
+def _with_mask(settings: FitCommand) -> tuple[str, ...] | None:
+    """The chosen files, with the mask where exports name it; None for all."""
+    return (*settings.files, *("mask.png",) * bool(settings.export)) if settings.files else None
+
+
 def fit(settings: FitCommand) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
     check_files(settings.files)
@@ -92,7 +97,7 @@ def fit(settings: FitCommand) -> int:
         settings.device,
         settings.export,
         further_classes,
-        settings.files or None,
+        _with_mask(settings),
         settings.full_size,
     )
     tasks = (
@@ -197,7 +202,8 @@ def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     for row in explained[:MOST_ENTRIES]:
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
             folder = row["folder"].split("/")[0]  # of several objects the page of all
-            entries.append(Entry(name_of(row), folder, row, np.asarray(picture)))
+            has_page = (out / folder / "report.html").exists()
+            entries.append(Entry(name_of(row), folder, row, np.asarray(picture), has_page))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
         photos = len({row["photo"] for row in explained})

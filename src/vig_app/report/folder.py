@@ -59,7 +59,8 @@ def save_entry(
     picture = coded(explanation.picture)
     picture = picture if full_size else reduced(picture, PICTURE_SIDE)
     shown = page_photo(picture)
-    entry = Entry(name, folder.name, described, outlined(explanation, reduced(shown)))
+    small = outlined(explanation, reduced(shown))
+    entry = Entry(name, folder.name, described, small, "report.html" in files)
     for file in FILES[1:]:
         if file == "overlay.png" and file in files:
             write_png(folder / file, outlined(explanation, picture))
@@ -72,8 +73,8 @@ def save_entry(
 def check_files(files: Sequence[str]) -> None:
     """UserError unless all are of `FILES`."""
     wanted = f"expected files of {', '.join(FILES)}"
-    if isinstance(files, str):
-        raise UserError(f"{wanted}; got one name, {files!r}. Pass a list of names.")
+    if isinstance(files, str) or not isinstance(files, Sequence):
+        raise UserError(f"{wanted}; got {str(files)[:60]!r}. Pass a list of names.")
     for name in files:
         if name not in FILES:
             raise UserError(f"{wanted}; got {name!r}. Leave it out; without any all are written.")
@@ -124,6 +125,7 @@ def save_scene(
     full_size: bool = False,
 ) -> Path:
     """The work of `SceneExplanation.save`."""
+    check_files(files)
     folder, picture = Path(folder), scene.overlay()
     numbers = np.zeros(picture.shape[:2], np.uint8)
     for number, mask in enumerate(scene.masks, 1):

@@ -40,17 +40,19 @@ class Entry:
         folder: Of its results, beside the page.
         described: What explanation.json or results.csv holds.
         picture: (H, W, 3) uint8.
+        has_page: Whether report.html is among its files.
     """
 
     name: str
     folder: str
     described: Mapping[str, Any]
     picture: np.ndarray
+    has_page: bool = True
 
     @property
     def link(self) -> str:
-        """Address of its own page."""
-        return quote(os.fsencode(self.folder)) + "/report.html"
+        """Address of its own page, or of its folder where it has none."""
+        return quote(os.fsencode(self.folder)) + ("/report.html" if self.has_page else "/")
 
 
 def folder_html(

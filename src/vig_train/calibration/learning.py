@@ -65,7 +65,7 @@ FOLDS = 20
 REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 """Limits of the ranges of confidence in the report."""
 LEAST_THRESHOLD = 0.7
-"""Confidence below which nothing is trusted, however often the rest is right."""
+"""Confidence below which nothing is trusted, however often the rest is right: set, not fitted."""
 MIN_GROUP = 40
 """Number of fits below which a group takes the deviations of others."""
 CERTAIN_LOG_ODDS = 20.0

@@ -1,6 +1,7 @@
 """The command line as its user meets it: one clear line and exit code 2 for a mistake."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -66,6 +67,29 @@ def test_help_offers_what_there_is():
 def test_an_unknown_file_is_refused(capsys, photo, tmp_path):
     error = refused(capsys, "fit", photo, "--files", "mask.png", "picture.png", "--out", tmp_path / "out")
     assert "thumbnail.jpg" in error and "got 'picture.png'" in error
+
+
+def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(tmp_path: Path) -> None:
+    """A large photo beside a small one: its picture is smaller than it, the mask is not."""
+    photos = [tmp_path / "a.png", tmp_path / "b.png"]
+    with Image.open(example_photos()[0].photo) as example:
+        example.save(photos[0])
+        example.resize((2100, 2100)).save(photos[1])
+    files = ["--files", "thumbnail.jpg", "overlay.png", "--export", "coco"]
+    command = ["fit", *map(str, photos), *files, "--out", str(tmp_path / "out")]
+    with pytest.raises(SystemExit) as ended:
+        main(command)
+    assert ended.value.code == 0
+    result = tmp_path / "out" / "b"
+    sizes = {name: Image.open(result / name).size for name in ("overlay.png", "mask.png")}
+    assert sizes == {"overlay.png": (2048, 2048), "mask.png": (2100, 2100)}
+    assert (tmp_path / "out" / "coco.json").exists() and not (result / "report.html").exists()
+    page = (tmp_path / "out" / "report.html").read_text()
+    links = set(re.findall('href="([^"#:]+)"', page))
+    assert "a/" in links and all((tmp_path / "out" / link).exists() for link in links)
+    with pytest.raises(SystemExit):
+        main([*command, "--full-size"])
+    assert Image.open(result / "overlay.png").size == (2100, 2100)
 
 
 def test_an_unknown_likelihood_is_refused(capsys, photo, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig_train.training.pasting import MARGIN, MOST_HIDDEN, SIDE, CutoutLibrary
+from vig_train.training.pasting import MARGIN, MOST_HIDDEN, SIDE, CutoutLibrary, _beside
 
 
 @pytest.fixture
@@ -55,8 +55,18 @@ def test_pictures_without_the_object_get_things_too(library: CutoutLibrary) -> N
     assert (pasted != images).flatten(1).any(1).float().mean() > 0.9 and not masks.any()
 
 
+def test_a_shadow_stays_beside_what_casts_it() -> None:
+    cover = torch.zeros(1, 1, 60, 60)
+    cover[..., 40:, 40:] = 1
+    dark = _beside(cover)
+    assert dark[..., 50, 50] == 1 and dark[..., 37:40, 45].min() > 0
+    assert not dark[..., :30, :].any() and not dark[..., :, :30].any()
+
+
 def test_a_library_holds_things_of_the_split() -> None:
-    drawn = CutoutLibrary.draw(0, "train", "teapot", None, count=100).rgba
+    drawn, others = (CutoutLibrary.draw(0, split, "teapot", None, 100).rgba for split in ("train", "test"))
+    of_train, of_test = ({each.numpy().tobytes() for each in rgba} for rgba in (drawn, others))
+    assert not of_train & of_test
     covered = drawn[:, 3] > 127
     assert len(drawn.flatten(1).float().mean(1).unique()) > 80  # many a thing
     assert covered.any((1, 2)).all() and not covered[:, :MARGIN].any() and not covered[:, :, :MARGIN].any()
