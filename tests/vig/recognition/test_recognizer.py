@@ -51,6 +51,8 @@ def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.Mo
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
     first, again = recognizer(photo), recognizer(photo.clone())
     assert computed == [True] and torch.equal(first.mask, again.mask)
+    again.mask.zero_()
+    assert torch.equal(recognizer(photo).mask, first.mask), "a copy is given away"
     recognizer(photo, twice=False)
     photo[0, 75, 75, 0] = 1 - photo[0, 75, 75, 0]
     recognizer(photo, twice=False)

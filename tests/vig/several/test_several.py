@@ -190,6 +190,12 @@ def scene_light(objects: list[Explanation]) -> np.ndarray:
     return SceneExplanation(tuple(objects), np.zeros((len(objects),) * 2, bool)).light
 
 
+def test_files_that_there_are_not_leave_nothing(scene: SceneExplanation, tmp_path: Path):
+    with pytest.raises(UserError, match=r"expected files of .* got 'picture.png'"):
+        scene.save(tmp_path / "scene", files=["mask.png", "picture.png"])
+    assert not (tmp_path / "scene").exists()
+
+
 def test_others_are_painted_out():
     cut = np.full((40, 40, 3), 0.7, np.float32)
     infront, elsewhere = np.zeros((2, 40, 40), bool)
