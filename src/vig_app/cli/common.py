@@ -84,8 +84,9 @@ class FitCommand:
     """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos with bop or
     coco also one file for all, as `vig export` does."""
     files: tuple[str, ...] = ()
-    """Write these files of each photo alone, beside explanation.json: overlay.png thumbnail.jpg mask.png
-    render.png object.glb report.html. By default all; mask.png with --export, too, which names it."""
+    """Write these files of each photo alone, beside explanation.json and corrections.json, in place of those
+    of an earlier result: overlay.png thumbnail.jpg mask.png render.png object.glb report.html. By default
+    all; mask.png with --export, too, which names it."""
     full_size: bool = False
     """Write overlay.png as large as the photo; else its longer side has 2,048 pixels at most."""
     quiet: bool = False

@@ -200,10 +200,12 @@ def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
     explained = sorted((row for row in rows if row["error"] is None), key=review_order)
     entries = []
     for row in explained[:MOST_ENTRIES]:
-        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
-            folder = row["folder"].split("/")[0]  # of several objects the page of all
-            has_page = (out / folder / "report.html").exists()
-            entries.append(Entry(name_of(row), folder, row, np.asarray(picture), has_page))
+        folder = row["folder"].split("/")[0]  # of several objects the page of all
+        picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
+        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
+            picture = np.asarray(thumbnail)
+        has_page = (out / folder / "report.html").exists()
+        entries.append(Entry(name_of(row), folder, row, picture, has_page))
     if entries:
         errors = [row["error"] for row in rows if row["error"] is not None]
         photos = len({row["photo"] for row in explained})

@@ -77,7 +77,7 @@ def check_files(files: Sequence[str]) -> None:
         raise UserError(f"{wanted}; got {str(files)[:60]!r}. Pass a list of names.")
     for name in files:
         if name not in FILES:
-            raise UserError(f"{wanted}; got {name!r}. Leave it out; without any all are written.")
+            raise UserError(f"{wanted}; got {name!r}. Leave it out (photos come before --files).")
 
 
 def _write(

@@ -24,11 +24,13 @@ def view_words(latents: Latents, probability: float) -> str:
 def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:
     """Name and words of each line of the page's table."""
     deviation, camera = described["deviation"], described["camera"]
-    hidden = described["hidden_fraction"]
+    hidden, absent = described["hidden_fraction"], described["verdict"] == "absent"
     rows = []
     for name, key in (("azimuth of the eye", "azimuth_deg"), ("its elevation", "elevation_deg")):
         interval = ""
-        if deviation[key] is not None:
+        if absent:
+            interval = ", of the fit that was rejected"
+        elif deviation[key] is not None:
             width = INTERVAL * deviation[key]
             interval = f", 90 % interval ±{width:.0f}°" if width < 90 else ", if this is the right view"
         rows.append((name, f"{described[key]:.0f}°{interval}"))
@@ -53,6 +55,11 @@ def badge(described: dict[str, Any]) -> str:
 def summary(described: dict[str, Any]) -> str:
     """Class, what is trusted with which probability, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
+    if described["verdict"] == "absent":
+        return (
+            f"{described['class']}: in the photo with a probability of {described['present']:.0%};"
+            " below is the fit at the likeliest place, which was rejected"
+        )
     if confidence is None:
         confidences = "how sure was not learned"
     else:
