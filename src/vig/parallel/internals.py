@@ -55,12 +55,27 @@ def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
     return lambda: forward(*structures), packed
 
 
+def transforms(*cotangents: torch.Tensor | None) -> bool:
+    """Whether a transform of torch.func is active, or a cotangent is a batch of them; True when unknown."""
+    functorch = getattr(torch._C, "_functorch", None)
+    levels = getattr(functorch, "peek_interpreter_stack", None)
+    batched = getattr(functorch, "is_legacy_batchedtensor", None)
+    if levels is None or batched is None or levels() is not None:
+        return True
+    return any(each is not None and batched(each) for each in cotangents)
+
+
+def address(tensor: torch.Tensor) -> int:
+    """Where a tensor's numbers lie; 0 where a transform of torch.func has wrapped it, or when unknown."""
+    return 0 if _is_wrapped(tensor) else tensor.data_ptr()
+
+
+_is_wrapped = getattr(getattr(torch._C, "_functorch", None), "is_functorch_wrapped_tensor", lambda _: True)
+
+
 def differentiates_forward(tensors: Iterable[torch.Tensor]) -> bool:
     """Whether a transform of torch.func is active, or any of the tensors has a tangent; True when unknown."""
-    levels = getattr(getattr(torch._C, "_functorch", None), "peek_interpreter_stack", None)
-    if levels is None or levels() is not None:
-        return True
-    return any(forward_ad.unpack_dual(tensor).tangent is not None for tensor in tensors)
+    return transforms() or any(forward_ad.unpack_dual(tensor).tangent is not None for tensor in tensors)
 
 
 def process_of(executor: ProcessPoolExecutor) -> BaseProcess | None:

@@ -17,7 +17,7 @@ import warp as wp
 
 from vig.io.checks import check_indices
 from vig.io.errors import UserError
-from vig.parallel.internals import packed_launch
+from vig.parallel.internals import address, packed_launch
 
 TEMPLATES = Path(__file__).with_name("templates")
 """Folder of the renderer's kernels; see `instantiate`."""
@@ -31,6 +31,12 @@ class _Opaque(torch.autograd.Function):
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: Any) -> None:
         pass
+
+    @staticmethod
+    def vmap(info: Any, axes: tuple[Any, ...], run: Callable[..., Any], *arguments: Any) -> Any:
+        if any(axis is not None for axis in axes[1:]):
+            raise NotImplementedError("the renderer draws no scenes under vmap; give `render` a list of them")
+        return run(*arguments), None
 
     @staticmethod
     def backward(ctx: Any, *cotangents: Any) -> Any:
@@ -129,6 +135,16 @@ def check_table(
         raise ValueError(f"{name} must be int32; got {table.dtype}")
     if count is not None:
         check_indices(name, table, count, least)
+
+
+def table_state(*tables: torch.Tensor) -> tuple[object, ...]:
+    """What changes where tables are written to or exchanged.
+
+    Not where memory that a table shares with numpy, or an inference tensor, is written to.
+    """
+    return tuple(
+        [(0 if each.is_inference() else each._version, each.shape, address(each)) for each in tables]
+    )
 
 
 def check_size(size: tuple[int, int, int]) -> None:

@@ -49,6 +49,7 @@ class Tables:
     @staticmethod
     def of(packed: PackedScenes) -> Tables:
         """Those of all objects."""
+        packed.check_unchanged()
         device, topologies = packed.background.device, packed.topologies
 
         def whole(numbers: list[int]) -> Tensor:

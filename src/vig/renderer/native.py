@@ -16,6 +16,7 @@ import torch
 import warp as wp
 from torch import Tensor
 
+from vig.parallel.internals import transforms
 from vig.renderer import general
 from vig.renderer.device import initialise, kernel_module, native_code, scalar_type
 from vig.renderer.packing import INPUTS, PackedScenes
@@ -49,7 +50,7 @@ ARGUMENTS = {
     "real*": "points attributes lights on_points on_attributes on_lights to_points to_attributes to_lights"
     " world raw",
     # What a call says and is told: see the kernels.
-    "whole*": "status",
+    "whole*": "status fault",
     # Pictures: a layer each, of the objects from starts[layer] to starts[layer + 1].
     "whole ": "layers height width samples channels masks background_is_image background_numbers",
     "const whole*": "starts",
@@ -64,6 +65,8 @@ ARGUMENTS = {
 """Fields of the table that a call passes, by type, in their order; 0 where a call has no such thing."""
 PLACES = {name: place for place, name in enumerate(" ".join(ARGUMENTS.values()).split())}
 NUMBERS = {name: number for number, name in enumerate(CODE)}
+NOT_FINITE, OUT_OF_RANGE, NO_MEMORY = 1, 2, 3
+"""Faults, as in arguments.cc."""
 
 FIRST_CAPACITY = 4096
 """Crossings for which there is space at first."""
@@ -128,8 +131,11 @@ def _kernel(dtype: torch.dtype) -> Any:
 
 
 def _call(name: str, packed: PackedScenes, rows: list[int], **fields: Tensor | int) -> None:
-    """Run a kernel on contiguous tensors; rows: see `_rows`."""
+    """Run a kernel on contiguous tensors; rows: see `_rows`. Raises what `_refuse` does for its fault."""
+    packed.check_unchanged()
+    fault = array("q", [0])
     numbers = [0] * len(PLACES)
+    numbers[PLACES["fault"]] = fault.buffer_info()[0]
     for field, value in fields.items():
         numbers[PLACES[field]] = value if isinstance(value, int) else value.data_ptr()
     table = array("q", numbers + rows)
@@ -139,6 +145,22 @@ def _call(name: str, packed: PackedScenes, rows: list[int], **fields: Tensor | i
         inputs=[NUMBERS[name], table.buffer_info()[0]],
         device="cpu",
     )
+    if fault[0]:
+        _refuse(fault[0], packed)
+
+
+def _refuse(fault: int, packed: PackedScenes) -> None:
+    """The error of a fault: ValueError that names the input, or MemoryError."""
+    if fault == NOT_FINITE:
+        packed.check_numbers()
+    if fault == OUT_OF_RANGE:
+        packed.check_tables()
+        raise ValueError("a table has numbers out of range. Write to none while scenes are drawn.")
+    if fault == NO_MEMORY:
+        images, height, width = packed.size
+        raise MemoryError(
+            f"too little memory for {images} images of {width} x {height}; draw fewer, or with fewer samples"
+        )
 
 
 def _rows(
@@ -168,6 +190,8 @@ def _rows(
 class Stage(Protocol):
     """One step from tensors to tensors."""
 
+    packed: PackedScenes
+
     def general(self, *inputs: Any) -> tuple[Tensor, ...]:
         """The step in plain torch."""
 
@@ -185,7 +209,7 @@ class _Native(torch.autograd.Function):
     def forward(ctx: Any, stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(*inputs)
-        ctx.stage = stage
+        ctx.stage, ctx.kinds = stage, _kinds(inputs)
         results, ctx.kept = stage.forward(*(each if each is None else each.contiguous() for each in inputs))
         if isinstance(stage, Surface):
             ctx.mark_non_differentiable(*results[2:])
@@ -194,18 +218,27 @@ class _Native(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *cotangents: Tensor | None) -> Any:
         inputs, needed = ctx.saved_tensors, ctx.needs_input_grad[1:]
-        if torch.is_grad_enabled():
+        if _kinds(inputs) != ctx.kinds:
+            raise RuntimeError("an input of a rendering was exchanged before its backward pass. Render anew.")
+        if torch.is_grad_enabled() or transforms(*cotangents):
             return None, *_differentiable(ctx.stage, inputs, needed, cotangents)
         plain = [each if each is None else each.contiguous() for each in inputs]
         given = [each if each is None else each.contiguous() for each in cotangents]
         return None, *ctx.stage.backward(ctx.kept, plain, needed, given)
 
 
+def _kinds(inputs: Sequence[Tensor | None]) -> list[Any]:
+    """What torch does not watch of what is saved: shapes and types, which `tensor.data = other` changes."""
+    return [each if each is None else (each.shape, each.dtype) for each in inputs]
+
+
 def _differentiable(
     stage: Stage, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
 ) -> list[Tensor | None]:
-    """The way back as torch's own operations, of which there are second derivatives."""
-    results = stage.general(*inputs)
+    """The way back as torch's own operations, of which there are second derivatives and batches."""
+    twice = torch.is_grad_enabled()
+    with torch.enable_grad():
+        results = stage.general(*inputs)
     pairs = [
         (result, cotangent)
         for result, cotangent in zip(results, cotangents, strict=True)
@@ -215,13 +248,15 @@ def _differentiable(
     if not pairs:
         return [None] * len(inputs)
     outputs, given = zip(*pairs, strict=True)
-    found = iter(torch.autograd.grad(outputs, wanted, given, create_graph=True, allow_unused=True))
+    found = iter(torch.autograd.grad(outputs, wanted, given, create_graph=twice, allow_unused=True))
     return [next(found) if need else None for need in needed]
 
 
 def run(stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
-    """The results of a stage by native code."""
+    """The results of a stage by native code. Of inference tensors a graph keeps copies."""
     apply: Callable[..., tuple[Tensor, ...]] = _Native.apply
+    if torch.is_grad_enabled():
+        inputs = tuple(each.clone() if each is not None and each.is_inference() else each for each in inputs)
     return apply(stage, *inputs)
 
 
@@ -248,7 +283,8 @@ class Place:
         shapes = {"points": 3, "attributes": self.columns, "world": 3, "raw": 3}
         made = {name: like.new_empty(count, columns) for name, columns in shapes.items()}
         made["lights"] = like.new_empty(len(packed.topologies), 34)
-        status = array("q", [0])
+        if len(set(packed.image)) < packed.size[0]:
+            packed.check_numbers()  # of scenes without objects native code gets the background only
         textures = [each.contiguous() for each in packed.textures]
         background = packed.background.contiguous()
         rows = _rows(packed, inputs, textures=textures)
@@ -258,12 +294,9 @@ class Place:
             rows,
             **made,
             **self._sizes(),
-            status=status.buffer_info()[0],
             background=background,
             background_numbers=background.numel(),
         )
-        if status[0]:
-            packed.check_numbers()
         kept = {name: tensor.detach() for name, tensor in made.items()}
         return (made["points"], made["attributes"], made["lights"]), kept
 

@@ -9,6 +9,7 @@ from itertools import accumulate
 
 import torch
 
+from vig.renderer.device import table_state
 from vig.renderer.primitives import Pyramid, Topology
 from vig.renderer.scene import MeshObject, Scene
 
@@ -84,6 +85,25 @@ class PackedScenes:
                 ]
             )
         return rows
+
+    def check_unchanged(self) -> None:
+        """RuntimeError where a table has been written to or exchanged since the first call."""
+        states = [each.state() for each in self.topologies]
+        states += [table_state(each.levels) for each in self.pyramids]
+        if vars(self).setdefault("_states", states) != states:
+            raise RuntimeError(
+                "a topology or pyramid was modified before all of its rendering, or the backward pass, was"
+                " computed. Render anew."
+            )
+
+    def check_tables(self) -> None:
+        """ValueError that names the first table whose numbers are out of range."""
+        for index, scene in enumerate(self.scenes):
+            for place, item in enumerate(scene.objects):
+                item.topology.check()
+                if item.texture is not None:
+                    item.texture.check()
+                _check_object(f"object {place} of scene {index}", item, self.background)
 
     def check_numbers(self) -> None:
         """ValueError that names the first input that is not finite, or focal lengths of 0 or less."""

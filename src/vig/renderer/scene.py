@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import torch
 
@@ -119,23 +119,27 @@ class Rendering:
     ) -> Rendering:
         """A rendering whose full masks and surface (the last four) are computed at first use."""
         made = object.__new__(Rendering)
-        graph = torch.is_grad_enabled()
+        modes = torch.is_inference_mode_enabled(), torch.is_grad_enabled()
         vars(made).update(rgb=rgb, coverage=coverage, visible_masks=visible_masks)
-        vars(made).update(_later=(graph, full_masks, surface))
+        vars(made).update(_later=(modes, full_masks, surface))
         return made
 
     def __getattr__(self, name: str) -> torch.Tensor:
         """A field that has not been computed."""
         if name not in ("full_masks", *_SURFACE) or "_later" not in vars(self):
             raise AttributeError(f"a Rendering has no {name}")
-        graph, full_masks, surface = vars(self)["_later"]
-        with torch.set_grad_enabled(graph):
+        (inference, graph), full_masks, surface = vars(self)["_later"]
+        with torch.inference_mode(inference), torch.set_grad_enabled(graph):
             if name == "full_masks":
                 vars(self)[name] = full_masks()
             else:
                 vars(self).update(zip(_SURFACE, surface(), strict=True))
         found: torch.Tensor = vars(self)[name]
         return found
+
+    def __getstate__(self) -> dict[str, torch.Tensor]:
+        """All fields, computed: for copies, pickle and torch.save."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
 
 _SURFACE = ("depth", "normals", "object_id", "triangle_id")

@@ -9,7 +9,14 @@ import pytest
 import torch
 import warp as wp
 
-from vig.parallel.internals import group_fields, has_bfloat16, packed_launch, type_parts
+from vig.parallel.internals import (
+    address,
+    group_fields,
+    has_bfloat16,
+    packed_launch,
+    transforms,
+    type_parts,
+)
 from vig.renderer.device import Prepared, initialise
 
 
@@ -46,6 +53,22 @@ def test_bfloat16_is_what_torch_says_and_else_taken_for_absent(monkeypatch: pyte
         assert has_bfloat16() is answer
     monkeypatch.delattr(torch.cpu, "_is_avx512_bf16_supported")
     assert has_bfloat16() is False
+
+
+def test_transforms_are_seen_and_else_assumed(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, inside = torch.ones(2), []
+
+    def look(tensor: torch.Tensor) -> torch.Tensor:
+        inside.append((transforms(), address(tensor)))
+        return tensor
+
+    torch.func.vmap(look)(torch.eye(2))
+    assert inside == [(True, 0)]
+    assert not transforms(one, None) and address(one) == one.data_ptr()
+    for name in ("peek_interpreter_stack", "is_legacy_batchedtensor"):
+        with monkeypatch.context() as patch:
+            patch.delattr(torch._C._functorch, name)
+            assert transforms(one)
 
 
 def test_types_are_scalars_and_shapes() -> None:

@@ -33,6 +33,10 @@ class Pyramid:
     first: torch.Tensor
 
     def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """ValueError for other shapes or types, or levels that lie beyond the texels."""
         check_floats(texels=(self.texels, (None, None)))
         check_table("levels", self.levels, (None, 3))
         object.__setattr__(self, "levels", self.levels.contiguous())

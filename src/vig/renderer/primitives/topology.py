@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from vig.io.checks import check_indices
-from vig.renderer.device import check_table
+from vig.renderer.device import check_table, table_state
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,13 @@ class Topology:
     edges: torch.Tensor
     vertex_count: int
     texture_rows: int = field(init=False)
-    _versions: tuple[int, ...] = field(init=False, repr=False, compare=False)
+    _state: tuple[object, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """ValueError for tables of other shapes or types, or with numbers out of range."""
         count = len(self.faces)
         for name in ("faces", "texture_faces", "edges"):
             object.__setattr__(self, name, getattr(self, name).contiguous())
@@ -44,16 +48,16 @@ class Topology:
             check_indices("edges", self.edges[:, columns], most, least)
         rows = int(self.texture_faces.max()) + 1 if count else 0
         object.__setattr__(self, "texture_rows", rows)
-        object.__setattr__(self, "_versions", self._current())
+        object.__setattr__(self, "_state", self.state())
 
     def check_unchanged(self) -> None:
         """Check once more where a table has been written to: kernels rely on its numbers."""
-        if self._versions != self._current():
-            self.__post_init__()
+        if self._state != self.state():
+            self.check()
 
-    def _current(self) -> tuple[int, ...]:
-        tables = self.faces, self.texture_faces, self.edges
-        return tuple(0 if table.is_inference() else table._version for table in tables)
+    def state(self) -> tuple[object, ...]:
+        """See `table_state`."""
+        return table_state(self.faces, self.texture_faces, self.edges)
 
     @staticmethod
     def of(

@@ -15,6 +15,56 @@ FIELDS
 const Arguments& t = *(const Arguments*)table;
 const Object* const objects = (const Object*)(table + sizeof(Arguments));
 constexpr int LIGHT_ROW = 34, SUN = 27, SUN_COLOUR = 30, LIT = 33;
+// What t.fault[0] becomes; see `native.py`.
+enum { NOT_FINITE = 1, OUT_OF_RANGE, NO_MEMORY };
+// Memory until the end of its block; null, and told as a fault, where there is none.
+struct Space {
+    void* at;
+    Space(whole* fault, whole bytes, bool cleared = false) : at(cleared ? calloc(bytes + 1, 1) : malloc(bytes + 1)) {
+        if (!at)
+            *fault = NO_MEMORY;
+    }
+    ~Space() { free(at); }
+};
+// Whether the numbers of a table of 3 or 6 columns are from 0 to ends[column] - 1, in two columns of 6 from -1 on.
+// Tables are checked in each call, as others may have written to them.
+const auto within = [](const int* numbers, whole count, const whole* ends, bool border) {
+    constexpr int LANES = 24;
+    unsigned last[LANES], more[LANES], outside[LANES] = {}, any = 0;
+    for (int k = 0; k < LANES; ++k) {
+        last[k] = (unsigned)(ends[k % 6] - 1);
+        more[k] = border && (k % 6 == 3 || k % 6 == 5);
+    }
+    // Differences below zero have the highest bit.
+    whole n = 0;
+    for (; n + LANES <= count; n += LANES)
+        for (int k = 0; k < LANES; ++k)
+            outside[k] |= (numbers[n + k] + more[k]) | (last[k] - numbers[n + k]);
+    for (int k = 0; n + k < count; ++k)
+        outside[k] |= (numbers[n + k] + more[k]) | (last[k] - numbers[n + k]);
+    for (int k = 0; k < LANES; ++k)
+        any |= outside[k];
+    return any >> 31 == 0;
+};
+const auto all_within = [&](const int* faces, const Object& object, whole end) {
+    const whole ends[6] = {end, end, end, end, end, end};
+    return within(faces, 3 * object.face_count, ends, false);
+};
+for (whole o = 0; o < t.objects; ++o) {
+    const Object& object = objects[o];
+    bool fits = all_within(object.faces, object, object.vertices);
+    if (object.in[TEXELS])
+        fits &= object.level_count > 0 && all_within(object.texture_faces, object, object.coordinate_rows);
+    for (whole l = 0; l < object.level_count && object.in[TEXELS]; ++l) {
+        const int* const level = object.levels + 3 * l;
+        fits &= level[0] >= 0 && level[1] > 0 && level[2] > 0;
+        fits &= level[0] + (whole)level[1] * level[2] <= object.texel_rows;
+    }
+    if (!fits) {
+        t.fault[0] = OUT_OF_RANGE;
+        return;
+    }
+}
 
 const auto dot = [](const real* a, const real* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; };
 // Of length one; short vectors become zero. Scaled first, as squares may leave the range of numbers.

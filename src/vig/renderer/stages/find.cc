@@ -12,7 +12,7 @@ const auto draw = [&](const real* points_, const int* corners_, int end, wp::int
 #include "pixel_box.cc"
 #include "draw_faces.cc"
 };
-// Space of a layer that grows with what it finds; given back at the end.
+// A crossing of a silhouette edge and a line of pixel centres.
 struct Cell {
     int edge, axis, line, low, hidden, face, other, pixel;
     real x, y, limit;  // a face nearer than the limit hides it
@@ -33,11 +33,17 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     bool cut = false;
     for (whole v = 0; v < vertices; ++v)
         cut |= !(t.points[3 * (first_vertex + v) + 2] >= NEAR);
-    real* const screen = (real*)malloc((vertices + (cut ? 2 * faces : 0)) * 3 * sizeof(real));
+    const whole screened = vertices + (cut ? 2 * faces : 0);
+    const Space screen_space(t.fault, screened * 3 * sizeof(real));
+    const Space joined_space(t.fault, (begin + 1 < end || cut ? 3 * faces : 0) * sizeof(int));
+    const Space pieces_space(t.fault, (cut ? 8 * faces : 0) * sizeof(int));
+    if (*t.fault)
+        return;
+    real* const screen = (real*)screen_space.at;
     for (whole v = 0; v < vertices; ++v)
         on_screen(t.points + 3 * (first_vertex + v), screen + 3 * v);
     // Corners of all faces; of the parts beyond the near plane; and of which face each is a part.
-    int* const joined = (int*)malloc((begin + 1 < end || cut ? 3 * faces : 0) * sizeof(int) + 1);
+    int* const joined = (int*)joined_space.at;
     const int* corners = objects[begin].faces;
     if (begin + 1 < end || cut) {
         int* to = joined;
@@ -48,7 +54,7 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     }
     const int* parts = corners;
     whole part_count = faces;
-    int* const pieces = (int*)malloc((cut ? 8 * faces : 0) * sizeof(int) + 1);
+    int* const pieces = (int*)pieces_space.at;
     int* const origin = pieces + 6 * faces;
     if (cut) {
         whole extra = vertices;
@@ -99,26 +105,22 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
         }
         parts = pieces;
     }
-    wp::int64* const keys = (wp::int64*)malloc((grid + KEYS_MARGIN) * sizeof(wp::int64));
-    for (whole p = 0; p < grid + KEYS_MARGIN; ++p)
-        keys[p] = NOTHING;
-    wp::uint8* const bytes = (wp::uint8*)malloc(part_count + vertices + (cut ? 2 * faces : 0) + 1);
-    draw(screen, parts, (int)part_count, keys, bytes);
-    for (whole p = 0; p < grid; ++p) {
-        const int part = (int)(keys[p] & FACE_MASK);
-        face[p] = keys[p] == NOTHING ? -1 : (int)first_face + (cut ? origin[part] : part);
+    {
+        const Space keys_space(t.fault, (grid + KEYS_MARGIN) * sizeof(wp::int64));
+        const Space bytes(t.fault, part_count + screened);
+        if (*t.fault)
+            return;
+        wp::int64* const keys = (wp::int64*)keys_space.at;
+        for (whole p = 0; p < grid + KEYS_MARGIN; ++p)
+            keys[p] = NOTHING;
+        draw(screen, parts, (int)part_count, keys, (wp::uint8*)bytes.at);
+        for (whole p = 0; p < grid; ++p) {
+            const int part = (int)(keys[p] & FACE_MASK);
+            face[p] = keys[p] == NOTHING ? -1 : (int)first_face + (cut ? origin[part] : part);
+        }
     }
-    free(bytes);
-    free(keys);
-    const auto release = [&]() {
-        free(pieces);
-        free(joined);
-        free(screen);
-    };
-    if (t.channels == 0) {
-        release();
+    if (t.channels == 0)
         return;
-    }
     // Silhouette edges: both faces on one side of it on the screen, or one face only.
     const whole first_edge = silhouettes;
     const auto point_of = [&](whole v) { return t.points + 3 * (first_vertex + v); };
@@ -152,7 +154,10 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     }
     // Where they cross the lines of pixel centres.
     whole capacity = 4096, count = 0;
-    Cell* cells = (Cell*)malloc(capacity * sizeof(Cell));
+    Space found(t.fault, capacity * sizeof(Cell));
+    if (*t.fault)
+        return;
+    Cell* cells = (Cell*)found.at;
     const int length[2] = {columns_of_grid, rows_of_grid};
     for (whole e = first_edge; e < silhouettes; ++e) {
         const real* const a = screen + 3 * (t.chosen[4 * e] - first_vertex);
@@ -174,10 +179,13 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
                 if (!(u >= real(0.5) && u < steps - real(0.5)))
                     continue;
                 if (count == capacity) {
-                    Cell* const more = (Cell*)malloc(2 * capacity * sizeof(Cell));
-                    memcpy(more, cells, capacity * sizeof(Cell));
-                    free(cells);
-                    cells = more;
+                    Space more(t.fault, 2 * capacity * sizeof(Cell));
+                    if (*t.fault)
+                        return;
+                    memcpy(more.at, cells, capacity * sizeof(Cell));
+                    cells = (Cell*)more.at;
+                    more.at = found.at;
+                    found.at = cells;
                     capacity *= 2;
                 }
                 Cell& cell = cells[count];
@@ -249,7 +257,12 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     }
     test();
     // Those that are left in the order of their pixels: those of pixels p to p' are the ones from ends[p - 1] to ends[p'].
-    int* const ends = (int*)calloc(grid + 1, sizeof(int)) + 1;
+    const Space ends_space(t.fault, (grid + 1) * sizeof(int), true);
+    const Space sorted(t.fault, count * sizeof(Cell));
+    const Space sharers_space(t.fault, 2 * grid * sizeof(int), true);
+    if (*t.fault)
+        return;
+    int* const ends = (int*)ends_space.at + 1;
     for (whole n = 0; n < count; ++n)
         ends[cells[n].pixel] += !cells[n].hidden;
     for (whole p = 0, sum = 0; p < grid; ++p) {
@@ -258,12 +271,11 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
         sum += here;
     }
     Cell* const unsorted = cells;
-    cells = (Cell*)malloc(count * sizeof(Cell) + 1);
+    cells = (Cell*)sorted.at;
     for (whole n = 0; n < count; ++n)
         if (!unsorted[n].hidden)
             cells[ends[unsorted[n].pixel]++] = unsorted[n];
     count = ends[grid - 1];
-    free(unsorted);
     constexpr real LITTLE = real(1e-3);
     for (whole base = 0; base < part_count; base += SIDE) {
         real x_low[SIDE], x_high[SIDE], y_low[SIDE], y_high[SIDE], nearest[SIDE];
@@ -307,7 +319,7 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     }
     test();
     // Those that nothing hides, and how many of them lie between the same two pixels.
-    int* const sharers = (int*)calloc(2 * grid, sizeof(int));
+    int* const sharers = (int*)sharers_space.at;
     for (int turn = 0; turn < 2; ++turn)
         for (whole n = 0; n < count; ++n) {
             const Cell& cell = cells[n];
@@ -327,9 +339,6 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
             }
             ++crossings;
         }
-    free(sharers);
-    free(cells);
-    free(ends - 1);
     for (whole e = first_edge; e < silhouettes; ++e) {
         const int* const ends = t.chosen + 4 * e;
         const Slope slope = slope_of(screen + 3 * (ends[0] - first_vertex), screen + 3 * (ends[1] - first_vertex));
@@ -340,5 +349,4 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     }
     for (whole v = first_vertex; v < first_vertex + vertices; ++v)
         t.joints[2 * v] /= wp::max(t.joints[2 * v + 1], real(1));
-    release();
 };

@@ -2,13 +2,27 @@
 // status[0]: in, for how many crossings there is space. status[1], status[2]: out, crossings and edges found.
 whole silhouettes = 0, crossings = 0;
 clear(t.joints, 2 * t.vertices);
+for (whole o = 0; o < t.objects; ++o) {
+    const Object& object = objects[o];
+    const whole vertices = object.vertices, faces = object.face_count;
+    const whole ends[6] = {vertices, vertices, vertices, vertices, faces, faces};
+    if (!within(object.edges, 6 * object.edge_count, ends, true)) {
+        t.fault[0] = OUT_OF_RANGE;
+        return;
+    }
+}
 for (whole layer = 0; layer < t.layers; ++layer) {
     const whole first = crossings;
     find(layer, silhouettes, crossings);
+    if (*t.fault)
+        return;
     if (channels == 0 || crossings > t.status[0])
         continue;
     const int* const face = t.face + layer * grid;
-    real* const picture = (real*)calloc(grid * channels, sizeof(real));
+    const Space numbers(t.fault, grid * channels * sizeof(real), true);
+    if (*t.fault)
+        return;
+    real* const picture = (real*)numbers.at;
     Seen seen = {t.starts[layer]};
     const real* const behind = t.background + 3 * layer;
     const bool black = colours && !t.background_is_image && behind[0] == 0 && behind[1] == 0 && behind[2] == 0;
@@ -78,7 +92,6 @@ for (whole layer = 0; layer < t.layers; ++layer) {
                 t.coverage[at + x] += to[x];
         }
     }
-    free(picture);
 }
 t.status[1] = crossings;
 t.status[2] = silhouettes;

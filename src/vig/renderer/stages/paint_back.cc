@@ -3,12 +3,24 @@ clear_cotangents();
 clear(t.to_background, 3 * t.layers * (t.background_is_image ? t.height * t.width : 1));
 const whole crossings = t.status[1], silhouettes = t.status[2];
 whole next = 0;
-real* const on_places = (real*)calloc(3 * t.vertices + silhouettes + 1, sizeof(real));
+const Space cotangents(t.fault, (3 * t.vertices + silhouettes) * sizeof(real), true);
+if (*t.fault)
+    return;
+real* const on_places = (real*)cotangents.at;
 real* const on_joints = on_places + 2 * t.vertices;
 real* const on_steep = on_joints + t.vertices;
 for (whole layer = 0; layer < t.layers; ++layer) {
     const int* const face = t.face + layer * grid;
-    real* const pulled = (real*)calloc(grid * channels, sizeof(real));
+    const whole first = next;
+    while (next < crossings && t.crossing[8 * next + 5] == layer)
+        ++next;
+    // What the two pixels of each crossing give to its target; added when all have been read.
+    const Space exchanged(t.fault, (next - first) * channels * sizeof(real));
+    const Space picture(t.fault, grid * channels * sizeof(real), true);
+    if (*t.fault)
+        return;
+    real* const given = (real*)exchanged.at;
+    real* const pulled = (real*)picture.at;
     const auto spread = [&](const real* from, whole step, real* to) {
         for (whole n = 0; n < t.width * step && t.samples == 1; ++n)
             to[n] += from[n];
@@ -32,11 +44,6 @@ for (whole layer = 0; layer < t.layers; ++layer) {
                 spread(t.on_visible + ((layer * t.masks + m) * t.height + y) * t.width, 1, to);
         }
     }
-    const whole first = next;
-    while (next < crossings && t.crossing[8 * next + 5] == layer)
-        ++next;
-    // What the two pixels of each crossing give to its target; added when all have been read.
-    real* const given = (real*)malloc((next - first) * channels * sizeof(real) + 1);
     for (whole n = first; n < next; ++n) {
         const int* const row = t.crossing + 8 * n;
         const whole ia = t.chosen[4 * (whole)row[0]], ib = t.chosen[4 * (whole)row[0] + 1];
@@ -86,7 +93,6 @@ for (whole layer = 0; layer < t.layers; ++layer) {
             pulled[slot(t.crossing[8 * n + 7], c)] += g;
             pulled[slot(t.crossing[8 * n + 6], c)] -= g;
         }
-    free(given);
     Seen seen = {t.starts[layer]};
     double behind[3] = {};
     double on_light[LIGHT_ROW] = {};
@@ -138,7 +144,6 @@ for (whole layer = 0; layer < t.layers; ++layer) {
     if (t.to_background && !t.background_is_image)
         for (int c = 0; c < 3; ++c)
             t.to_background[3 * layer + c] += (real)behind[c];
-    free(pulled);
 }
 const auto to_point = [&](whole v, const real* screen, real gx, real gy) {
     real* const to = t.to_points + 3 * v;
@@ -167,4 +172,3 @@ for (whole v = 0; v < t.vertices; ++v)
         on_screen(t.points + 3 * v, place);
         to_point(v, place, on_places[2 * v], on_places[2 * v + 1]);
     }
-free(on_places);

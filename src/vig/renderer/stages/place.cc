@@ -1,5 +1,5 @@
 // Objects before their cameras: homogeneous screen points, normals and attributes of vertices, and lights.
-// status[0] becomes 1 where an input is not finite or a focal length not above zero.
+// NOT_FINITE: an input is not finite or a focal length not above zero.
 const auto finite = [](const real* x, whole count) {
     real sums[16] = {};
     whole i = 0;
@@ -14,16 +14,16 @@ const auto finite = [](const real* x, whole count) {
     return sum == 0;
 };
 if (!finite(t.background, t.background_numbers))
-    t.status[0] = 1;
+    t.fault[0] = NOT_FINITE;
 for (whole o = 0; o < t.objects; ++o) {
     const Object& object = objects[o];
     const whole count = object.vertices, columns = t.columns;
     for (int i = 0; i < INPUTS; ++i)
         if (object.in[i] && !finite(object.in[i], numbers_of(object, i)))
-            t.status[0] = 1;
+            t.fault[0] = NOT_FINITE;
     const real* const* const in = object.in;
     if (!(in[FOCAL][0] > 0 && in[FOCAL][1] > 0))
-        t.status[0] = 1;
+        t.fault[0] = NOT_FINITE;
     real* const light = t.lights + LIGHT_ROW * o;
     for (int i = 0; i < LIGHT_ROW; ++i)
         light[i] = 0;

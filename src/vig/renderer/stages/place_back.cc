@@ -13,7 +13,10 @@ for (whole o = 0; o < t.objects; ++o) {
     if (t.on_lights)
         for (int i = 0; i < LIGHT_ROW; ++i)
             on_light[i] = t.on_lights[LIGHT_ROW * o + i];
-    real* const on_raw = (real*)calloc(6 * count + 1, sizeof(real));
+    const Space cotangents(t.fault, 6 * count * sizeof(real), true);
+    if (*t.fault)
+        return;
+    real* const on_raw = (real*)cotangents.at;
     real* const on_world = on_raw + 3 * count;
     if (t.on_attributes)
         for (whole v = 0; v < count; ++v) {
@@ -94,7 +97,6 @@ for (whole o = 0; o < t.objects; ++o) {
                     on[VERTICES][3 * v + j] += (in[ROTATION] ? in[ROTATION][3 * i + j] : real(i == j)) * g;
             }
         }
-    free(on_raw);
     const auto add = [&](int input, const double* values, int count) {
         for (int i = 0; i < count && on[input]; ++i)
             on[input][i] += (real)values[i];
