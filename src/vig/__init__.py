@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from vig.several import explain_together as explain_together
     from vig.video import Track as Track
     from vig.video import TrackedFrame as TrackedFrame
+    from vig.video import TrackedPose as TrackedPose
+    from vig.video import Tracker as Tracker
     from vig.video import track as track
 
 __version__ = "0.3.0.dev0"
@@ -37,6 +39,8 @@ _HOMES = {
     "ObjectClass": "vig.scene",
     "Track": "vig.video",
     "TrackedFrame": "vig.video",
+    "TrackedPose": "vig.video",
+    "Tracker": "vig.video",
     "UserError": "vig.io.errors",
     "Verdict": "vig.inference",
     "SceneExplanation": "vig.several",

@@ -35,6 +35,8 @@ PUBLIC = {
     "SceneExplanation",
     "Track",
     "TrackedFrame",
+    "TrackedPose",
+    "Tracker",
     "UserError",
     "Verdict",
     "__version__",

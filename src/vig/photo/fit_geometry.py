@@ -7,12 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from vig.photo.pinhole import outline_weights, reprojected, turned_pose
+from vig.photo.pinhole import outline_weights, pose_covariance, reprojected, turned_pose
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass
-
-DIFFERENCE = 1e-4
-"""Step of differences in radians, widths and logs."""
 
 
 @dataclass(frozen=True)
@@ -81,21 +78,11 @@ class FitGeometry:
 
         x, y, z in metres, then turns about these axes in radians; to first order, by differences.
         """
-        from scipy.spatial.transform import Rotation
+        at = torch.cat([latents.azimuth, latents.elevation, framing]).double().numpy()
 
-        at = torch.cat([latents.azimuth, latents.elevation, framing]).double()
-
-        def moved(numbers: torch.Tensor) -> np.ndarray:
+        def moved(at: np.ndarray) -> np.ndarray:
+            numbers = torch.from_numpy(at)
             angles = {"azimuth": numbers[:1], "elevation": numbers[1:2]}
             return self._nearly(matrix, replace(latents, **angles), numbers[2:])
 
-        here = moved(at)
-        columns = []
-        for index, step in enumerate(torch.eye(len(at), dtype=torch.float64) * DIFFERENCE):
-            there = moved(at + step)
-            turn = Rotation.from_matrix(there[:3, :3] @ here[:3, :3].T).as_rotvec()
-            columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
-            columns[-1] *= float(deviation[index].double())
-        spread = np.stack(columns, axis=1)
-        covariance: np.ndarray = spread @ spread.T
-        return covariance
+        return pose_covariance(moved, at, deviation.double().numpy())

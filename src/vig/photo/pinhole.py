@@ -7,6 +7,7 @@ camera that took the photo does not.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,6 +17,8 @@ STEPS = 10
 """Of Gauss-Newton, at most; three are enough for most poses."""
 LEAST_VERTICAL = 1e-3
 """Sine of the angle between the ray to an object and its vertical."""
+DIFFERENCE = 1e-4
+"""Step of differences in radians, widths and logs."""
 INNER_WEIGHT = 0.1
 """Weight of a vertex within the outline, whose own vertices count 1."""
 
@@ -56,6 +59,30 @@ def sight_axes(pose: np.ndarray) -> np.ndarray:
         vertical = np.cross(ray, pose[:3, 0])
     vertical /= np.linalg.norm(vertical)
     return np.stack([np.cross(vertical, ray), vertical, ray], axis=1)
+
+
+def pose_covariance(
+    moved: Callable[[np.ndarray], np.ndarray], at: np.ndarray, deviation: np.ndarray
+) -> np.ndarray:
+    """Covariance (6, 6) of a pose that follows from independent numbers: to first order, by differences.
+
+    x, y, z in metres, then turns about these axes in radians.
+
+    Args:
+        moved: The pose (4, 4) of numbers (N,).
+        at: (N,) in radians, logs, or widths.
+        deviation: (N,) of these.
+    """
+    from scipy.spatial.transform import Rotation
+
+    here, columns = moved(at), []
+    for step in DIFFERENCE * np.eye(len(at)):
+        there = moved(at + step)
+        turn = Rotation.from_matrix(there[:3, :3] @ here[:3, :3].T).as_rotvec()
+        columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
+    spread = np.stack(columns, axis=1) * deviation
+    covariance: np.ndarray = spread @ spread.T
+    return covariance
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:

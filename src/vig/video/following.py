@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.photo.checks import MIN_SIDE
 from vig.photo.images import coded_photo
+from vig.photo.pinhole import turned_pose
 from vig.recognition import find
 from vig.scene import Camera, latent_layout
 
@@ -44,6 +46,9 @@ SLOWING = 0.9
 """Of the speed for each frame without the object."""
 LEAST_SURE = 0.5
 """Probability of the view in the first frame from which the colour in its box is taken for the object's."""
+SURE = 0.8
+"""Probability of a view from which what is seen in the place is the object whatever its colour: the colour
+of the frames before may be that of what hid it."""
 SOUGHT = 3.0
 """Sides of the square about the predicted place in which a lost object is sought."""
 NO_CONFIDENCE = (0.6, 0.2)
@@ -56,7 +61,7 @@ class Sighting:
 
     Attributes:
         window: In which it was fitted.
-        camera: Of the whole frame.
+        camera: Of the whole frame, as one that looks straight at the object.
         azimuths: (N,) of the fit, and of the alternatives.
         probabilities: (N,) that each is right.
         azimuth_deviation: Standard deviation.
@@ -86,13 +91,14 @@ class Sighting:
     def of(explanation: Explanation) -> Sighting:
         """What an explanation says."""
         layout = latent_layout(explanation.object_class.shape_model.modes).split(explanation.fit.deviation)
-        views, hidden = explanation.alternatives, explanation.hidden_fraction
+        views, hidden = explanation.fit.alternatives, _hidden(explanation)
+        latents = explanation.latents, *(view.latents for view in views)
         calibrated = not math.isnan(explanation.confidence)
         shares = [explanation.confidence, *(view.probability for view in views)]
         return Sighting(
             window=explanation.window,
-            camera=explanation.camera,
-            azimuths=np.radians([explanation.azimuth_deg, *(view.azimuth_deg for view in views)]),
+            camera=_straight(explanation),
+            azimuths=np.array([float(each.azimuth) for each in latents]) % math.tau,
             probabilities=np.array(
                 shares if calibrated else [NO_CONFIDENCE[bool(n)] for n in range(len(shares))]
             ),
@@ -125,6 +131,7 @@ class Follower:
     """Explains frame after frame; see `track` for what is given.
 
     Attributes:
+        camera: Of all frames in place of a focal length, see `Explainer.explain`.
         place: Where the object is expected, as `Sighting.place`; None before it was seen.
         speed: (2,) of its centre, pixels a frame.
         roll: Of the window, radians.
@@ -135,6 +142,7 @@ class Follower:
     explainer: Explainer
     focal: float | None = None
     hints: Hints | None = None
+    camera: Any = None
     place: np.ndarray | None = None
     speed: np.ndarray = field(default_factory=lambda: np.zeros(2))
     roll: float = 0.0
@@ -144,7 +152,9 @@ class Follower:
     def explain(self, frame: Photo, box: Box | None = None) -> tuple[Explanation, Sighting]:
         """Explain the next frame; box: round the object in it, where it was not seen before."""
         if self.place is None:
-            explanation = self.explainer.explain_followed(frame, None, self.focal, self.hints, box=box)
+            explanation = self.explainer.explain_followed(
+                frame, None, self.focal, self.hints, self.camera, box
+            )
             sighting = Sighting.of(explanation)
             if not sighting.lost:
                 self.place, self.roll, self.albedo = sighting.place, sighting.camera.roll, sighting.albedo
@@ -167,11 +177,13 @@ class Follower:
         return explanation, replace(sighting, lost=True)
 
     def _at(self, frame: Photo, window: Window) -> tuple[Explanation, Sighting]:
-        explanation = self.explainer.explain_followed(frame, window, self.focal, self.hints)
+        explanation = self.explainer.explain_followed(frame, window, self.focal, self.hints, self.camera)
         return explanation, Sighting.of(explanation)
 
     def _found_again(self, frame: Photo, place: np.ndarray) -> Window | None:
         """The window of what is found near the predicted place, if surely."""
+        if not self.explainer.recognizer.has_map:
+            return None
         photo, half = coded_photo(frame), SOUGHT / 2 * math.exp(place[2])
         left, top, right, bottom = (
             max(0, int(middle + side)) for side in (-half, half) for middle in place[:2]
@@ -186,14 +198,18 @@ class Follower:
     def _is_object(self, sighting: Sighting) -> bool:
         """Whether what is seen may be the object: near the predicted place, as large, of its colour."""
         off, wider = sighting.place - self.place, min(1 + WIDENING * self.missed, MOST_WIDENING)
-        albedo_so_far = sighting.albedo if self.albedo is None else self.albedo
-        apart = np.log(sighting.albedo + 0.05) - np.log(albedo_so_far + 0.05)  # dark ones are alike
         return (
             not sighting.lost
             and math.hypot(*off[:2]) < wider * MOST_SHIFT * math.exp(self._side)
             and abs(off[2]) < wider * MOST_LOG_SIZE
-            and float(np.sqrt(np.square(apart).mean())) < MOST_LOG_ALBEDO
+            and (self._has_its_colour(sighting) or float(sighting.probabilities[0]) > SURE)
         )
+
+    def _has_its_colour(self, sighting: Sighting) -> bool:
+        if self.albedo is None:
+            return True
+        apart = np.log(sighting.albedo + 0.05) - np.log(self.albedo + 0.05)  # dark ones are alike
+        return float(np.sqrt(np.square(apart).mean())) < MOST_LOG_ALBEDO
 
     @property
     def _side(self) -> float:
@@ -207,7 +223,8 @@ class Follower:
         self.place = self.place + sure * np.array([PLACE_GAIN, PLACE_GAIN, SIZE_GAIN]) * off
         self.speed = self.speed + sure * SPEED_GAIN * off[:2]
         self.roll += sure * ROLL_GAIN * (sighting.camera.roll - self.roll)
-        albedo_so_far = sighting.albedo if self.albedo is None else self.albedo
+        albedo_so_far = self.albedo if self._has_its_colour(sighting) else None
+        albedo_so_far = sighting.albedo if albedo_so_far is None else albedo_so_far
         self.albedo = albedo_so_far + sure * COLOUR_GAIN * (sighting.albedo - albedo_so_far)
         self.missed = 0
 
@@ -219,3 +236,36 @@ def _place_of(explanation: Explanation) -> np.ndarray:
     pixels = points[:, :2] / points[:, 2:]
     least, most = pixels.min(0), pixels.max(0)
     return np.array([*(least + most) / 2, math.log((most - least).max())])
+
+
+def _hidden(explanation: Explanation) -> float | None:
+    """`Explanation.hidden_fraction` by the pixels of the window, which is quicker."""
+    fit, window, (height, width) = explanation.fit, explanation.window, explanation.picture.shape[:2]
+    size = len(fit.coverage)
+    offsets = ((np.arange(size) + 0.5) / size - 0.5) * window.side
+    x, y = window.to_photo(*np.meshgrid(offsets, offsets))
+    covered = (fit.coverage.numpy() >= 0.5) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    count = int(covered.sum())
+    return 1 - int((covered & (fit.visible.numpy() >= 0.5)).sum()) / count if count else None
+
+
+def _straight(explanation: Explanation) -> Camera:
+    """The camera that looks straight at the object, as if the frame had been cut from a larger one about it.
+
+    `turned_pose` leads back to the pose before the frame's own.
+    """
+    camera, pose = explanation.camera, explanation.camera_from_object
+    if camera.mount is None:
+        return camera
+    point = pose[:3, :3] @ [0.0, 0.0, camera.target_height] + pose[:3, 3]
+    cx, cy, _ = (camera.K @ point / point[2]).tolist()
+    focal = math.sqrt(camera.K[0, 0] * camera.K[1, 1])
+    straight = replace(
+        camera, focal=focal, focal_y=None, cx=cx, cy=cy, distance=float(point[2]), mount=None, roll=0.0
+    )
+    level = straight.camera_from_world(
+        float(explanation.latents.azimuth), float(explanation.latents.elevation)
+    )
+    roll = turned_pose(straight, level, camera.K)[:3, :3].T @ pose[:3, :3]  # in the object's frame
+    roll = level[:3, :3] @ roll @ level[:3, :3].T
+    return replace(straight, roll=math.atan2(roll[1, 0], roll[0, 0]))

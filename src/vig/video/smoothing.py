@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -14,105 +15,127 @@ SPEED_SPREAD = 1.0
 """Standard deviation in bins by which its speed changes from frame to frame."""
 SPEED_OTHER = 0.02
 """Probability of any other change of the speed."""
+KEEPING = 4.0
+"""Nats by which a path must be likelier than those that go on from the last angle, to replace them.
+Chosen, as `vig.video.tracker`'s numbers, on videos of the validation split by benchmarks.tracking."""
 TAILS = 4.0
 """Degrees of freedom of the Student distribution of what single frames measure."""
+SPEEDS = np.arange(-FASTEST, FASTEST + 1)
+"""(S,) bins a frame."""
+_USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / SPEED_SPREAD) ** 2)
+LOG_CHANGE = np.log((1 - SPEED_OTHER) * _USUAL / _USUAL.sum(1, keepdims=True) + SPEED_OTHER / len(SPEEDS))
+"""(S, S) log probabilities from a speed to that of the next frame."""
 ROUNDS = 4
 """Rounds of reweighting, after which weights hardly change."""
 
 
-def likeliest_path(log_evidence: np.ndarray) -> np.ndarray:
-    """The likeliest angles of something that turns smoothly, by the Viterbi algorithm.
+class LikeliestPath:
+    """The likeliest angles of something that turns smoothly, frame by frame: the Viterbi algorithm.
 
     The state is angle and speed. Speeds change little from a frame to the next, or rarely by anything.
-
-    Args:
-        log_evidence: (T, A) log likelihood of each frame in each bin of the circle; a constant where a frame
-            says nothing.
-
-    Returns:
-        (T,) float64 centres of bins, radians, unwrapped: from one frame to the next they change by the speed.
     """
-    count, bins = log_evidence.shape
-    speeds = np.arange(-FASTEST, FASTEST + 1)
-    change = speeds[:, None] - speeds
-    usual = np.exp(-0.5 * (change / SPEED_SPREAD) ** 2)
-    usual /= usual.sum(1, keepdims=True)
-    log_change = np.log((1 - SPEED_OTHER) * usual + SPEED_OTHER / len(speeds))  # (from, to)
-    previous_bin = (np.arange(bins)[:, None] - speeds) % bins  # the angle that a speed leads here from
-    score = np.repeat(log_evidence[0][:, None], len(speeds), axis=1)
-    steps = np.empty((count, bins, len(speeds)), np.int8)
-    for frame in range(1, count):
-        options = score[:, :, None] + log_change
-        steps[frame] = options.argmax(1)  # by angle previous_bin, and speed now
-        score = options.max(1)[previous_bin, np.arange(len(speeds))] + log_evidence[frame][:, None]
-    angle, speed = np.unravel_index(score.argmax(), score.shape)
-    path = np.empty(count)
-    place = int(angle)
-    for frame in range(count - 1, -1, -1):
-        path[frame] = place
-        if frame:
-            place -= int(speeds[speed])
-            speed = steps[frame, place % bins, speed]
-    centres: np.ndarray = (path + 0.5) * (2 * math.pi / bins)
-    return centres
+
+    def __init__(self, memory: int | None = None):
+        """`memory`: number of frames whose angles are kept, the latest ones; without it all."""
+        self._score = np.zeros((0, len(SPEEDS)))
+        self._steps: deque[np.ndarray] = deque(maxlen=memory)
+
+    def add(self, log_evidence: np.ndarray) -> None:
+        """Go on by a frame of log likelihood (A,) by bins of the circle, constant where it says nothing."""
+        bins = len(log_evidence)
+        best = np.zeros((bins, len(SPEEDS)), np.int8)
+        if not len(self._score):
+            self._score = np.zeros(best.shape)
+        else:
+            options = self._score[:, :, None] + LOG_CHANGE
+            best = options.argmax(1).astype(np.int8)  # by the angle before, and speed now
+            before = (np.arange(bins)[:, None] - SPEEDS) % bins
+            self._score = options.max(1)[before, np.arange(len(SPEEDS))]
+        self._score = self._score + log_evidence[:, None]
+        self._steps.append(best)
+
+    def angles(self, near: float | None = None) -> np.ndarray:
+        """The likeliest angles (T,) float64 of all frames so far: centres of bins, radians, unwrapped.
+
+        near: radians of the frame before, by which another path must be likelier by `KEEPING` nats.
+        """
+        score = self._score.copy()
+        if near is not None:
+            turn = np.arange(len(score)) + 0.5 - near * len(score) / (2 * math.pi)
+            apart = np.abs((turn + len(score) / 2) % len(score) - len(score) / 2)
+            score[apart <= FASTEST] += KEEPING
+        angle, speed = np.unravel_index(score.argmax(), score.shape)
+        count, bins = len(self._steps), len(self._score)
+        path, place = np.empty(count), int(angle)
+        for frame in range(count - 1, -1, -1):
+            path[frame] = place
+            if frame:
+                place -= int(SPEEDS[speed])
+                speed = self._steps[frame][place % bins, speed]
+        centres: np.ndarray = (path + 0.5) * (2 * math.pi / bins)
+        return centres
 
 
 def smoothed(
-    values: np.ndarray, deviation: np.ndarray, acceleration: float, speed: float = math.inf
+    values: np.ndarray,
+    deviation: np.ndarray,
+    acceleration: float | np.ndarray,
+    speed: float | np.ndarray = math.inf,
 ) -> np.ndarray:
     """Smooth what frames measure: Rauch, Tung and Striebel's smoother of a place with its speed.
 
     Single measurements may be far off: their noise is Student's, by iterated reweighting.
 
     Args:
-        values: (T,) what is measured.
-        deviation: (T,) its standard deviations; inf where nothing was.
-        acceleration: Standard deviation of the change of speed from a frame to the next.
-        speed: Standard deviation of the speed in the first frame, at most 100 times that.
+        values: (..., T) what is measured.
+        deviation: (..., T) its standard deviations; inf where nothing was.
+        acceleration: (...) standard deviation of the change of speed from a frame to the next.
+        speed: (...) standard deviation of the speed in the first frame, at most 100 times that.
 
     Returns:
-        (2, T) means and standard deviations; without any measurement 0 and inf.
+        (2, ..., T) means and standard deviations; without any measurement 0 and inf.
     """
-    has_deviation = np.isfinite(deviation)
-    if not has_deviation.any():
-        return np.stack([np.zeros(len(values)), np.full(len(values), math.inf)])
-    variance = np.where(has_deviation, deviation, 1.0) ** 2
-    weight = np.ones(len(values))
+    measured = np.isfinite(deviation)
+    nothing = ~measured.any(-1, keepdims=True)
+    variance = np.where(measured, deviation, 1.0) ** 2
+    measured, weight = measured | nothing, np.ones(values.shape)
     for _ in range(ROUNDS):
-        estimate = _smoothed(
-            values, np.where(has_deviation, variance / weight, math.inf), acceleration, speed
-        )
+        estimate = _smoothed(values, np.where(measured, variance / weight, math.inf), acceleration, speed)
         weight = (TAILS + 1) / (TAILS + (values - estimate[0]) ** 2 / variance)
-    return estimate
+    return np.where(nothing, np.reshape([0.0, math.inf], (2, *[1] * values.ndim)), estimate)
 
 
 def _smoothed(
-    values: np.ndarray, variance: np.ndarray, acceleration: float, speed: float = math.inf
+    values: np.ndarray,
+    variance: np.ndarray,
+    acceleration: float | np.ndarray,
+    speed: float | np.ndarray = math.inf,
 ) -> np.ndarray:
-    """`smoothed` of Gaussian noise of such variances (T,)."""
+    """`smoothed` of Gaussian noise of such variances (..., T)."""
+    change = np.broadcast_to(np.square(acceleration), values.shape[:-1])
     step = np.array([[1.0, 1.0], [0.0, 1.0]])
-    noise = acceleration**2 * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
-    first = int(np.flatnonzero(np.isfinite(variance))[0])
-    mean, spread = (
-        np.array([values[first], 0.0]),
-        np.diag([1e6 * variance[first], min(speed, 100 * acceleration) ** 2]),
-    )
+    noise = change[..., None, None] * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
+    first = np.isfinite(variance).argmax(-1)[..., None]
+    mean, spread = np.zeros((*change.shape, 2)), np.zeros((*change.shape, 2, 2))
+    mean[..., :1] = np.take_along_axis(values, first, -1)
+    spread[..., 0, 0] = 1e6 * np.take_along_axis(variance, first, -1)[..., 0]
+    spread[..., 1, 1] = np.minimum(np.square(speed), 1e4 * change)
     means: list[np.ndarray] = []
     spreads: list[np.ndarray] = []
     predicted: list[tuple[np.ndarray, np.ndarray]] = []
-    for value, error in zip(values, variance, strict=True):
+    for value, error in zip(np.moveaxis(values, -1, 0), np.moveaxis(variance, -1, 0), strict=True):
         if means:
-            mean, spread = step @ mean, step @ spread @ step.T + noise
+            mean, spread = mean @ step.T, step @ spread @ step.T + noise
         predicted.append((mean, spread))
-        if math.isfinite(error):
-            gain = spread[:, 0] / (spread[0, 0] + error)
-            mean = mean + gain * (value - mean[0])
-            spread = spread - np.outer(gain, spread[0])
+        gain = spread[..., 0] / (spread[..., 0, 0] + error)[..., None]
+        mean = mean + gain * (value - mean[..., 0])[..., None]
+        spread = spread - gain[..., None] * spread[..., None, 0, :]
         means.append(mean)
         spreads.append(spread)
-    for frame in range(len(values) - 2, -1, -1):
+    for frame in range(len(means) - 2, -1, -1):
         ahead, uncertain = predicted[frame + 1]
-        gain = spreads[frame] @ step.T @ np.linalg.inv(uncertain)
-        means[frame] = means[frame] + gain @ (means[frame + 1] - ahead)
-        spreads[frame] = spreads[frame] + gain @ (spreads[frame + 1] - uncertain) @ gain.T
-    return np.array([[each[0] for each in means], [math.sqrt(max(each[0, 0], 0.0)) for each in spreads]])
+        back = spreads[frame] @ step.T @ np.linalg.inv(uncertain)
+        means[frame] = means[frame] + (back @ (means[frame + 1] - ahead)[..., None])[..., 0]
+        spreads[frame] = spreads[frame] + back @ (spreads[frame + 1] - uncertain) @ back.swapaxes(-1, -2)
+    deviations = np.sqrt(np.maximum([each[..., 0, 0] for each in spreads], 0.0))
+    return np.stack([np.moveaxis(np.array(each), 0, -1) for each in ([m[..., 0] for m in means], deviations)])

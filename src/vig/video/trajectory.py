@@ -15,9 +15,10 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
+from vig.photo import Window
 from vig.scene import Camera
 from vig.video.following import Follower, Sighting, window_at
-from vig.video.smoothing import BINS, likeliest_path, smoothed
+from vig.video.smoothing import BINS, LikeliestPath, smoothed
 
 UNKNOWN = 0.05
 """Probability that a view is none of a frame's, beside what its confidence leaves."""
@@ -49,21 +50,18 @@ ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
 
 
 @dataclass(frozen=True)
-class TrackedFrame:
-    """What the whole video says of one frame; angles in degrees.
+class FramePose:
+    """The object's pose in one frame; angles in degrees.
 
     Attributes:
         number: Of the frame, from 0.
-        azimuth_deg: In [0, 360), smoothed, as are elevation and camera.
+        azimuth_deg: In [0, 360).
         azimuth_deviation_deg: Its standard deviation.
-        elevation_deg: Smoothed.
+        elevation_deg: Of the eye above the object's horizon.
         elevation_deviation_deg: Its standard deviation.
-        alone_azimuth_deg: Of the frame's own fit, as `alone_elevation_deg`.
-        alone_elevation_deg: Likewise.
-        camera: Of the whole frame; its focal length is the same in all frames.
+        camera: Of the whole frame.
         hidden_fraction: Of the frame's fit; None where it shows nothing of the object.
-        lost: Whether the frame does not tell where the object is: place and view are those of its neighbours.
-        refitted: Whether its neighbours told another view or place, so that it was fitted again.
+        lost: Whether the frame does not tell where the object is: place and view are those of other frames.
     """
 
     number: int
@@ -71,17 +69,29 @@ class TrackedFrame:
     azimuth_deviation_deg: float
     elevation_deg: float
     elevation_deviation_deg: float
-    alone_azimuth_deg: float
-    alone_elevation_deg: float
     camera: Camera
     hidden_fraction: float | None
     lost: bool
-    refitted: bool
 
     @property
     def camera_from_object(self) -> np.ndarray:
         """Pose (4, 4) float64, metres, as that of `Explanation`."""
         return self.camera.camera_from_world(math.radians(self.azimuth_deg), math.radians(self.elevation_deg))
+
+
+@dataclass(frozen=True)
+class TrackedFrame(FramePose):
+    """What the whole video says of one frame: smoothed numbers; the focal length is the same in all frames.
+
+    Attributes:
+        alone_azimuth_deg: Of the frame's own fit.
+        alone_elevation_deg: Likewise.
+        refitted: Whether its neighbours told another view or place, so that it was fitted again.
+    """
+
+    alone_azimuth_deg: float
+    alone_elevation_deg: float
+    refitted: bool
 
 
 @dataclass(frozen=True)
@@ -104,20 +114,26 @@ class Trajectory:
     """Smoothed numbers of T frames, radians and pixels.
 
     Attributes:
-        azimuth: (2, T) means and deviations, unwrapped.
-        elevation: (2, T) likewise.
-        roll: (T,).
-        place: (T, 3) as `Sighting.place`.
-        middle: (T, 2) principal point of the cameras.
-        scale: (T,) log of focal length over distance.
+        numbers: (2, 9, T) means and deviations of azimuth, unwrapped, and elevation; x and y of the cameras'
+            principal point, log of focal length over distance, roll; `Sighting.place`.
     """
 
-    azimuth: np.ndarray
-    elevation: np.ndarray
-    roll: np.ndarray
-    place: np.ndarray
-    middle: np.ndarray
-    scale: np.ndarray
+    numbers: np.ndarray
+
+    @property
+    def azimuth(self) -> np.ndarray:
+        """(2, T) means and deviations."""
+        return self.numbers[:, 0]
+
+    @property
+    def elevation(self) -> np.ndarray:
+        """(2, T) likewise."""
+        return self.numbers[:, 1]
+
+    @property
+    def place(self) -> np.ndarray:
+        """(T, 3) means of `Sighting.place`."""
+        return self.numbers[0, 6:].T
 
     @staticmethod
     def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> Trajectory:
@@ -128,35 +144,41 @@ class Trajectory:
         places = np.stack([each.place for each in sightings])
         side = math.exp(float(np.median(places[~lost, 2])))
 
-        def smooth(
-            values: Sequence[float] | np.ndarray, noise: np.ndarray, change: float, speed: float = math.inf
-        ) -> np.ndarray:
-            return smoothed(np.array(values), np.where(lost, math.inf, noise), change, speed)
-
-        off = np.array([_off(each.azimuths[0], at, fold) for each, at in zip(sightings, path, strict=True)])
+        off = np.array(
+            [azimuth_off(each.azimuths[0], at, fold) for each, at in zip(sightings, path, strict=True)]
+        )
         spread = np.where(np.abs(off) > FAR, math.inf, [_spread(each) for each in sightings])
+        if not np.isfinite(spread[~lost]).any():
+            off, spread = np.zeros(len(path)), np.full(len(path), MOST_SPREAD)
         angle = ANGLE_NOISE[0] + ANGLE_NOISE[1] * hidden
         noise = PLACE_NOISE[0] + PLACE_NOISE[1] * hidden
-        place = [smooth(places[:, axis], side * noise, side * SHIFT)[0] for axis in (0, 1)]
-        middle = [
-            smooth(values, side * noise, side * SHIFT)[0]
-            for values in ([c.cx for c in cameras], [c.cy for c in cameras])
+        shifts = side * noise, side * SHIFT, math.inf
+        rows = [  # values, their noise, change of their speed, and its first deviation
+            (path + off, spread, TURN, math.inf),
+            ([each.elevation for each in sightings], angle, TILT, TILT_SPEED),
+            ([c.cx for c in cameras], *shifts),
+            ([c.cy for c in cameras], *shifts),
+            ([math.log(c.focal / c.distance) for c in cameras], noise, SHIFT, math.inf),
+            ([c.roll for c in cameras], angle, TILT, TILT_SPEED),
+            (places[:, 0], *shifts),
+            (places[:, 1], *shifts),
+            (places[:, 2], noise, SHIFT, math.inf),
         ]
-        return Trajectory(
-            azimuth=smooth(path + off, spread, TURN),
-            elevation=smooth([each.elevation for each in sightings], angle, TILT, TILT_SPEED),
-            roll=smooth([c.roll for c in cameras], angle, TILT, TILT_SPEED)[0],
-            place=np.stack([*place, smooth(places[:, 2], noise, SHIFT)[0]], axis=1),
-            middle=np.stack(middle, axis=1),
-            scale=smooth([math.log(c.focal / c.distance) for c in cameras], noise, SHIFT)[0],
-        )
+        values, noises, change, speed = map(np.array, zip(*rows, strict=True))
+        return Trajectory(smoothed(values, np.where(lost, math.inf, noises), change, speed))
 
     def contradicts(self, number: int, sighting: Sighting, fold: int) -> bool:
         """Whether a frame sees the object from another side or elsewhere than its neighbours."""
         off = sighting.place - self.place[number]
         away = max(math.hypot(*off[:2]) / math.exp(self.place[number, 2]), abs(off[2]))
-        turned = abs(_off(sighting.azimuths[0], self.azimuth[0, number], fold))
+        turned = abs(azimuth_off(sighting.azimuths[0], self.azimuth[0, number], fold))
         return sighting.lost or turned > FAR or away > OFF
+
+    def expected(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
+        """Where and from which side a frame shows the object, and what else is known of it."""
+        azimuth, elevation = np.degrees(self.numbers[0, :2, number]).tolist()
+        window = window_at(self.place[number], float(self.numbers[0, 5, number]))
+        return window, replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
 
 
 def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
@@ -226,11 +248,7 @@ def track(
     trajectory, again = Trajectory.of(alone, path, fold), list(alone)
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
-            azimuth, elevation = np.degrees(
-                [trajectory.azimuth[0, number], trajectory.elevation[0, number]]
-            ).tolist()
-            frame_hints = replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
-            window = window_at(trajectory.place[number], float(trajectory.roll[number]))
+            window, frame_hints = trajectory.expected(number, hints)
             explanation = explainer.explain_followed(frames[number], window, focal, frame_hints)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:
@@ -248,17 +266,23 @@ def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
 
     fold: Number of views of the circle that look the same.
     """
+    path = LikeliestPath()
+    for sighting in sightings:
+        path.add(view_evidence(sighting, fold))
+    return path.angles() / fold
+
+
+def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
+    """Log likelihood (BINS,) of a frame's views, of the circle's part in which they differ."""
+    if sighting.lost:
+        return np.zeros(BINS)
     centres = (np.arange(BINS) + 0.5) * (2 * math.pi / BINS)
-    evidence = np.zeros((len(sightings), BINS))
-    for number, sighting in enumerate(sightings):
-        if sighting.lost:
-            continue
-        rest = max(0.0, 1 - float(sighting.probabilities.sum()))
-        off = (fold * sighting.azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
-        spread = fold * _spread(sighting)
-        density = np.exp(-0.5 * (off / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
-        evidence[number] = np.log(sighting.probabilities @ density + (rest + UNKNOWN) / (2 * math.pi))
-    return likeliest_path(evidence) / fold
+    rest = max(0.0, 1 - float(sighting.probabilities.sum()))
+    off = (fold * sighting.azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
+    spread = fold * _spread(sighting)
+    density = np.exp(-0.5 * (off / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+    evidence: np.ndarray = np.log(sighting.probabilities @ density + (rest + UNKNOWN) / (2 * math.pi))
+    return evidence
 
 
 def _frames(
@@ -266,6 +290,7 @@ def _frames(
 ) -> list[TrackedFrame]:
     focal = float(np.median([each.camera.focal for each in again if not each.lost]))
     azimuth, elevation = np.degrees(trajectory.azimuth), np.degrees(trajectory.elevation)
+    cx, cy, scale, roll = trajectory.numbers[0, 2:6].tolist()
     return [
         TrackedFrame(
             number=number,
@@ -280,10 +305,10 @@ def _frames(
             camera=replace(
                 second.camera,
                 focal=focal,
-                cx=float(trajectory.middle[number, 0]),
-                cy=float(trajectory.middle[number, 1]),
-                distance=focal / math.exp(trajectory.scale[number]),
-                roll=float(trajectory.roll[number]),
+                cx=cx[number],
+                cy=cy[number],
+                distance=focal / math.exp(scale[number]),
+                roll=roll[number],
             ),
             hidden_fraction=second.hidden,
             lost=first.lost,
@@ -298,7 +323,7 @@ def _spread(sighting: Sighting) -> float:
     return min(max(sighting.azimuth_deviation / NARROWER, LEAST_SPREAD), MOST_SPREAD)
 
 
-def _off(azimuth: float, other: float, fold: int) -> float:
+def azimuth_off(azimuth: float, other: float, fold: int) -> float:
     """azimuth - other of the two nearest views that look like these, radians."""
     circle = 2 * math.pi / fold
     return float((azimuth - other + circle / 2) % circle - circle / 2)

@@ -19,12 +19,15 @@ from vig_app.exports import FORMATS, RUN_FORMATS
 class FitCommand:
     """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
 
-    images: tyro.conf.Positional[tuple[Path, ...]]
+    images: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, JPEG, PNG, TIFF, WebP, AVIF ...;
     videos, taken as their frames."""
     track: bool = False
     """The photos are one folder or video of one object: follow it from frame to frame and smooth its views;
     --box is that of the first frame. docs/many.md."""
+    live: str | None = None
+    """With --track, in place of photos: a camera by its number, the address of a stream, a file played at its
+    own speed, or - for standard input, until its end or Ctrl-C; writes track.csv, overlay.mp4, track.png."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
     for each. Without it the object is sought in the photo."""

@@ -33,6 +33,7 @@ from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
+from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_one_line, listed, note
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import check_files
@@ -67,6 +68,8 @@ def _with_mask(settings: FitCommand) -> tuple[str, ...] | None:
 def fit(settings: FitCommand) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
     check_files(settings.files)
+    if settings.live is not None:
+        return fit_live(settings)
     if settings.track:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():

@@ -31,9 +31,20 @@ def explainer() -> vig.Explainer:
 @pytest.fixture(scope="session")
 def video(explainer: vig.Explainer) -> Video:
     """Twelve frames of the middle of a video in which a jug passes before the pot."""
+    return video_of(explainer, slice(None, None, 3))
+
+
+@pytest.fixture(scope="session")
+def quick_video(explainer: vig.Explainer) -> Video:
+    """Ten frames of another, in which the pot turns by some 10 degrees a frame, at last half hidden."""
+    return video_of(explainer, slice(10), 1)
+
+
+def video_of(explainer: vig.Explainer, chosen: slice, number: int = 2) -> Video:
+    """Some of the 36 frames of a video."""
     library = Library("validation")
-    turning = draw_turning(library, explainer.object_class, 3, 2)
-    scenes = list(turning.frames(36))[::3]
+    turning = draw_turning(library, explainer.object_class, 3, number)
+    scenes = list(turning.frames(36))[chosen]
     pictures = [render(library, scene, explainer.object_class) for scene in scenes]
     rows, columns = np.nonzero(pictures[0].amodal)
     corner = float(columns.min()), float(rows.min())

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vig.video.smoothing import BINS, TAILS, _smoothed, likeliest_path, smoothed
+from vig.video.smoothing import BINS, TAILS, LikeliestPath, _smoothed, smoothed
 
 TURN = math.radians(7.0)
 
@@ -17,6 +17,13 @@ def seen_at(azimuths: np.ndarray, weight: float = 3.0, spread: float = 0.1) -> n
     centres = (np.arange(BINS) + 0.5) * (2 * math.pi / BINS)
     off = (azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
     return weight * np.exp(-0.5 * (off / spread) ** 2)
+
+
+def likeliest_path(evidence: np.ndarray, memory: int | None = None) -> np.ndarray:
+    path = LikeliestPath(memory)
+    for row in evidence:
+        path.add(row)
+    return path.angles()
 
 
 def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -45,6 +52,34 @@ def test_frames_without_evidence_go_on_turning() -> None:
     evidence = seen_at(truth)
     evidence[10:18] = 0.0
     assert difference(likeliest_path(evidence), truth).max() < math.radians(10)  # speeds are whole bins
+
+
+def test_a_causal_path_takes_no_single_wrong_view_and_soon_the_right_one() -> None:
+    """The last angle after each frame, with the memory of a few frames."""
+    truth = 1.0 + TURN * np.arange(40)
+    seen = truth.copy()
+    seen[[12, 16, 17, 30]] += math.pi
+    seen[:3] += math.pi
+    path, memory = LikeliestPath(8), []
+    last: list[float] = []
+    for row in seen_at(seen):
+        path.add(row)
+        angles = path.angles(last[-1] if last else None)
+        memory.append(len(angles))
+        last.append(angles[-1])
+    assert memory == [*range(1, 8), *[8] * 33]
+    assert difference(np.array(last), truth)[9:].max() < math.radians(5)
+    assert difference(likeliest_path(seen_at(seen), 8), truth[-8:]).max() < math.radians(5)
+
+
+def test_several_things_are_smoothed_as_each_by_itself() -> None:
+    rng = np.random.default_rng(3)
+    values, deviation = rng.normal(size=(3, 9)), rng.uniform(0.5, 2.0, (3, 9))
+    deviation[0, :2] = deviation[1] = math.inf
+    change, speed = np.array([0.1, 0.2, 0.3]), np.array([math.inf, 1.0, 0.01])
+    together = smoothed(values, deviation, change, speed)
+    alone = [smoothed(*row) for row in zip(values, deviation, change, speed, strict=True)]
+    assert np.allclose(together, np.stack(alone, axis=1))
 
 
 def test_the_path_is_the_best_of_all() -> None:

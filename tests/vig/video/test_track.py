@@ -79,6 +79,24 @@ def test_views_that_look_the_same_are_one() -> None:
     assert FAR < math.pi / 2
 
 
+def test_a_sure_view_in_the_place_is_the_object_whatever_its_colour(explainer: vig.Explainer) -> None:
+    place = np.array([75.0, 75.0, math.log(100)])
+    follower = Follower(explainer, place=place, albedo=np.array([0.2, 0.02, 0.01]))
+    assert follower._is_object(sighting(10.0, 0.9))
+    assert not follower._is_object(sighting(10.0, 0.6))
+    assert follower._is_object(sighting(10.0, 0.6, albedo=np.array([0.25, 0.02, 0.01])))
+    assert not follower._is_object(sighting(10.0, 0.9, place=place + [50, 0, 0]))
+    follower._update(sighting(10.0, 0.9))
+    assert follower._is_object(sighting(10.0, 0.6))  # its colour is known now
+
+
+def test_the_share_that_is_hidden_is_that_of_the_explanation(video: Video, explainer: vig.Explainer) -> None:
+    explanation = explainer.explain(video.frames[4])
+    hidden = Sighting.of(explanation).hidden
+    assert explanation.hidden_fraction is not None and hidden is not None
+    assert 0.05 < hidden < 0.95 and abs(hidden - explanation.hidden_fraction) < 0.02
+
+
 def test_the_window_of_a_place_is_that_of_its_box() -> None:
     assert window_at(np.array([60.0, 50.0, math.log(40)]), 0.0) == Window.round_box((40, 30, 40, 40))
 

@@ -1,0 +1,231 @@
+"""A causal tracker: each frame's pose from that frame and those before it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vig.explainer import Box, Explainer, Photo
+from vig.explanation import UNKNOWN_DISTANCE, Explanation
+from vig.hints import Hints
+from vig.inference.settings import UNIFORM_TURN
+from vig.io.errors import UserError
+from vig.photo.images import coded_photo
+from vig.photo.pinhole import pose_covariance, sight_axes, turned_pose
+from vig.scene import Camera, ObjectClass
+from vig.scene.camera import FOCAL_OVER_WIDTH
+from vig.video.following import Follower, Sighting
+from vig.video.smoothing import LikeliestPath
+from vig.video.trajectory import FramePose, Trajectory, azimuth_off, view_evidence
+
+MEMORY = 24
+"""Frames whose numbers are smoothed for the pose in the last one."""
+GIVEN_UP = 8
+"""Frames without the object after which it is sought in the whole frame."""
+ALIKE = np.array([2.6, 1.3, 1.0, 1.0, 1.0, 1.3])
+"""Factors of the smoothed deviations of azimuth, elevation, place, size and roll, so that for the angles
+90 % intervals held on videos of the validation split."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPose(FramePose):
+    """What a `Tracker` says of a frame of H x W pixels.
+
+    Attributes:
+        covariance: (6, 6) of `camera_from_object`: x, y, z in metres, then turns about these axes in radians.
+        seconds: That the step took.
+        explanation: Of the frame by itself, near the pose where this one is surer.
+    """
+
+    covariance: np.ndarray
+    seconds: float
+    explanation: Explanation
+
+    @property
+    def amodal(self) -> np.ndarray:
+        """All pixels (H, W) bool that the object covers, hidden ones included."""
+        return self.explanation.amodal
+
+    @property
+    def mask(self) -> np.ndarray:
+        """The pixels (H, W) bool in which the object is seen; made when they are first asked for."""
+        return self.explanation.mask
+
+
+class Tracker:
+    """Follows one object through the frames of a camera, each pose from the frames before it alone.
+
+    Example:
+        ```python
+        tracker = vig.Tracker("mug", K=(800, 800, 320, 240))
+        for frame in camera:
+            pose = tracker(frame)
+            print(pose.camera_from_object, pose.covariance, pose.lost)
+        ```
+    """
+
+    def __init__(self, object_class: str | Path | ObjectClass | Explainer = "teapot", K: Any = None):
+        """Load a class, or take an explainer that is.
+
+        Args:
+            object_class: As `Explainer` takes it, or one, which has device and settings.
+            K: Intrinsics of the camera: (3, 3), or as `Explainer.explain` takes a camera. Without them the
+                focal length is a guess, and so are the distance and the units of the pose.
+        """
+        if not isinstance(object_class, Explainer):
+            object_class = Explainer(object_class)
+        self.explainer = object_class
+        self._fold = max(object_class.object_class.symmetry.fold, 1)
+        self._K, self._number = K, -1
+        self._follower: Follower | None = None
+        self._last: float | None = None
+
+    def __call__(self, frame: Photo) -> TrackedPose | None:
+        """The pose in the next frame; None until the object is found in one."""
+        return self.start(frame) if self._follower is None else self.step(frame)
+
+    def start(
+        self, frame: Photo, mask: np.ndarray | None = None, box: Box | None = None, K: Any = None
+    ) -> TrackedPose | None:
+        """Begin, or begin anew: the object is explained as in a photo.
+
+        Args:
+            frame: As `Explainer.explain` takes it; those that follow have its size.
+            mask: (H, W) bool, where the object is seen, or
+            box: x, y, width, height in pixels round the whole object; without either it is sought.
+            K: In place of the tracker's.
+
+        Returns:
+            The pose; None where neither is given and the frame does not show the object.
+
+        Raises:
+            UserError: As `Explainer.explain`.
+        """
+        self._number += 1
+        self._K = self._K if K is None else K
+        return self._begun(coded_photo(frame), mask, box)
+
+    def step(self, frame: Photo) -> TrackedPose:
+        """The pose in the next frame, from that of the last.
+
+        Raises:
+            UserError: It was not started, or the frame is unreadable or of another size.
+        """
+        began, picture = time.perf_counter(), coded_photo(frame)
+        if self._follower is None:
+            raise UserError("expected a tracker that was started; got one that was not. Call start(frame).")
+        if picture.shape[1::-1] != self._size:
+            (width, height), (w, h) = self._size, picture.shape[1::-1]
+            raise UserError(
+                f"expected frames of one size, {width} x {height}; got one of {w} x {h}. Start again for it."
+            )
+        self._number += 1
+        missed = self._follower.missed
+        if missed and missed % GIVEN_UP == 0 and self.explainer.recognizer.has_map:
+            if (pose := self._begun(picture)) is not None:
+                return pose
+        explanation, sighting = self._follower.explain(picture)
+        return self._pose(picture, explanation, sighting, began)
+
+    def _begun(
+        self, picture: np.ndarray, mask: np.ndarray | None = None, box: Box | None = None
+    ) -> TrackedPose | None:
+        """`start` in a picture (H, W, 3)."""
+        began, hints = time.perf_counter(), None if mask is None else Hints(mask=mask)
+        follower = Follower(self.explainer, hints=hints, camera=self._K)
+        explanation, sighting = follower.explain(picture, box)
+        if sighting.lost and mask is None and box is None:
+            return None
+        window, (height, width) = explanation.window, picture.shape[:2]
+        if self._K is None:
+            focal = explanation.camera_distance_ratio * FOCAL_OVER_WIDTH * window.side
+            follower.camera = self._matrix = np.array(
+                [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]]
+            )
+        else:
+            assert window.lens is not None
+            self._matrix = window.lens.K
+        self._size, self._distance_known = (width, height), explanation.distance_known
+        follower.hints = None
+        follower.place = sighting.place if follower.place is None else follower.place
+        self._follower, self._last = follower, None
+        self._views = LikeliestPath(MEMORY)
+        self._sightings: deque[tuple[Sighting, ...]] = deque(maxlen=MEMORY)
+        return self._pose(picture, explanation, sighting, began)
+
+    def _pose(
+        self, picture: np.ndarray, explanation: Explanation, sighting: Sighting, began: float
+    ) -> TrackedPose:
+        """What the frames say of the last one."""
+        assert self._follower is not None
+        if self._follower.missed < MEMORY:  # else the last numbers stay
+            self._views.add(view_evidence(sighting, self._fold))
+            # One frame at least must count.
+            self._sightings.append((sighting if self._sightings else replace(sighting, lost=False),))
+        path = self._views.angles(self._last)
+        self._last, trajectory = float(path[-1]), self._trajectory(path)
+        if not sighting.lost and trajectory.contradicts(-1, sighting, self._fold):
+            window, hints = trajectory.expected(-1)
+            explanation = self.explainer.explain_followed(
+                picture, window, hints=hints, camera=self._follower.camera
+            )
+            self._sightings[-1] = sighting, Sighting.of(explanation)
+            trajectory = self._trajectory(path)
+        numbers, deviations = trajectory.numbers[:, :6, -1]
+        deviations *= ALIKE
+        deviations[0] = min(deviations[0], UNIFORM_TURN / self._fold)
+        camera, covariance = self._placed(numbers, deviations, explanation)
+        return TrackedPose(
+            number=self._number,
+            azimuth_deg=math.degrees(numbers[0]) % (360 / self._fold),
+            azimuth_deviation_deg=math.degrees(deviations[0]),
+            elevation_deg=math.degrees(numbers[1]),
+            elevation_deviation_deg=math.degrees(deviations[1]),
+            camera=camera,
+            hidden_fraction=self._sightings[-1][-1].hidden,
+            lost=sighting.lost,
+            covariance=covariance,
+            seconds=time.perf_counter() - began,
+            explanation=explanation,
+        )
+
+    def _trajectory(self, path: np.ndarray) -> Trajectory:
+        """Of the frames in memory, each by whichever of its fits is nearer to the likeliest view."""
+        path = path / self._fold
+
+        def nearest(fits: tuple[Sighting, ...], at: float) -> Sighting:
+            return min(fits, key=lambda fit: abs(azimuth_off(fit.azimuths[0], at, self._fold)))
+
+        return Trajectory.of(list(map(nearest, self._sightings, path)), path, self._fold)
+
+    def _placed(
+        self, numbers: np.ndarray, deviations: np.ndarray, explanation: Explanation
+    ) -> tuple[Camera, np.ndarray]:
+        """The frame's camera, and the covariance (6, 6) of the pose before it.
+
+        numbers: (6,) azimuth, elevation, middle, scale and roll, see `Trajectory`; deviations: (6,) of these.
+        """
+        matrix, (width, height) = self._matrix, self._size
+        focal, target_height = math.sqrt(matrix[0, 0] * matrix[1, 1]), explanation.camera.target_height
+        units = np.array([1.0, 1.0, focal, focal, 1.0, 1.0])
+
+        def posed(numbers: np.ndarray) -> tuple[Camera, np.ndarray, np.ndarray]:
+            azimuth, elevation, cx, cy, scale, roll = (units * numbers).tolist()
+            camera = Camera(width, height, focal, cx, cy, focal / math.exp(scale), target_height, roll)
+            before = camera.camera_from_world(azimuth, elevation)
+            return camera, before, turned_pose(camera, before, matrix)
+
+        camera, before, here = posed(numbers / units)
+        covariance = pose_covariance(lambda at: posed(at)[2], numbers / units, deviations / units)
+        axes, spread = sight_axes(here), explanation.fit.position_deviation.double().numpy().copy()
+        spread[2] = spread[2] if self._distance_known else UNKNOWN_DISTANCE
+        covariance[:3, :3] += (axes * (spread * explanation.position_units) ** 2) @ axes.T
+        mount = tuple(map(tuple, (here @ np.linalg.inv(before)).tolist()))
+        fx, fy, (cx, cy) = float(matrix[0, 0]), float(matrix[1, 1]), matrix[:2, 2].tolist()
+        return replace(camera, focal=fx, focal_y=fy, cx=cx, cy=cy, mount=mount), covariance

@@ -1,0 +1,51 @@
+"""`vig fit --track --live`: the object before a camera."""
+
+from __future__ import annotations
+
+import json
+import sys
+from functools import partial
+from pathlib import Path
+
+from vig.explainer import Explainer
+from vig.inference import ExplainSettings
+from vig.io.errors import UserError
+from vig.likelihood import LIKELIHOODS
+from vig.video import Tracker
+from vig_app.cli.boxes import boxes_of, classes_of
+from vig_app.cli.cameras import cameras_of
+from vig_app.cli.common import FitCommand
+from vig_app.runs.live import run_live
+
+WITH_LIVE = {
+    "images", "track", "live", "box", "object_class", "mesh", "length", "focal", "intrinsics", "likelihood",
+    "no_self_shadow", "device", "out", "quiet", "json",
+}  # fmt: skip
+"""Options that go with `--live`."""
+
+
+def fit_live(settings: FitCommand) -> int:
+    """Track until the stream ends or Ctrl-C; returns the exit code, 1 where the object was never found."""
+    if settings.images or not settings.track:
+        raise UserError("expected --track --live SOURCE without photos; got others. Name the source alone.")
+    for name, value in vars(settings).items():
+        if name not in WITH_LIVE and value != getattr(FitCommand, name):
+            raise UserError(f"expected --live without --{name}; got both. Leave one out.")
+    assert settings.live is not None
+    source = [Path(settings.live)]
+    ((box, _),), (camera,) = boxes_of(settings, source), cameras_of(settings, source)
+    explain = ExplainSettings(LIKELIHOODS[settings.likelihood], self_shadow=not settings.no_self_shadow)
+    explainer = Explainer(classes_of(settings)[0], explain, settings.device)
+    tracker = Tracker(explainer, settings.focal if camera is None else camera)
+    say = (lambda line: None) if settings.quiet or settings.json else partial(print, flush=True)
+    poses = run_live(settings.live, tracker, settings.out, box, say)
+    lost = sum(pose.lost for pose in poses)
+    if settings.json:
+        print(json.dumps({"frames": len(poses), "lost": lost, "folder": str(settings.out)}))
+    elif not settings.quiet:
+        print(f"{len(poses)} frames, {lost} of them lost: {settings.out / 'track.csv'}")
+    if not poses:
+        print(f"no {explainer.object_class.name} was found before the camera", file=sys.stderr)
+    if not settings.json:
+        print(settings.out)
+    return 0 if poses else 1

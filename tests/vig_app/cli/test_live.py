@@ -1,0 +1,105 @@
+"""`vig fit --track --live`: files and pipes in place of cameras."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import threading
+import time
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.vig_app.cli.test_track import fitted
+from vig_app.cli.common import FitCommand
+from vig_app.examples import example_photos
+from vig_app.runs.live import CURVES, LIVE_COLUMNS, OVERLAY, LatestFrame
+
+FRAMES = 4
+
+
+def write_stream(path: Path, kind: str | None = None) -> Path:
+    """A packaged photo, shown for some frames at two a second."""
+    with Image.open(example_photos()[0].photo) as photo:
+        picture = np.asarray(photo.convert("RGB"))
+    with av.open(str(path), "w", format=kind) as file:
+        stream = file.add_stream("mpeg4", rate=2)
+        stream.height, stream.width = (side // 2 * 2 for side in picture.shape[:2])
+        stream.pix_fmt, stream.bit_rate = "yuv420p", 4_000_000
+        for _ in range(FRAMES):
+            frame = av.VideoFrame.from_ndarray(
+                np.ascontiguousarray(picture[: stream.height, : stream.width]), format="rgb24"
+            )
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+    return path
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    with open(out / "track.csv", newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_file_is_tracked_as_a_stream(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, out = write_stream(tmp_path / "pot.mp4"), tmp_path / "out"
+    assert fitted("--track", "--live", source, "--K", "200,200,75,75", "--out", out) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rows = rows_of(out)
+    assert tuple(rows[0]) == LIVE_COLUMNS and 1 <= len(rows) <= FRAMES
+    assert lines[-2] == f"{len(rows)} frames, 0 of them lost: {out / 'track.csv'}" and lines[-1] == str(out)
+    pose = [float(rows[-1][f"camera_from_object_{r}{c}"]) for r in range(3) for c in range(3)]
+    turn = np.array(pose).reshape(3, 3)
+    assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+    assert float(rows[0]["focal_px"]) == 200 and float(rows[0]["z_deviation"]) > 0
+    with av.open(str(out / OVERLAY)) as video:
+        shown = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    assert len(shown) == len(rows)
+    blue = shown[0][..., 2].astype(int) - shown[0][..., :2].max(-1)
+    assert (blue > 60).sum() > 10  # the vertical axis
+    with Image.open(out / CURVES) as curves:
+        assert np.asarray(curves).std() > 5
+
+
+def test_a_pipe_is_tracked_to_its_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole, pipe, out = write_stream(tmp_path / "pot.ts", "mpegts"), tmp_path / "pipe", tmp_path / "out"
+    os.mkfifo(pipe)
+    threading.Thread(target=lambda: pipe.write_bytes(whole.read_bytes()), daemon=True).start()
+    assert fitted("--track", "--live", pipe, "--json", "--out", out) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["folder"] == str(out) and 1 <= result["frames"] == len(rows_of(out)) <= FRAMES
+
+
+def test_older_frames_are_dropped_where_the_tracker_is_slower(tmp_path: Path) -> None:
+    frames = iter(LatestFrame(str(write_stream(tmp_path / "pot.mp4"))))
+    next(frames)
+    time.sleep(1.7)  # the file lasts 1.5 seconds
+    assert len(list(frames)) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--track", "--live", "99"), "got '99', which cannot be opened"),
+        (("--track", "--live", "no such file.mp4"), "cannot be opened"),
+        (("--live", "0"), "expected --track --live SOURCE"),
+        (("photo.jpg", "--track", "--live", "0"), "without photos"),
+        (("--track", "--live", "0", "--visible"), "--live without --visible"),
+        (("--track", "--live", "0", "--K", "1,2,3,4", "--focal", "5"), "--K, --cameras and --focal"),
+    ],
+)
+def test_what_cannot_be_tracked_live_is_refused_in_a_line(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fitted(*arguments, "--out", tmp_path / "out") == 2
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert len(errors) == 1 and words in errors[0]
+
+
+def test_options_of_live_are_known() -> None:
+    from vig_app.cli.live import WITH_LIVE
+
+    assert set(FitCommand.__dataclass_fields__) >= WITH_LIVE
