@@ -202,7 +202,7 @@ def test_the_camera_is_rolled_as_window_and_fit_are(explainer: vig.Explainer, ph
     assert explanation.camera.roll == pytest.approx(fitted)
 
 
-@pytest.mark.parametrize(("present", "verdict"), [(0.97, "trusted"), (0.55, "ambiguous"), (0.45, "absent")])
+@pytest.mark.parametrize(("present", "verdict"), [(0.97, "trusted"), (0.65, "ambiguous"), (0.55, "absent")])
 def test_what_is_not_surely_found_is_not_trusted(
     explainer: vig.Explainer, photo: np.ndarray, present: float, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -60,17 +60,9 @@ def transforms(*cotangents: torch.Tensor | None) -> bool:
     functorch = getattr(torch._C, "_functorch", None)
     levels = getattr(functorch, "peek_interpreter_stack", None)
     batched = getattr(functorch, "is_legacy_batchedtensor", None)
-    if levels is None or batched is None or levels() is not None:
+    if levels is None or levels() is not None:
         return True
-    return any(each is not None and batched(each) for each in cotangents)
-
-
-def address(tensor: torch.Tensor) -> int:
-    """Where a tensor's numbers lie; 0 where a transform of torch.func has wrapped it, or when unknown."""
-    return 0 if _is_wrapped(tensor) else tensor.data_ptr()
-
-
-_is_wrapped = getattr(getattr(torch._C, "_functorch", None), "is_functorch_wrapped_tensor", lambda _: True)
+    return any(each is not None and (batched is None or batched(each)) for each in cotangents)
 
 
 def differentiates_forward(tensors: Iterable[torch.Tensor]) -> bool:

@@ -17,7 +17,7 @@ import warp as wp
 
 from vig.io.checks import check_indices
 from vig.io.errors import UserError
-from vig.parallel.internals import address, packed_launch
+from vig.parallel.internals import packed_launch
 
 TEMPLATES = Path(__file__).with_name("templates")
 """Folder of the renderer's kernels; see `instantiate`."""
@@ -142,9 +142,11 @@ def table_state(*tables: torch.Tensor) -> tuple[object, ...]:
 
     Not where memory that a table shares with numpy, or an inference tensor, is written to.
     """
-    return tuple(
-        [(0 if each.is_inference() else each._version, each.shape, address(each)) for each in tables]
-    )
+    try:
+        places = [each.data_ptr() for each in tables]
+    except RuntimeError:  # a transform of torch.func has wrapped one
+        places = []
+    return (*places, *[(0 if each.is_inference() else each._version, each.nbytes) for each in tables])
 
 
 def check_size(size: tuple[int, int, int]) -> None:

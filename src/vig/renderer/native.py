@@ -190,8 +190,6 @@ def _rows(
 class Stage(Protocol):
     """One step from tensors to tensors."""
 
-    packed: PackedScenes
-
     def general(self, *inputs: Any) -> tuple[Tensor, ...]:
         """The step in plain torch."""
 
@@ -209,7 +207,7 @@ class _Native(torch.autograd.Function):
     def forward(ctx: Any, stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(*inputs)
-        ctx.stage, ctx.kinds = stage, _kinds(inputs)
+        ctx.stage, ctx.sizes = stage, _sizes(inputs)
         results, ctx.kept = stage.forward(*(each if each is None else each.contiguous() for each in inputs))
         if isinstance(stage, Surface):
             ctx.mark_non_differentiable(*results[2:])
@@ -218,7 +216,7 @@ class _Native(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *cotangents: Tensor | None) -> Any:
         inputs, needed = ctx.saved_tensors, ctx.needs_input_grad[1:]
-        if _kinds(inputs) != ctx.kinds:
+        if _sizes(inputs) != ctx.sizes:
             raise RuntimeError("an input of a rendering was exchanged before its backward pass. Render anew.")
         if torch.is_grad_enabled() or transforms(*cotangents):
             return None, *_differentiable(ctx.stage, inputs, needed, cotangents)
@@ -227,9 +225,9 @@ class _Native(torch.autograd.Function):
         return None, *ctx.stage.backward(ctx.kept, plain, needed, given)
 
 
-def _kinds(inputs: Sequence[Tensor | None]) -> list[Any]:
-    """What torch does not watch of what is saved: shapes and types, which `tensor.data = other` changes."""
-    return [each if each is None else (each.shape, each.dtype) for each in inputs]
+def _sizes(inputs: Sequence[Tensor | None]) -> list[int]:
+    """In bytes: what torch does not watch of what is saved, and `tensor.data = other` may change."""
+    return [0 if each is None else each.nbytes for each in inputs]
 
 
 def _differentiable(

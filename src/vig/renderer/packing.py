@@ -91,10 +91,7 @@ class PackedScenes:
         states = [each.state() for each in self.topologies]
         states += [table_state(each.levels) for each in self.pyramids]
         if vars(self).setdefault("_states", states) != states:
-            raise RuntimeError(
-                "a topology or pyramid was modified before all of its rendering, or the backward pass, was"
-                " computed. Render anew."
-            )
+            raise RuntimeError("a topology or pyramid was modified while a rendering needed it. Render anew.")
 
     def check_tables(self) -> None:
         """ValueError that names the first table whose numbers are out of range."""

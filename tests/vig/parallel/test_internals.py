@@ -10,7 +10,6 @@ import torch
 import warp as wp
 
 from vig.parallel.internals import (
-    address,
     group_fields,
     has_bfloat16,
     packed_launch,
@@ -59,12 +58,12 @@ def test_transforms_are_seen_and_else_assumed(monkeypatch: pytest.MonkeyPatch) -
     one, inside = torch.ones(2), []
 
     def look(tensor: torch.Tensor) -> torch.Tensor:
-        inside.append((transforms(), address(tensor)))
+        inside.append(transforms())
         return tensor
 
     torch.func.vmap(look)(torch.eye(2))
-    assert inside == [(True, 0)]
-    assert not transforms(one, None) and address(one) == one.data_ptr()
+    assert inside == [True]
+    assert not transforms(one, None)
     for name in ("peek_interpreter_stack", "is_legacy_batchedtensor"):
         with monkeypatch.context() as patch:
             patch.delattr(torch._C._functorch, name)
