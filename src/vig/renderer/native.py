@@ -64,7 +64,8 @@ ARGUMENTS = {
 }
 """Fields of the table that a call passes, by type, in their order; 0 where a call has no such thing."""
 PLACES = {name: place for place, name in enumerate(" ".join(ARGUMENTS.values()).split())}
-NUMBERS = {name: number for number, name in enumerate(CODE)}
+STAGES = {back: [name for name in CODE if name.endswith("_back") is back] for back in (False, True)}
+"""Of a picture and of its way back, which many programs never go: a kernel of its own each."""
 NOT_FINITE, OUT_OF_RANGE, NO_MEMORY = 1, 2, 3
 """Faults, as in arguments.cc."""
 
@@ -73,8 +74,8 @@ FIRST_CAPACITY = 4096
 
 
 @functools.cache
-def _kernel(dtype: torch.dtype) -> Any:
-    """The one kernel, which runs a stage by its place in CODE; compiled at first use."""
+def _kernel(dtype: torch.dtype, back: bool) -> Any:
+    """A kernel that runs a stage by its place in STAGES[back]; compiled at first use."""
     initialise()
     real = scalar_type(dtype)
     fields = "\n".join(f"{kind} {name};" for kind, names in ARGUMENTS.items() for name in names.split())
@@ -110,22 +111,16 @@ def _kernel(dtype: torch.dtype) -> Any:
         run.__qualname__ = name  # the name of the function in C++
         return wp.func_native(snippet=f"{preamble}\n{code}")(run)
 
-    place, place_back, paint, paint_back, surface, surface_back = map(stage, CODE)
+    place, paint, surface = map(stage, STAGES[back])
 
-    @wp.kernel(module=kernel_module("picture", dtype))  # type: ignore[untyped-decorator]
+    @wp.kernel(module=kernel_module("picture_back" if back else "picture", dtype))  # type: ignore[untyped-decorator]
     def run_stage(number: wp.int32, table: wp.uint64) -> None:
         if number == 0:
             place(table)
         elif number == 1:
-            place_back(table)
-        elif number == 2:
             paint(table)
-        elif number == 3:
-            paint_back(table)
-        elif number == 4:
-            surface(table)
         else:
-            surface_back(table)
+            surface(table)
 
     return run_stage
 
@@ -139,10 +134,11 @@ def _call(name: str, packed: PackedScenes, rows: list[int], **fields: Tensor | i
     for field, value in fields.items():
         numbers[PLACES[field]] = value if isinstance(value, int) else value.data_ptr()
     table = array("q", numbers + rows)
+    back = name.endswith("_back")
     wp.launch(
-        _kernel(packed.background.dtype),
+        _kernel(packed.background.dtype, back),
         dim=1,
-        inputs=[NUMBERS[name], table.buffer_info()[0]],
+        inputs=[STAGES[back].index(name), table.buffer_info()[0]],
         device="cpu",
     )
     if fault[0]:
