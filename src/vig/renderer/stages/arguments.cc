@@ -20,9 +20,11 @@ enum { NOT_FINITE = 1, OUT_OF_RANGE, NO_MEMORY };
 // Memory until the end of its block; null, and told as a fault, where there is none.
 struct Space {
     void* at;
-    Space(whole* fault, whole bytes, bool cleared = false) : at(cleared ? calloc(bytes + 1, 1) : malloc(bytes + 1)) {
+    Space(whole* fault, whole bytes, bool cleared = false) : at(malloc(bytes + 1)) {
         if (!at)
             *fault = NO_MEMORY;
+        else if (cleared)
+            memset(at, 0, bytes);
     }
     ~Space() { free(at); }
 };
