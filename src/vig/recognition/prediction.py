@@ -170,8 +170,8 @@ class Recognizer:
     """Which networks this reads, as a weights file's metadata names them."""
     device = "cpu"
     network: Any
-    _latest: tuple[torch.Tensor, Any, Prediction] | None = None
-    """The last photo that was asked for alone, how, and the answer."""
+    _latest: tuple[torch.Tensor, Any, NetworkCalibration, Prediction] | None = None
+    """The last photo that was asked for alone, how, by which calibration, and the answer."""
     symmetry, mirror = Symmetry.NONE, True
     """Of the class; without mirror symmetry photos are not flipped."""
 
@@ -244,11 +244,13 @@ class Recognizer:
         def predict(part: torch.Tensor) -> Prediction:
             return on_one_core(lambda: self._predict(part.to(self.device), twice)).folded(self.symmetry)
 
-        photos, asked = photos.float(), (twice, self.mirror, self.symmetry, id(self.calibration))
-        if self._latest is not None and self._latest[1] == asked and torch.equal(self._latest[0], photos):
-            return self._latest[2].clone()
+        photos, asked = photos.float(), (twice, self.mirror, self.symmetry)
+        if (before := self._latest) is not None and before[1] == asked and before[2] is self.calibration:
+            if torch.equal(before[0], photos):
+                return before[3].clone()
         predicted = Prediction.joined(list(map_on_threads(predict, photos.split(batch))))
-        self._latest = (photos.clone(), asked, predicted.clone()) if len(photos) == 1 else None
+        kept = photos.clone(), asked, self.calibration, predicted.clone()
+        self._latest = kept if len(photos) == 1 else None
         return predicted
 
     def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:

@@ -53,6 +53,9 @@ def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.Mo
     assert computed == [True] and torch.equal(first.mask, again.mask)
     again.mask.zero_()
     assert torch.equal(recognizer(photo).mask, first.mask), "a copy is given away"
+    recognizer.calibration = replace(recognizer.calibration, mask_temperature=torch.tensor(2.0))
+    assert not torch.equal(recognizer(photo).mask, first.mask), "another calibration is another answer"
+    computed.remove(True)
     recognizer(photo, twice=False)
     photo[0, 75, 75, 0] = 1 - photo[0, 75, 75, 0]
     recognizer(photo, twice=False)
