@@ -105,10 +105,16 @@ const auto slope_of = [&](const real* a, const real* b) {
 };
 // How a crossing blends its two pixels: `amount` of the difference goes to the one in whose half it lies.
 struct Blend {
+    whole first, second, target;  // the edge's ends, and the pixel that is blended
     real u0, v0, u1, v1, at, share, length, near0, near1, own, joint0, joint1, weight, amount;
 };
-const auto blend_of = [&](const int* crossing, const real* a, const real* b, whole ia, whole ib) {
+const auto blend_of = [&](const int* crossing) {
     Blend m;
+    m.first = t.chosen[4 * (whole)crossing[0]];
+    m.second = t.chosen[4 * (whole)crossing[0] + 1];
+    real a[3], b[3];
+    on_screen(t.points + 3 * m.first, a);
+    on_screen(t.points + 3 * m.second, b);
     const int axis = crossing[1];
     m.u0 = a[axis];
     m.v0 = a[1 - axis];
@@ -122,10 +128,11 @@ const auto blend_of = [&](const int* crossing, const real* a, const real* b, who
     m.near0 = wp::max(1 - m.at * m.length, real(0));
     m.near1 = wp::max(1 - (1 - m.at) * m.length, real(0));
     m.own = slope.steep;
-    m.joint0 = t.joints[2 * ia];
-    m.joint1 = t.joints[2 * ib];
+    m.joint0 = t.joints[2 * m.first];
+    m.joint1 = t.joints[2 * m.second];
     const real weight = m.own + m.near0 * (m.joint0 - m.own) + m.near1 * (m.joint1 - m.own);
     m.weight = axis ? 1 - weight : weight;
     m.amount = m.weight * (real(0.5) - m.share) / crossing[4];
+    m.target = m.share < real(0.5) ? crossing[6] : crossing[7];
     return m;
 };

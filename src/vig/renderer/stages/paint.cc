@@ -54,15 +54,9 @@ for (whole layer = 0; layer < t.layers; ++layer) {
             t.steps[n * channels + c] = picture[slot(row[7], c)] - picture[slot(row[6], c)];
         }
     for (whole n = first; n < crossings; ++n) {
-        const int* const row = t.crossing + 8 * n;
-        const whole ia = t.chosen[4 * (whole)row[0]], ib = t.chosen[4 * (whole)row[0] + 1];
-        real a[3], b[3];
-        on_screen(t.points + 3 * ia, a);
-        on_screen(t.points + 3 * ib, b);
-        const Blend m = blend_of(row, a, b, ia, ib);
-        const whole target = m.share < real(0.5) ? row[6] : row[7];
+        const Blend m = blend_of(t.crossing + 8 * n);
         for (int c = 0; c < channels; ++c)
-            picture[slot(target, c)] += m.amount * t.steps[n * channels + c];
+            picture[slot(m.target, c)] += m.amount * t.steps[n * channels + c];
     }
     // Means of the samples, without the margin.
     const auto reduce = [&](const real* from, whole step, real* to) {

@@ -46,15 +46,10 @@ for (whole layer = 0; layer < t.layers; ++layer) {
     }
     for (whole n = first; n < next; ++n) {
         const int* const row = t.crossing + 8 * n;
-        const whole ia = t.chosen[4 * (whole)row[0]], ib = t.chosen[4 * (whole)row[0] + 1];
-        real a[3], b[3];
-        on_screen(t.points + 3 * ia, a);
-        on_screen(t.points + 3 * ib, b);
-        const Blend m = blend_of(row, a, b, ia, ib);
-        const whole target = m.share < real(0.5) ? row[6] : row[7];
+        const Blend m = blend_of(row);
         real on_amount = 0;
         for (int c = 0; c < channels; ++c) {
-            const real g = pulled[slot(target, c)];
+            const real g = pulled[slot(m.target, c)];
             given[(n - first) * channels + c] = m.amount * g;
             on_amount += g * t.steps[n * channels + c];
         }
@@ -67,13 +62,13 @@ for (whole layer = 0; layer < t.layers; ++layer) {
         const real on_near0 = m.near0 > 0 ? on_weight * (m.joint0 - m.own) : 0;
         const real on_near1 = m.near1 > 0 ? on_weight * (m.joint1 - m.own) : 0;
         on_steep[row[0]] += on_weight * (1 - m.near0 - m.near1);
-        on_joints[ia] += on_weight * m.near0;
-        on_joints[ib] += on_weight * m.near1;
+        on_joints[m.first] += on_weight * m.near0;
+        on_joints[m.second] += on_weight * m.near1;
         const real on_at = on_share * (m.u1 - m.u0) + m.length * (on_near1 - on_near0);
         const real on_length = -m.at * on_near0 - (1 - m.at) * on_near1;
         const real across = on_at / (m.v1 - m.v0);
-        real* const to_a = on_places + 2 * ia;
-        real* const to_b = on_places + 2 * ib;
+        real* const to_a = on_places + 2 * m.first;
+        real* const to_b = on_places + 2 * m.second;
         to_a[axis] += on_share * (1 - m.at);
         to_b[axis] += on_share * m.at;
         to_a[1 - axis] += across * (m.at - 1);
