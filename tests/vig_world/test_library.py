@@ -8,7 +8,7 @@ import torch
 
 from tests.support import TEAPOT
 from vig.scene import ObjectClass
-from vig_train.packs.teapot import held_out_designs, teapot_families
+from vig_train.packs.teapot import designs_of_scenes, teapot_families
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
@@ -47,11 +47,22 @@ def test_the_splits_keep_their_numbers() -> None:
 
 
 def test_the_pack_holds_the_held_out_designs() -> None:
-    held, built = held_out_designs_of(ObjectClass.load("teapot")), held_out_designs()
+    held = held_out_designs_of(ObjectClass.load("teapot"))
+    assert held is not None and held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * 157
+    named = teapot_vertices(HELD_OUT_DESIGNS[3])
+    np.testing.assert_array_equal(held.vertices[held.names.index(HELD_OUT_DESIGNS[3].name)], named)
+    # Those that scenes were made of when their vertices lay in the pack.
+    mean = 1000 * np.abs(held.vertices).mean((0, 1), dtype=np.float64)
+    np.testing.assert_allclose(mean, [58.928622, 26.867363, 93.211089], atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_designs_of_the_pack_are_those_that_the_builder_draws() -> None:
+    held, drawn = held_out_designs_of(ObjectClass.load("teapot")), designs_of_scenes()
     assert held is not None
-    assert (held.names, held.splits) == (built.names, built.splits)
-    np.testing.assert_array_equal(held.vertices, built.vertices)
-    assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * 157
+    designs = [(design.name, split) for split, of_split in drawn.items() for design in of_split]
+    assert list(zip(held.names, held.splits, strict=True)) == designs
+    np.testing.assert_array_equal(held.vertices[-60:], [teapot_vertices(d) for d in drawn["train"][-60:]])
 
 
 def test_the_pack_holds_the_families(packaged: ObjectClass) -> None:

@@ -15,9 +15,9 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import beyond_model_mm, designs_of_scenes, fit_shape_model, relative_distance
+from vig_train.packs.shapes import beyond_model_mm, fit_shape_model, relative_distance
 from vig_train.packs.transfer import write_transfer
-from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.held_out import save_coded
 from vig_world.assets.mugs import (
     HELD_OUT_MUGS,
     MUG_FACES,
@@ -67,16 +67,13 @@ def vertices_of(designs: Sequence[MugDesign]) -> np.ndarray:
     return np.stack([mug_vertices(design) for design in designs])
 
 
-def held_out_designs() -> HeldOutDesigns:
+def designs_of_scenes() -> dict[str, tuple[MugDesign, ...]]:
     """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
-    return designs_of_scenes(
-        {
-            "test": HELD_OUT_MUGS,
-            "validation": VALIDATION_MUGS,
-            "train": TRAINING_MUGS + drawn_mugs(TRAINING_SCENE_DESIGNS),
-        },
-        vertices_of,
-    )
+    return {
+        "test": HELD_OUT_MUGS,
+        "validation": VALIDATION_MUGS,
+        "train": TRAINING_MUGS + drawn_mugs(TRAINING_SCENE_DESIGNS),
+    }
 
 
 def main() -> None:
@@ -84,7 +81,7 @@ def main() -> None:
     built = build_mug_class()
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
     built.save(folder)
-    held_out_designs().save(folder)
+    save_coded(designs_of_scenes(), folder)
     write_transfer(built, folder)
     model = built.shape_model
     print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.ptp(model.mean, axis=0)} m")

@@ -1,18 +1,14 @@
-"""Shape models and held-out designs of classes whose shapes are designed by code."""
+"""Shape models of classes whose shapes are designed by code."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
 
 from vig.scene import ShapeModel
-from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.target import nearest_coefficients
-from vig_world.dataset.spec import Split
 
 
 def fit_shape_model(
@@ -45,15 +41,6 @@ def fit_shape_model(
         tuple(part_names),
         (variance[:modes] / variance.sum()).astype(np.float32),
     )
-
-
-def designs_of_scenes(
-    designs: dict[Split, Sequence[Any]], vertices_of: Callable[[Sequence[Any]], np.ndarray]
-) -> HeldOutDesigns:
-    """The designs of scenes by split, each with a name, in the given order."""
-    every = [design for designs_of_split in designs.values() for design in designs_of_split]
-    splits = tuple(split for split, designs_of_split in designs.items() for _ in designs_of_split)
-    return HeldOutDesigns(tuple(design.name for design in every), splits, vertices_of(every))
 
 
 def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from vig.scene import Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import beyond_model_mm, designs_of_scenes, fit_shape_model
+from vig_train.packs.shapes import beyond_model_mm, fit_shape_model
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.designs import (
     HANDLES,
@@ -29,7 +29,7 @@ from vig_world.assets.designs import (
     drawn_designs,
     teapot_vertices,
 )
-from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.held_out import save_coded
 from vig_world.assets.target import nearest_coefficients
 
 MODES = 16
@@ -91,16 +91,13 @@ def vertices_of(designs: Sequence[TeapotDesign]) -> np.ndarray:
     return np.stack([teapot_vertices(design) for design in designs])
 
 
-def held_out_designs() -> HeldOutDesigns:
+def designs_of_scenes() -> dict[str, tuple[TeapotDesign, ...]]:
     """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
-    return designs_of_scenes(
-        {
-            "test": HELD_OUT_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
-            "validation": VALIDATION_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
-            "train": TRAINING_DESIGNS + drawn_designs(TRAINING_SCENE_DESIGNS),
-        },
-        vertices_of,
-    )
+    return {
+        "test": HELD_OUT_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
+        "validation": VALIDATION_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
+        "train": TRAINING_DESIGNS + drawn_designs(TRAINING_SCENE_DESIGNS),
+    }
 
 
 def main() -> None:
@@ -108,7 +105,7 @@ def main() -> None:
     built = build_teapot_class()
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
     built.save(folder)
-    held_out_designs().save(folder)
+    save_coded(designs_of_scenes(), folder)
     write_transfer(built, folder)
     model = built.shape_model
     size = np.ptp(model.mean, axis=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from vig.io.checks import check_arrays, decode, read_json, read_tensors, reading
 from vig.io.files import atomic_write, write_arrays
 from vig.scene import ObjectClass
+from vig_world.assets.coded_designs import PARAMETERS_FILE, Design, coded_vertices, save_parameters
 
 DESIGNS_FILE = "designs.safetensors"
 NAMED = "held_out_designs"
@@ -43,11 +45,24 @@ class HeldOutDesigns:
 
     def save(self, folder: Path) -> None:
         """Add the designs to a class pack that `ObjectClass.save` has written."""
-        named = [{"name": name, "split": split} for name, split in zip(self.names, self.splits, strict=True)]
-        described = read_json(folder / "class.json") | {NAMED: named}
         write_arrays(folder / DESIGNS_FILE, {"vertices": self.vertices})
-        with atomic_write(folder / "class.json") as temporary:
-            Path(temporary).write_text(json.dumps(described, indent=1) + "\n")
+        (folder / PARAMETERS_FILE).unlink(missing_ok=True)
+        _name(folder, zip(self.names, self.splits, strict=True))
+
+
+def save_coded(designs: Mapping[str, Sequence[Design]], folder: Path) -> None:
+    """Add designs by split to a class pack that `ObjectClass.save` has written, by their parameters."""
+    save_parameters([design for of_split in designs.values() for design in of_split], folder)
+    (folder / DESIGNS_FILE).unlink(missing_ok=True)
+    _name(folder, [(design.name, split) for split, of_split in designs.items() for design in of_split])
+
+
+def _name(folder: Path, designs: Iterable[tuple[str, str]]) -> None:
+    """Name designs in class.json, each with its split."""
+    named = [{"name": name, "split": split} for name, split in designs]
+    described = read_json(folder / "class.json") | {NAMED: named}
+    with atomic_write(folder / "class.json") as temporary:
+        Path(temporary).write_text(json.dumps(described, indent=1) + "\n")
 
 
 @lru_cache(maxsize=8)
@@ -64,10 +79,11 @@ def held_out_designs_of(object_class: ObjectClass) -> HeldOutDesigns | None:
         named = decode(tuple[_Named, ...], decode(dict[str, Any], read_json(path)).get(NAMED, ()))
     if not named:
         return None
-    path = object_class.folder / DESIGNS_FILE
+    names, splits = tuple(each.name for each in named), tuple(each.split for each in named)
+    coded = (object_class.folder / PARAMETERS_FILE).exists()
+    path = object_class.folder / (PARAMETERS_FILE if coded else DESIGNS_FILE)
     with reading(path, "a class's held-out designs", "Build or copy it again."):
-        arrays, _ = read_tensors(path)
+        arrays = {"vertices": coded_vertices(path, names)} if coded else read_tensors(path)[0]
         shape = (len(named), len(object_class.shape_model.mean), 3)
         check_arrays(arrays, {"vertices": ("float32", shape)})
-    names, splits = tuple(each.name for each in named), tuple(each.split for each in named)
     return HeldOutDesigns(names, splits, arrays["vertices"])

@@ -11,7 +11,9 @@ from tests.support import TEAPOT
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import TRANSFER_FILE
-from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of
+from vig_world.assets.coded_designs import PARAMETERS_FILE
+from vig_world.assets.designs import HELD_OUT_DESIGNS, drawn_designs, teapot_vertices
+from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of, save_coded
 
 
 @pytest.fixture
@@ -69,3 +71,44 @@ def test_missing_or_damaged_designs_are_told_in_one_line(damage, why: str, pack:
     with pytest.raises(UserError, match=f"expected .*; got .*{why}.* Build or copy it again.") as caught:
         held_out_designs_of(ObjectClass.load(pack))
     assert "\n" not in str(caught.value)
+
+
+@pytest.fixture
+def coded(pack: Path) -> Path:
+    """The same, in place of its designs a named one and a drawn one by their parameters."""
+    save_coded({"test": HELD_OUT_DESIGNS[:1], "train": drawn_designs(1)}, pack)
+    return pack
+
+
+def test_designs_are_made_from_their_parameters(coded: Path) -> None:
+    held = held_out_designs_of(ObjectClass.load(coded))
+    assert held is not None and not (coded / DESIGNS_FILE).exists()
+    assert (held.names, held.splits) == (("windsor", "drawn 0.0"), ("test", "train"))
+    expected = [teapot_vertices(HELD_OUT_DESIGNS[0]), teapot_vertices(drawn_designs(1)[0])]
+    np.testing.assert_array_equal(held.vertices, expected)
+
+
+def test_designs_saved_as_vertices_replace_their_parameters(coded: Path, teapot: ObjectClass) -> None:
+    designs = held_out_designs_of(teapot)
+    assert designs is not None
+    designs.save(coded)
+    held = held_out_designs_of(ObjectClass.load(coded))
+    assert held is not None and held.names == designs.names and not (coded / PARAMETERS_FILE).exists()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "why"),
+    [
+        ("drawn 0.0", "drawn 0.1", "no parameters of 'drawn 0.0'"),
+        ('"belly_radius"', '"belly"', "unknown field `belly`"),
+        ('"lobes": 0', '"lobes": "0"', "Expected `int`, got `str`"),
+        ('"teapot"', '"jug"', "Invalid enum value 'jug'"),
+        ("}", "", "no JSON"),
+    ],
+)
+def test_damaged_parameters_are_told_in_one_line(before: str, after: str, why: str, coded: Path) -> None:
+    text = (coded / PARAMETERS_FILE).read_text()
+    assert before in text
+    (coded / PARAMETERS_FILE).write_text(text.replace(before, after))
+    with pytest.raises(UserError, match=f"expected .*; got .*{why}.* Build or copy it again."):
+        held_out_designs_of(ObjectClass.load(coded))

@@ -1,0 +1,18 @@
+"""What a package index is given."""
+
+import tomllib
+import zlib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_wheel_has_less_than_25_mb() -> None:
+    """22.5 MB as measured; the files are compressed as a wheel's are. Assets that code can make stay out."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    packages = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    files = [path for package in packages for path in (ROOT / package).rglob("*") if path.is_file()]
+    sizes = {path: len(zlib.compress(path.read_bytes())) for path in files if "__pycache__" not in path.parts}
+    largest = sorted(sizes, key=lambda path: -sizes[path])[:5]
+    told = ", ".join(f"{path.relative_to(ROOT)} {sizes[path] / 1e6:.1f} MB" for path in largest)
+    assert 1e6 < sum(sizes.values()) < 25e6, told
