@@ -122,5 +122,6 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
             main(["export", *arguments, "--to", "bop", "coco", "--out", str(tmp_path / "files")])
         assert (ended.value.code or 0) == code
     output = capsys.readouterr()
-    assert output.out.split() == [str(tmp_path / "files" / name) for name in ("bop.csv", "coco.json")]
+    names = ("bop.csv", "coco.json", "")
+    assert output.out.split() == [str(tmp_path / "files" / name) for name in names]
     assert output.err.count("\n") == 1 and "Name the folder of its results" in output.err

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -131,6 +132,8 @@ class ViewCommand:
     """Do not open a browser."""
     out: Path | None = None
     """Folder of what is saved, in one of the photo's name; by default vig-fit, or that of the results."""
+    json: bool = False
+    """Print one JSON object with the page's address once it is served, instead of lines."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +154,29 @@ class Doctor:
 
     json: bool = False
     """Print one JSON object."""
+
+
+@dataclass(frozen=True)
+class SchemaCommand:
+    """Print the JSON schema of a file that vig writes."""
+
+    file: tyro.conf.Positional[Literal["explanation"]]
+    """explanation: explanation.json."""
+    json: bool = False
+    """It is one JSON object without this, too."""
+
+
+class ExitCode(IntEnum):
+    """How a command ended; docs/automation.md has the table."""
+
+    DONE = 0
+    INCOMPLETE = 1
+    """It ran, and something is not as it should be: some of the photos failed, a check found problems."""
+    MISTAKE = 2
+    """The user's, which one line on standard error names; nothing was done."""
+    FAULT = 3
+    """Vig's own, with a traceback."""
+    INTERRUPTED = 130
 
 
 GROUP = "vig.verbs"

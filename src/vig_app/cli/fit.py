@@ -144,7 +144,9 @@ def fit(settings: FitCommand) -> int:
         export_run(settings.out, formats)
     failed = sum(row["error"] is not None for row in rows)
     if settings.json:
-        print(json.dumps({"results": _results(rows, settings.out), "folder": str(settings.out)}, indent=2))
+        errors = {row["photo"]: row["error"] for row in rows if row["error"] is not None}
+        result = {"results": _results(rows, settings.out), "errors": errors, "folder": str(settings.out)}
+        print(json.dumps(result, indent=2))
     elif failed < len(rows):
         if not settings.quiet:
             page = settings.out / ("" if len(photos) > 1 else folders[0].name) / "report.html"

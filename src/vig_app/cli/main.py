@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
+import traceback
 from typing import Any
 
 import tyro
 
 from vig import __version__
 from vig.io.errors import UserError
-from vig_app.cli.common import Demo, Doctor, ExportCommand, FitCommand, Verb, ViewCommand, verbs_of_packages
+from vig_app.cli.common import (
+    Demo,
+    Doctor,
+    ExitCode,
+    ExportCommand,
+    FitCommand,
+    SchemaCommand,
+    Verb,
+    ViewCommand,
+    verbs_of_packages,
+)
 
 VERBS = (
     Verb("demo", Demo, "vig_app.cli.demo:demo"),
@@ -18,6 +30,7 @@ VERBS = (
     Verb("export", ExportCommand, "vig_app.cli.export:export"),
     Verb("view", ViewCommand, "vig_app.cli.view:view"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
+    Verb("schema", SchemaCommand, "vig_app.cli.schema:print_schema"),
 )
 GROUPS = {
     "class": "Make a class from a folder of meshes, and train its network.",
@@ -27,12 +40,18 @@ GROUPS = {
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; exits 0, 2 for a user's mistake, 1 for a failed check, 130 when interrupted."""
-    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+    """Run the command line; exits with an `ExitCode`."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
         print(f"vig {__version__}")
         sys.exit(0)
     verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
-    chosen = _parsed(list(verbs.values()), arguments)
+    try:
+        chosen = _parsed(list(verbs.values()), arguments)
+    except SystemExit as ended:
+        if ended.code and "--json" in arguments:
+            _print_error("expected arguments as --help lists them; standard error says which came")
+        raise
     if isinstance(
         chosen, FitCommand | ViewCommand
     ):  # whose matrices are small: numpy's further threads would only spin
@@ -40,18 +59,29 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         sys.exit(verbs[type(chosen)].run(chosen))
     except UserError as error:
-        print(f"vig: {error}", file=sys.stderr)
-        sys.exit(2)
+        code, line = ExitCode.MISTAKE, str(error)
     except BrokenPipeError:  # the reader of the output has exited, as `| head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        sys.exit(ExitCode.INCOMPLETE)
     except KeyboardInterrupt:
-        print("vig: interrupted; what is finished stays", file=sys.stderr)
-        sys.exit(130)
+        code, line = ExitCode.INTERRUPTED, "interrupted; what is finished stays"
+    except Exception as error:
+        traceback.print_exc()
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        code, line = ExitCode.FAULT, f"a fault of vig, please report it with `vig doctor`: {reason}"
+    print(f"vig: {line}", file=sys.stderr)
+    if chosen.json:
+        _print_error(line)
+    sys.exit(code)
 
 
-def _parsed(verbs: list[Verb], arguments: list[str] | None) -> Any:
-    """The settings of the verb that the arguments (by default those of the process) name."""
+def _print_error(line: str) -> None:
+    """The JSON object of a command that came to no result."""
+    print(json.dumps({"error": line}))
+
+
+def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
+    """The settings of the verb that the arguments name."""
     app = tyro.extras.SubcommandApp()
     groups: dict[str, tyro.extras.SubcommandApp] = {}
     for verb in verbs:

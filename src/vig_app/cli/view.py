@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import signal
+import sys
 import threading
 import webbrowser
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
+from typing import TextIO
 
 from vig.explainer import Explainer
 from vig.io.errors import UserError
@@ -19,6 +23,12 @@ from vig_app.viewer.server import HOST, Viewer, free_port
 
 def view(settings: ViewCommand) -> int:
     """Serve the page until interrupted; returns the exit code."""
+    out = sys.stdout
+    with redirect_stdout(sys.stderr) if settings.json else nullcontext():  # viser prints lines of its own
+        return _view(settings, out)
+
+
+def _view(settings: ViewCommand, out: TextIO) -> int:
     photo, object_class, folder = settings.photo, settings.object_class, settings.out
     state = State()
     if photo.is_dir():
@@ -34,11 +44,14 @@ def view(settings: ViewCommand) -> int:
     port = free_port(settings.port)
     session = Session(Explainer(object_class or "teapot"), photo, state)
     viewer = Viewer(session, folder, port)
-    if viewer.port != settings.port:
-        print(f"port {settings.port} is taken; this page has another:", flush=True)
     address = f"{HOST}:{viewer.port}"
-    print(f"http://{address}", flush=True)
-    print(f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{address} and this machine's name", flush=True)
+    if settings.json:
+        print(json.dumps({"address": f"http://{address}", "folder": str(folder)}), file=out, flush=True)
+    else:
+        if viewer.port != settings.port:
+            print(f"port {settings.port} is taken; this page has another:", flush=True)
+        print(f"http://{address}", flush=True)
+        print(f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{address} and this machine's name", flush=True)
     if not settings.no_open:
         webbrowser.open(f"http://{address}")
     # A script's background jobs begin by ignoring it.
@@ -47,6 +60,6 @@ def view(settings: ViewCommand) -> int:
         threading.Event().wait()
     except KeyboardInterrupt:
         viewer.stop()
-    if viewer.saved:
+    if viewer.saved and not settings.json:
         print(folder)
     return 0

@@ -108,7 +108,7 @@ def check_class(settings: CheckClass) -> int:
     if pack is not None:
         replace_section(pack, object_class, f"{HEADING}\n\n{table}\n")
     plain = [{name: _known(value) for name, value in asdict(row).items()} for row in rows]
-    print(json.dumps({"rows": plain}, indent=2) if settings.json else table)
+    print(json.dumps({"rows": plain, "folder": pack and str(pack)}, indent=2) if settings.json else table)
     return 0
 
 

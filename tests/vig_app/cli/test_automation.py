@@ -1,0 +1,169 @@
+"""What a script is answered: one JSON object on standard output, and the exit codes of docs/automation.md."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from tests.support import TEAPOT
+from vig.scene.object_class import PACKAGED
+from vig_app.cli import main as module
+from vig_app.cli.common import ExitCode, verbs_of_packages
+from vig_app.cli.main import VERBS, main
+from vig_app.examples import example_photos
+
+EVERY = (*VERBS, *verbs_of_packages())
+PAGE = (Path(__file__).parents[3] / "docs" / "automation.md").read_text()
+VIG = (sys.executable, "-c", "from vig_app.cli.main import main; main()")
+
+
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, dict[str, Any], str]]:
+    """Exit code, the one object on standard output, and standard error of a command with --json."""
+
+    def run(*arguments: object) -> tuple[int, dict[str, Any], str]:
+        with pytest.raises(SystemExit) as ended:
+            main([*map(str, arguments), "--json"])
+        out, err = capsys.readouterr()
+        return int(str(ended.value.code)), json.loads(out), err
+
+    return run
+
+
+def keys_of(verb: str) -> set[str]:
+    """Keys that the page has of a verb's object, other than those within its words."""
+    (row,) = re.findall(rf"^\| `{verb}` \| (.*) \|$", PAGE, re.MULTILINE)
+    return set(re.findall(r"`(\w+)`", row.partition(". With")[0]))
+
+
+@pytest.mark.parametrize("verb", EVERY, ids=lambda verb: verb.name)
+def test_every_verb_has_json_and_a_row_of_the_page(verb: Any) -> None:
+    assert verb.settings.__dataclass_fields__["json"].default is False
+    assert f"| `{verb.name}` |" in PAGE
+
+
+def test_the_page_has_the_exit_codes() -> None:
+    codes = re.findall(r"^\| (\d+) \|", PAGE, re.MULTILINE)
+    assert [int(code) for code in codes] == list(ExitCode)
+
+
+def test_photos_explained_and_not(told: Callable[..., Any], tmp_path: Path) -> None:
+    photo, bad, out = tmp_path / "photo.png", tmp_path / "bad.png", tmp_path / "out"
+    shutil.copy(example_photos()[0].photo, photo)
+    bad.write_bytes(b"no picture")
+    code, result, _ = told("fit", photo, bad, "--out", out)
+    assert code == ExitCode.INCOMPLETE and set(result) <= keys_of("fit")
+    assert list(result["results"]) == [str(photo)] and "expected a photo" in result["errors"][str(bad)]
+    code, result, _ = told("fit", photo, "--out", out, "--files", "mask.png")
+    assert code == ExitCode.DONE and result["errors"] == {} and result["folder"] == str(out)
+    code, result, _ = told("fit", bad, "--out", out)
+    assert code == ExitCode.MISTAKE and result["results"] == {} and list(result["errors"]) == [str(bad)]
+
+
+def test_mistakes_are_an_object(told: Callable[..., Any], tmp_path: Path) -> None:
+    missing = tmp_path / "missing"
+    for arguments in (
+        ("fit", "--out", tmp_path / "o"),
+        ("fit", "photo.png", "--no-such-option"),
+        ("export", missing, "--to", "bop"),
+        ("view", missing),
+        ("schema", "photo"),
+        ("class", "build", missing, "--out", tmp_path / "pack"),
+        ("class", "train", missing),
+        ("class", "check", TEAPOT, missing),
+        ("dataset", "make", "--out", tmp_path / "d", "--count", 0),
+        ("dataset", "check", missing),
+        ("dataset", "show", missing),
+        ("dataset", "groups", "--out", tmp_path / "g", "--count", 0),
+        ("dataset", "export", missing, "--to", "coco", "--out", tmp_path / "c"),
+        ("train", "--dataset", missing, "--out", tmp_path / "t"),
+        ("calibrate", missing, "--weights", missing),
+        ("evaluate", "--dataset", missing, "--out", tmp_path / "e"),
+        ("reproduce", "--scale", "tiny", "--out", tmp_path / "r", "--workers", 0),
+    ):
+        code, result, err = told(*arguments)
+        assert (code, list(result)) == (ExitCode.MISTAKE, ["error"]), (arguments, err)
+        assert "Traceback" not in err and len(result["error"].splitlines()) == 1
+    assert not (tmp_path / "pack").exists() and not (tmp_path / "t").exists()
+
+
+def test_verbs_of_datasets(told: Callable[..., Any], tmp_path: Path) -> None:
+    made = tmp_path / "d"
+    code, result, err = told("dataset", "make", "--out", made, "--count", 2, "--workers", 1)
+    assert code == ExitCode.DONE and result["folder"] == str(made) and err == ""
+    for name, more in (
+        ("check", (made,)),
+        ("show", (made,)),
+        ("export", (made, "--to", "coco", "--out", tmp_path / "coco")),
+        ("groups", ("--out", tmp_path / "g", "--count", 1)),
+    ):
+        code, result, _ = told("dataset", name, *more)
+        assert code == ExitCode.DONE and keys_of(f"dataset {name}") - {"json"} <= {*result, "info"}, name
+    next(made.rglob("rgb/*.png")).unlink()
+    code, result, _ = told("dataset", "check", made)
+    assert code == ExitCode.INCOMPLETE and not result["clean"]
+
+
+def test_the_report_of_doctor(told: Callable[..., Any]) -> None:
+    code, result, _ = told("doctor")
+    assert code == ExitCode.DONE and set(result) == keys_of("doctor")
+
+
+def test_a_class_that_does_not_work_is_doctors_exit_code(
+    told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    shutil.copytree(PACKAGED / "car", tmp_path / "car")
+    (tmp_path / "car" / "recognition.safetensors").unlink()
+    monkeypatch.setattr("vig.scene.object_class.PACKAGED", tmp_path)
+    assert told("doctor")[0] == ExitCode.INCOMPLETE
+
+
+def test_the_schema(told: Callable[..., Any]) -> None:
+    code, result, _ = told("schema", "explanation")
+    assert code == ExitCode.DONE and "Explanation" in result["$defs"]
+
+
+def test_a_fault_has_a_traceback_and_an_exit_code(
+    told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(self: object, settings: object) -> int:
+        raise RuntimeError("no such\nkernel")
+
+    monkeypatch.setattr(module.Verb, "run", broken)
+    code, result, err = told("doctor")
+    assert code == ExitCode.FAULT and "Traceback" in err and "RuntimeError: no such kernel" in result["error"]
+
+
+def test_an_interruption(told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(self: object, settings: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module.Verb, "run", stopped)
+    code, result, _ = told("doctor")
+    assert code == ExitCode.INTERRUPTED and result["error"].startswith("interrupted")
+
+
+def test_the_address_of_a_page(tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    photo = tmp_path / "photo.png"
+    Image.open(example_photos()[0].photo).save(photo)
+    command = [*VIG, "view", str(photo), "--no-open", "--port", "8533", "--json"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        served = json.loads(process.stdout.readline())
+        assert set(served) == keys_of("view") and served["folder"] == "vig-fit/photo"
+        with urllib.request.urlopen(served["address"], timeout=20) as answer:
+            assert answer.status == 200
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.read() == "" and process.wait(20) == ExitCode.DONE

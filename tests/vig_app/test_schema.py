@@ -1,0 +1,62 @@
+"""explanation.json is what its schema says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from typing import Any, get_args, get_type_hints
+
+import msgspec
+import numpy as np
+import pytest
+
+from tests.golden import results
+from vig.hints import Hints as GivenHints
+from vig.inference.settings import Verdict
+from vig.io.checks import decode
+from vig_app import schema
+from vig_app.schema import Explanation, schema_of
+
+
+@pytest.fixture(scope="module")
+def explanations() -> list[dict[str, Any]]:
+    """The golden ones, which leave out the version; objects, not the photo of several."""
+    golden = json.loads(results.EXPLANATIONS.read_text()).values()
+    return [{**each, "vig": "0"} for each in golden if each["format"] == 2]
+
+
+def test_explanations_have_the_fields_of_the_schema_and_no_others(explanations: list[dict[str, Any]]) -> None:
+    assert len(explanations) >= 10
+    for explanation in explanations:
+        decoded = decode(Explanation, explanation)
+        assert decoded.verdict == explanation["verdict"]
+
+
+def test_the_schema_is_that_of_the_types(explanations: list[dict[str, Any]]) -> None:
+    described = schema_of("explanation")
+    required = described["$defs"]["Explanation"]["required"]
+    assert {"class", "verdict", "camera", "hints"} <= set(required) and "class_" not in required
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(described)
+    validator = jsonschema.Draft202012Validator(described)
+    for explanation in explanations:
+        validator.validate(explanation)
+        damaged = explanation | {"camera": explanation["camera"] | {"K": [[1, 0, 0]]}}
+        assert not validator.is_valid(damaged) and not validator.is_valid(explanation | {"verdict": "sure"})
+
+
+def test_verdicts_and_hints_are_those_of_the_core() -> None:
+    verdicts = get_args(get_type_hints(Explanation)["verdict"])
+    assert set(verdicts) == {verdict.name.lower() for verdict in Verdict}
+    assert set(schema.Hints.__struct_fields__) == {field.name for field in fields(GivenHints)}
+    full = GivenHints(
+        np.ones((2, 3), bool),
+        np.ones((2, 3), np.uint8),
+        True,
+        {"spout": (1.0, 2.0)},
+        1.0,
+        2.0,
+        3.0,
+        np.eye(4),
+    )
+    assert msgspec.to_builtins(decode(schema.Hints, full.described())) == full.described()
