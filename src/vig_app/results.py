@@ -17,7 +17,8 @@ COLUMNS = (
     "photo", "folder", "object", "class", "error", "verdict", "view_trusted", "mask_trusted", "confidence",
     "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg",
     "elevation_deviation_deg", "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x",
-    "box_y", "box_width", "box_height", "width", "height", "focal_px", "center_x", "center_y", "focal_from",
+    "box_y", "box_width", "box_height", "width", "height", "focal_px", "focal_y_px", "center_x", "center_y",
+    "focal_from", "distance_known",
     *(POSE := [f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)]), "reason",
     "seconds",
 )  # fmt: skip
@@ -31,7 +32,7 @@ TRACK_COLUMNS = (
 """Of the table of a track, likewise."""
 
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
-TRUTHS = {"view_trusted", "mask_trusted", "lost", "refitted"}
+TRUTHS = {"view_trusted", "mask_trusted", "distance_known", "lost", "refitted"}
 """Columns of text and of truth values; all others hold numbers."""
 
 

@@ -36,7 +36,7 @@ from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_one_line, listed, note
 from vig_app.exports import RUN_FORMATS, export_run, run_files
-from vig_app.report.folder import check_files
+from vig_app.report.folder import FILES, check_files
 from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
 from vig_app.report.html import write_page
 from vig_app.report.sheet import sheet_name, write_sheets
@@ -67,7 +67,12 @@ def _with_mask(settings: FitCommand) -> tuple[str, ...] | None:
 
 def fit(settings: FitCommand) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
-    check_files(settings.files)
+    if settings.files == ():
+        raise UserError(
+            f"expected --files with the names of files, such as --files mask.png, of {' '.join(FILES)}; got"
+            " none. Leave it out for all."
+        )
+    check_files(settings.files or ())
     if settings.live is not None:
         return fit_live(settings)
     if settings.track:

@@ -16,7 +16,7 @@ from vig.io.errors import UserError
 from vig_app.runs.work import KEY, PARTIAL, Rows, RunSettings, Task
 
 LEDGER = "results.jsonl"
-FORMAT = 2
+FORMAT = 3
 
 
 @contextmanager

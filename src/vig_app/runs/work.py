@@ -194,7 +194,7 @@ def beside_folder(task: Task) -> Iterator[Path]:
 def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
     """The row of a photo that was explained."""
     described = explanation.to_dict()
-    camera, deviation = described["camera"], described["deviation"]
+    camera, pinhole, deviation = described["camera"], described["pinhole"], described["deviation"]
     box = described["box"] or [None] * 4
     row = {
         "photo": str(task.photo),
@@ -209,11 +209,13 @@ def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
         **dict(zip(("box_x", "box_y", "box_width", "box_height"), box, strict=True)),
         "width": camera["width"],
         "height": camera["height"],
-        "focal_px": camera["K"][0][0],
-        "center_x": camera["K"][0][2],
-        "center_y": camera["K"][1][2],
+        "focal_px": pinhole["K"][0][0],
+        "focal_y_px": pinhole["K"][1][1],
+        "center_x": pinhole["K"][0][2],
+        "center_y": pinhole["K"][1][2],
         "focal_from": camera["focal_from"],
-        **dict(zip(POSE, itertools.chain(*camera["camera_from_object"][:3]), strict=True)),
+        "distance_known": pinhole["distance_known"],
+        **dict(zip(POSE, itertools.chain(*pinhole["camera_from_object"][:3]), strict=True)),
     }
     return {name: row[name] if name in row else described.get(name) for name in COLUMNS}
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig_train.building import pictures
 from vig_train.building.materials import dark_part
 from vig_train.building.object_class import ClassShapes, object_class_of
@@ -21,7 +22,11 @@ from vig_world.assets.own.catalogue import read_sources
 
 
 def build_class(
-    meshes: str | Path, out: Path, settings: BuildSettings, say: Callable[[str], None] = print
+    meshes: str | Path,
+    out: Path,
+    settings: BuildSettings,
+    say: Callable[[str], None] = print,
+    progress: bool = False,
 ) -> BuildResult:
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
@@ -31,6 +36,7 @@ def build_class(
         out: The pack's folder, made where it is missing.
         settings: What the user states.
         say: Called with a line for each step.
+        progress: Whether standard error shows how far a step is.
 
     Returns:
         The class as written.
@@ -49,13 +55,19 @@ def build_class(
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
-    surfaces = [surface_of(scan, cache) for scan in scans]
-    upright = upright_poses(scans, surfaces, used, settings, cache, say)
+    say("sampling surfaces")
+    with Meter(len(scans), 0, progress, "surfaces") as meter:
+        surfaces = []
+        for scan in scans:
+            surfaces.append(surface_of(scan, cache))
+            meter.advance(1)
+    upright = upright_poses(scans, surfaces, used, settings, cache, say, progress)
     for line in upright.report:
         say(line)
     standing = [StandingMesh.of(*each) for each in zip(scans, surfaces, upright.rotations, strict=True)]
     pictures.save_mesh_sheet(sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True)
 
+    say("making a template of the mesh most like the others")
     template = template_of(standing, used, settings.vertices, cache)
     if template is None:
         raise UserError(f"expected a mesh in '{meshes}' that can be closed; none can. Mend one of them.")
@@ -63,6 +75,7 @@ def build_class(
     say(f"template: {medoid.scan.name}, {len(closed[0])} vertices, {len(closed[1])} faces")
     pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320)
 
+    say("carrying the template onto each mesh")
     registered = register(standing, used, template, upright.symmetries.symmetry, cache, say)
     if not registered.accepted:
         raise UserError(f"expected meshes of one kind in '{meshes}'; no two are alike. Look at {sheets}.")
@@ -72,6 +85,7 @@ def build_class(
     coloured = source_meshes(shapes, folder, say) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
+    say("making the class")
     object_class = replace(object_class_of(settings, shapes, dark, cache), size_known=size_known)
     say(_taken(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,8 +129,17 @@ def spread_rotations(count: int) -> list[np.ndarray]:
     return list(np.moveaxis(np.array(rows), 2, 0))
 
 
-def align_clouds(clouds: list[PointCloud]) -> tuple[int, list[np.ndarray], np.ndarray]:
+def alignment_steps(count: int) -> int:
+    """How many steps `align_clouds` takes of so many clouds, of about the same time each."""
+    return (min(MAX_ANCHORS, count) + 2) * count
+
+
+def align_clouds(
+    clouds: list[PointCloud], advance: Callable[[int], None] = lambda steps: None
+) -> tuple[int, list[np.ndarray], np.ndarray]:
     """Turn all clouds to their medoid, the one that is most like the others.
+
+    advance: Is called with the number of steps that were done.
 
     Returns:
         The medoid's number, rotations (3, 3) of each cloud to it, and the mean distances (N,) that remain.
@@ -141,6 +151,7 @@ def align_clouds(clouds: list[PointCloud]) -> tuple[int, list[np.ndarray], np.nd
         for number, cloud in enumerate(clouds):
             if number != anchor:
                 costs[row, number] = min(clouds[anchor].distance(cloud, turn) for turn in turns)
+            advance(1)
     medoid = int(anchors[np.median(costs, axis=1).argmin()])
     starts = turns + spread_rotations(SPREAD_STARTS)
     candidates: list[list[np.ndarray]] = []
@@ -152,6 +163,7 @@ def align_clouds(clouds: list[PointCloud]) -> tuple[int, list[np.ndarray], np.nd
         candidate_costs = [clouds[medoid].distance(cloud, candidate) for candidate in candidates[-1]]
         rotations.append(np.eye(3) if number == medoid else candidates[-1][int(np.argmin(candidate_costs))])
         medoid_costs[number] = 0.0 if number == medoid else min(candidate_costs)
+        advance(1)
     # A mesh may match the medoid upside down but not most others: the meshes nearest to the medoid decide.
     usual_turn, references = usual_axes(rotations), np.argsort(medoid_costs, kind="stable")[:REFERENCE_MESHES]
     chosen, final_costs = [], np.zeros(len(clouds))
@@ -169,6 +181,7 @@ def align_clouds(clouds: list[PointCloud]) -> tuple[int, list[np.ndarray], np.nd
         mean_distances[: len(turns)][upright] *= LIKELY_POSE_FACTOR
         chosen.append(candidates[number][int(mean_distances.argmin())])
         final_costs[number] = mean_distances.min()
+        advance(1)
     return medoid, chosen, final_costs
 
 

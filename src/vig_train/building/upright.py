@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig_train.building.pose import (
     ClassSymmetry,
     PointCloud,
     align_clouds,
+    alignment_steps,
     axis_of_revolution,
     class_symmetry,
     cube_turn_to_up,
@@ -52,6 +54,7 @@ def upright_poses(
     settings: BuildSettings,
     cache: StageCache,
     say: Callable[[str], None],
+    progress: bool = False,
 ) -> UprightPoses:
     """Put meshes upright, their fronts to +X.
 
@@ -61,13 +64,15 @@ def upright_poses(
         used: Indices of the meshes that are not dropped; the others say nothing of the pose.
         settings: What the user states of axes, symmetry and turns.
         cache: Of the rotations into a common pose.
-        say: Called with a line where these are computed.
+        say: Called with a line for each step.
+        progress: Whether standard error shows how far they are.
 
     Raises:
         UserError: The front that the user states is not level.
     """
     surfaces = [surfaces[n] for n in used]
-    to_common = _common_pose([scans[n] for n in used], surfaces, cache, say)
+    say("comparing poses")
+    to_common = _common_pose([scans[n] for n in used], surfaces, cache, progress)
     from_usual = usual_axes(to_common)
     up = up_axis(surfaces, to_common) if settings.up is None else from_usual @ axis_vector(settings.up)
     report = [f"up: {axis_name(from_usual.T @ up)} of most files, {_source(settings.up)}"]
@@ -77,6 +82,7 @@ def upright_poses(
         for surface, rotation in zip(surfaces, to_common, strict=True)
     ]
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
+    say("looking for symmetries and the front")
     symmetries = _symmetries(clouds, settings.symmetry)
     report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}")
     if settings.front is None:
@@ -98,13 +104,14 @@ def upright_poses(
 
 
 def _common_pose(
-    scans: Sequence[Scan], surfaces: Sequence[SurfaceSample], cache: StageCache, say: Callable[[str], None]
+    scans: Sequence[Scan], surfaces: Sequence[SurfaceSample], cache: StageCache, progress: bool
 ) -> list[np.ndarray]:
     """Rotations (3, 3) of the surfaces from their files' axes to a pose in which they are alike."""
 
     def compute() -> dict[str, np.ndarray]:
-        say("comparing poses")
-        _, rotations, costs = align_clouds([PointCloud.from_surface(surface) for surface in surfaces])
+        clouds = [PointCloud.from_surface(surface) for surface in surfaces]
+        with Meter(alignment_steps(len(clouds)), 0, progress, "comparisons") as meter:
+            _, rotations, costs = align_clouds(clouds, meter.advance)
         return {"rotations": np.array(rotations), "costs": costs}
 
     return list(cache.result("pose", [scan.content_hash for scan in scans], compute)["rotations"])

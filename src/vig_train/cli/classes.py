@@ -35,7 +35,7 @@ def build(settings: Build) -> int:
         settings.materials,
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
-    result = build_class(settings.meshes, settings.out, build_settings, say)
+    result = build_class(settings.meshes, settings.out, build_settings, say, not settings.json)
     if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
         ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
     if settings.json:

@@ -30,6 +30,8 @@ OTHERS_SHARE = 1 / 3
 """Images of each other class, over those of this one."""
 MAP_PICTURES = 8000
 """That are put together for the map of objects."""
+WITHOUT_MAP = ("epochs", "rate", "batch", "frozen")
+"""Options that the training of a map alone does not take."""
 CONTEXT = (192, 128, 96, 64)
 """Channels of the decoder that sees the whole image."""
 
@@ -57,6 +59,12 @@ def train(settings: Train) -> int:
         raise UserError(f"expected --batch of 1 or more images; got {settings.batch}.")
     if settings.mask_alone and settings.map_alone:
         raise UserError("expected --mask-alone or --map-alone; got both. Train one after the other.")
+    for name in WITHOUT_MAP if settings.map_alone else ():
+        if getattr(settings, name) != getattr(Train, name):
+            raise UserError(
+                f"expected --map-alone without --{name}, which is of the training of other parts; got"
+                f" {getattr(settings, name):g}. Leave it out."
+            )
     if settings.map_alone and settings.distinct and not settings.studio:
         raise UserError("expected --studio above 0 with --map-alone and --distinct: it draws these images.")
     if settings.others and not (settings.map_alone and settings.distinct):

@@ -69,6 +69,12 @@ def test_an_unknown_file_is_refused(capsys, photo, tmp_path):
     assert "thumbnail.jpg" in error and "got 'picture.png'" in error
 
 
+def test_files_without_names_are_refused_not_taken_for_all(capsys, photo, tmp_path):
+    error = refused(capsys, "fit", photo, "--out", tmp_path / "out", "--files")
+    assert "thumbnail.jpg" in error and "got none. Leave it out for all" in error
+    assert not (tmp_path / "out").exists()
+
+
 def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(tmp_path: Path) -> None:
     """A large photo beside a small one: its picture is smaller than it, the mask is not."""
     photos = [tmp_path / "a.png", tmp_path / "b.png"]

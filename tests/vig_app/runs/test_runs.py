@@ -312,8 +312,8 @@ def test_the_table_has_the_pose_and_types_whatever_is_in_it(photos: Path, tmp_pa
     (row,) = run([Task(photos / "0.png", tmp_path / "out" / "0")], tmp_path / "out", RunSettings())
     described = json.loads((tmp_path / "out" / "0" / "explanation.json").read_text())
     pose = [[row[f"camera_from_object_{i}{j}"] for j in range(4)] for i in range(3)]
-    assert pose == described["camera"]["camera_from_object"][:3]
-    assert (row["focal_px"], row["verdict"]) == (described["camera"]["K"][0][0], described["verdict"])
+    assert pose == described["pinhole"]["camera_from_object"][:3]
+    assert (row["focal_px"], row["verdict"]) == (described["pinhole"]["K"][0][0], described["verdict"])
     assert tuple(row) == COLUMNS
     full, empty = tmp_path / "full", tmp_path / "empty"
     for folder, rows in ((full, [row]), (empty, [])):

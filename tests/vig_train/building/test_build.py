@@ -21,6 +21,16 @@ from vig_train.cli.settings import Build
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.target import nearest_coefficients
 
+STEPS = (
+    "sampling surfaces",
+    "comparing poses",
+    "looking for symmetries and the front",
+    "making a template of the mesh most like the others",
+    "carrying the template onto each mesh",
+    "making the class",
+)
+"""Lines with which a build's steps begin, in their order."""
+
 
 def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[BuildResult, Path]) -> None:
     result, _ = built
@@ -214,8 +224,9 @@ def test_a_mesh_is_turned_once(folder: Path, tmp_path: Path) -> None:
 
 
 def test_the_card_names_the_authors_of_a_catalogues_meshes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Of a build that says which step it is at, and how far it is."""
     monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda built, folder: None)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path, lines = tmp_path / "tiny.sh3f", ["license=CC-BY 3.0"]
@@ -228,8 +239,12 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
         archive.writestr("PluginFurnitureCatalog.properties", "\n".join([*lines, "name#3=Lost"]))
     said: list[str] = []
     settings = BuildSettings("fin", up="z", vertices=300)
-    made = build_class(f"{path}:fin", tmp_path / "pack", settings, said.append)
+    made = build_class(f"{path}:fin", tmp_path / "pack", settings, said.append, progress=True)
     assert f"2 meshes from {path}:fin" in said
+    steps = [said.index(line) for line in STEPS]
+    assert steps == sorted(steps)
+    shown = capsys.readouterr().err
+    assert "2 of 2 surfaces" in shown and "8 of 8 comparisons" in shown
     card = (tmp_path / "pack" / "card.md").read_text()
     assert "| fin/fin.obj | Fin | Ada / Bob | CC-BY 3.0 | tiny.sh3f |" in card
     assert "| other-fin/other-fin.obj | Other fin | unknown | CC-BY 3.0 | tiny.sh3f |" in card
