@@ -106,7 +106,7 @@ def build_class(
         components=shapes.components,
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
-    write_pack(result, shapes, out, say)
+    write_pack(result, shapes, out, say, progress)
     return result
 
 

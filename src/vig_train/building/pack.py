@@ -25,14 +25,24 @@ CARD_SECTIONS = ("## Recognition", "## On photographs")
 """Of a card, by `vig class train` and `vig class check`."""
 
 
-def write_pack(result: BuildResult, shapes: ClassShapes, out: Path, say: Callable[[str], None]) -> None:
-    """Write all that explaining photos and training need; class.json comes last: a pack with it is whole."""
+def write_pack(
+    result: BuildResult,
+    shapes: ClassShapes,
+    out: Path,
+    say: Callable[[str], None],
+    progress: bool = False,
+) -> None:
+    """Write all that explaining photos and training need; class.json comes last: a pack with it is whole.
+
+    `say` and `progress` are those of `build_class`.
+    """
     names = tuple(result.scans[number].name for number in shapes.numbers)
     (out / "class.json").unlink(missing_ok=True)
     staged = out / "build" / "staged"
     result.object_class.save(staged)
     HeldOutDesigns(names, tuple(shapes.splits), shapes.vertices.astype(np.float32)).save(staged)
-    write_transfer(result.object_class, staged)
+    say("computing how light goes from part to part")
+    write_transfer(result.object_class, staged, progress)
     _put_aside_weights(out, staged, say)
     kept = _sections_of_weights(out)
     with atomic_write(staged / "card.md") as temporary:

@@ -15,6 +15,7 @@ included.
 import argparse
 import functools
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,6 +26,7 @@ import torch
 import warp as wp
 
 from vig.io.files import atomic_write, write_arrays
+from vig.io.progress import Meter
 from vig.renderer.device import initialise
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, sh_basis
@@ -244,6 +246,7 @@ def transfer_model(
     seed: int = 0,
     albedo: float = ALBEDO,
     device: str = "cpu",
+    progress: bool = False,
 ) -> np.ndarray:
     """The change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per coefficient.
 
@@ -251,7 +254,8 @@ def transfer_model(
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
     """
     shapes = min(shapes, RIGID_SAMPLES) if model.rigid else shapes
-    coefficients, changes, _ = sample_changes(model, shapes, side, seed, albedo, device)
+    with Meter(shapes, 0, progress, "shapes") as meter:
+        coefficients, changes, _ = sample_changes(model, shapes, side, seed, albedo, device, meter.advance)
     if model.rigid:
         return np.stack([changes.mean(0), np.zeros_like(changes[0])])
     with_one = np.column_stack([np.ones(shapes), coefficients])
@@ -260,7 +264,13 @@ def transfer_model(
 
 
 def sample_changes(
-    model: ShapeModel, shapes: int, side: int, seed: int, albedo: float = ALBEDO, device: str = "cpu"
+    model: ShapeModel,
+    shapes: int,
+    side: int,
+    seed: int,
+    albedo: float = ALBEDO,
+    device: str = "cpu",
+    advance: Callable[[int], None] = lambda count: None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Random shapes' coefficients (N, K), changes (N, V, 9) float32, and `Occlusion.inside` (N, V)."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, shapes]))
@@ -273,6 +283,7 @@ def sample_changes(
         occlusion = Occlusion.of(vertices, model.faces, side, rng, device)
         changes[index] = occlusion.change(albedo, BOUNCES, neighbours)
         inside[index] = occlusion.inside
+        advance(1)
     return coefficients, changes, inside
 
 
@@ -286,12 +297,13 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
     return float(np.sqrt((residual[~inside] ** 2).sum() / (exact[~inside] ** 2).sum()))
 
 
-def write_transfer(object_class: ObjectClass, folder: Path) -> np.ndarray:
+def write_transfer(object_class: ObjectClass, folder: Path, progress: bool = False) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
 
-    class.json then tells of it, so that it cannot go missing unnoticed.
+    class.json then tells of it, so that it cannot go missing unnoticed. progress: whether standard error
+    shows how far it is.
     """
-    table = transfer_model(object_class.at_unit_scale.shape_model)
+    table = transfer_model(object_class.at_unit_scale.shape_model, progress=progress)
     write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})
     if (folder / "class.json").is_file():
         described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}

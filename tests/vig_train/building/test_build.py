@@ -28,6 +28,7 @@ STEPS = (
     "making a template of the mesh most like the others",
     "carrying the template onto each mesh",
     "making the class",
+    "computing how light goes from part to part",
 )
 """Lines with which a build's steps begin, in their order."""
 
@@ -132,7 +133,7 @@ def test_one_mesh_makes_a_class_of_its_exact_shape(tmp_path: Path) -> None:
 def test_round_things_stand_by_their_axis_and_become_round(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda built, folder: None)
+    monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda *given: None)
     folder = tmp_path / "meshes"
     folder.mkdir()
     for number, (wide, tall) in enumerate(((0.5, 1.0), (0.45, 1.2), (0.55, 1.1))):
@@ -227,7 +228,7 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Of a build that says which step it is at, and how far it is."""
-    monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda built, folder: None)
+    monkeypatch.setattr("vig_train.building.pack.write_transfer", lambda *given: None)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path, lines = tmp_path / "tiny.sh3f", ["license=CC-BY 3.0"]
     with zipfile.ZipFile(path, "w") as archive:

@@ -119,9 +119,11 @@ def test_packaged_table_predicts_a_shape_it_was_not_made_of() -> None:
     assert linear < 0.9 * mean_only
 
 
-def test_table_is_a_pure_function_of_its_seed() -> None:
+def test_table_is_a_pure_function_of_its_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its progress is shown where it is asked for."""
     model = ObjectClass.load(TEAPOT).shape_model
-    small = transfer_model(model, shapes=2, side=2)
+    small = transfer_model(model, shapes=2, side=2, progress=True)
+    assert "2 of 2 shapes" in capsys.readouterr().err
     assert small.dtype == np.float32
     assert np.isfinite(small).all()
     assert np.array_equal(small, transfer_model(model, shapes=2, side=2))
