@@ -14,6 +14,7 @@ from vig.io.machine import machine
 from vig_paper.cli.settings import Reproduce
 from vig_paper.reproduction import RENDERERS, Record, ReproductionSettings, Run, RunFolder, reproduce
 from vig_paper.reproduction.page import write_page
+from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_train.cli.common import check_workers
 from vig_train.evaluation.paper import compare, comparison_block
 
@@ -38,9 +39,17 @@ def reproduce_paper(chosen: Reproduce) -> int:
         return 0
     console = Console(width=None if sys.stdout.isatty() else 120)
     for renderer, table in tables.items():
-        console.print(comparison_block(table).rich())
+        medians = reached(record.data["settings"], table)
+        console.print((reached_block(medians) if medians else comparison_block(table)).rich())
         cells = compare(table)
-        print(f"{renderer}: {sum(cell.passed for cell in cells)} of {len(cells)} cells pass")
+        passed = sum(cell.passed for cell in cells)
+        if medians:
+            print(
+                f"{renderer}: {reached_line(medians)}; {passed} of {len(cells)} are better than the paper's"
+            )
+        else:
+            print(f"{renderer}: {passed} of {len(cells)} cells pass")
+    print(training_line(record.data["settings"], settings.train_images))
     if folder.page.exists():
         print(folder.page)
     print(folder.root)
@@ -50,14 +59,17 @@ def reproduce_paper(chosen: Reproduce) -> int:
 def summary(folder: RunFolder, record: Record, tables: dict[str, Any]) -> dict[str, Any]:
     """Data that `--json` prints.
 
-    `{"settings", "steps", "tables": {renderer: table.json}, "comparison": {renderer: [cell]}, "page",
-    "folder"}`; cells are those of `vig_train.evaluation.paper.compare`.
+    `{"settings", "steps", "tables": {renderer: table.json}, "comparison": {renderer: [cell]}, "reached":
+    {renderer: [median]}, "page", "folder"}`; cells are those of `vig_train.evaluation.paper.compare`, medians
+    those of `vig_paper.reproduction.reached.reached`.
     """
+    settings = record.data["settings"]
     return {
-        "settings": record.data["settings"],
+        "settings": settings,
         "steps": record.data["steps"],
         "tables": tables,
         "comparison": {name: [asdict(cell) for cell in compare(table)] for name, table in tables.items()},
+        "reached": {name: [asdict(each) for each in reached(settings, t)] for name, t in tables.items()},
         "page": str(folder.page),
         "folder": str(folder.root),
     }

@@ -15,11 +15,14 @@ TYPES = {".png": "image/png", ".webp": "image/webp"}
 
 @dataclass(frozen=True)
 class HtmlCell:
-    """A cell of a table: text, smaller lines below it, and whether it passes (None: undefined)."""
+    """A cell of a table: text, smaller lines below it, whether it passes (None: undefined), and the word for
+    that, by default pass or fail.
+    """
 
     text: str
     below: str = ""
     passed: bool | None = None
+    word: str = ""
 
     @property
     def html(self) -> str:
@@ -28,7 +31,7 @@ class HtmlCell:
         if self.passed is None:
             return f"<td>{escape(self.text)}{_small(lines)}</td>"
         label = "pass" if self.passed else "fail"
-        last_line = " · ".join([*lines[-1:], f"<b>{label}</b>"])
+        last_line = " · ".join([*lines[-1:], f"<b>{escape(self.word or label)}</b>"])
         return f'<td class="{label}">{escape(self.text)}{_small([*lines[:-1], last_line])}</td>'
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from vig.io.errors import UserError
 from vig_paper.ablation import ablation_blocks
 from vig_paper.reproduction.html import HtmlCell, heading, listing, paragraph, picture, table, write_html
+from vig_paper.reproduction.reached import RUNS, ReachedMedian, reached, reached_line, training_line
 from vig_paper.reproduction.run import duration
 from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, read_json
 from vig_paper.reproduction.work import OCCLUSION_LIMITS
@@ -48,12 +49,13 @@ def write_page(root: Path) -> Path:
     by_renderer = {name: folder.read_table(name) for name in RENDERERS}
     tables = {name: table_data for name, table_data in by_renderer.items() if table_data is not None}
     results = [
-        (name, TITLES[name], _results(folder, name, table_data)) for name, table_data in tables.items()
+        (name, TITLES[name], _results(folder, name, table_data, reached(record["settings"], table_data)))
+        for name, table_data in tables.items()
     ]
     write_html(
         folder.page,
         TITLE,
-        _introduction(record, tables),
+        _introduction(folder, record, tables),
         [
             *results,
             ("ablations", "Ablations", _ablations(folder)),
@@ -64,32 +66,51 @@ def write_page(root: Path) -> Path:
     return folder.page
 
 
-def _introduction(record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
-    """What was run, and how many cells of Table 1 pass."""
+def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
+    """What was run, on how much it was trained, and how many cells of Table 1 pass.
+
+    A run too small for that is put beside others of its size first.
+    """
+    settings = record["settings"]
     text = paragraph(
         "Section 5 of P. Moreno, C. K. I. Williams, C. Nash and P. Kohli (ECCV 2016 Workshops), run by vig at"
-        f" the scale \u201c{record['settings']['scale']}\u201d. A cell of Table 1 passes when our median is"
+        f" the scale \u201c{settings['scale']}\u201d. A cell of Table 1 passes when our median is"
         " better than the paper's. The photos are vig's own; training and test photos share no asset."
     )
+    trained = [int(cells[2]) for name, cells in _photos(folder, record) if name == "train"]
+    text += paragraph(training_line(settings, trained[0] if trained else settings["train_images"]))
     for renderer, table_data in tables.items():
         cells = compare(table_data)
+        passed = sum(cell.passed for cell in cells)
+        if medians := reached(settings, table_data):
+            text += paragraph(
+                f"{TITLES[renderer]}: {reached_line(medians)}. So small a run checks that everything works;"
+                f" the paper's numbers are no aim for it: {passed} of {len(cells)} are better than these."
+            )
+            continue
         failed: dict[str, list[str]] = {}
         for cell in cells:
             if not cell.passed:
                 failed.setdefault(METRICS[cell.metric].split(" (")[0], []).append(cell.method)
         missed = "; ".join(f"{metric} ({', '.join(methods)})" for metric, methods in failed.items())
-        passed = sum(cell.passed for cell in cells)
         line = f"{TITLES[renderer]}: {passed} of {len(cells)} cells pass."
         text += paragraph(f"{line} Not passed: {missed}." if missed else line)
     left_out = [TITLES[name].lower() for name in RENDERERS if name not in tables]
     return text + (paragraph(f"This run has no {' and no '.join(left_out)}.") if left_out else "")
 
 
-def _results(folder: RunFolder, renderer: str, table_data: Mapping[str, Any]) -> str:
-    """Tables and figures of a renderer's photos."""
+def _results(
+    folder: RunFolder, renderer: str, table_data: Mapping[str, Any], medians: list[ReachedMedian]
+) -> str:
+    """Tables and figures of a renderer's photos; medians: those beside which ours are judged, if any."""
     methods, rows = comparison(table_data)
-    cells = [(title, [_cell(row.get(method)) for method in methods]) for title, row in rows]
-    html = table(comparison_title(table_data), ["", *methods], cells)
+    of_size = {(METRICS[median.metric], median.method): median for median in medians}
+    cells = [
+        (title, [_cell(row.get(method), of_size.get((title, method))) for method in methods])
+        for title, row in rows
+    ]
+    beside = f"; judged by what {RUNS} reached" if medians else ""
+    html = table(comparison_title(table_data) + beside, ["", *methods], cells)
     for block in blocks(table_data)[1:]:  # the first is Table 1 without the paper's numbers
         html += _block(block)
     for name, (least, most) in OCCLUSION_LIMITS.items():
@@ -102,10 +123,12 @@ def _results(folder: RunFolder, renderer: str, table_data: Mapping[str, Any]) ->
     return html + "".join(picture(folder.figures(renderer) / name, text) for name, text in PICTURES.items())
 
 
-def _cell(entry: ComparisonCell | None) -> HtmlCell:
+def _cell(entry: ComparisonCell | None, median: ReachedMedian | None) -> HtmlCell:
     if entry is None:
         return HtmlCell("\u2013")
     below = f"{entry.interval}\npaper {entry.paper}" if entry.paper else entry.interval
+    if median is not None:
+        return HtmlCell(entry.median, f"{below}\nsuch runs {median.text}", median.passed, median.word)
     return HtmlCell(entry.median, below, entry.passed)
 
 

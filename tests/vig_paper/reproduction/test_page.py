@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from vig.io.errors import UserError
 from vig.photo.images import write_png
 from vig_paper.reproduction import Record, ReproductionSettings, RunFolder
 from vig_paper.reproduction.page import write_page
+from vig_paper.reproduction.reached import RUNS
 from vig_train.evaluation import build_table, save_table
 
 from .test_html import counted
@@ -25,7 +27,7 @@ def folder(tmp_path: Path) -> RunFolder:
     folder = RunFolder(tmp_path)
     command = "vig reproduce --scale tiny --out <here>"
     record = Record.open(
-        folder.record, ReproductionSettings.of("tiny"), {"cpus": 2, "processor": "slow"}, command
+        folder.record, ReproductionSettings.of("tiny", epochs=3), {"cpus": 2, "processor": "slow"}, command
     )
     for step in ("data train", "evaluate raster"):
         with record.timed(step):
@@ -62,6 +64,24 @@ def test_passing_cells_are_counted_and_failing_ones_named(folder: RunFolder) -> 
     named = ("azimuth", "elevation", "appearance", "illumination", "shape / mean shape")
     assert f"Not passed: {'; '.join(f'{metric} (rm)' for metric in named)}." in text
     assert text.count("<b>pass</b>") == text.count("<b>fail</b>") == 5
+
+
+def test_what_it_was_trained_on_is_said(folder: RunFolder) -> None:
+    write_page(folder.root)
+    assert "It trained on 200 photos in 3 passes; the paper" in folder.page.read_text()
+
+
+def test_a_tiny_run_is_judged_by_runs_of_its_size(folder: RunFolder) -> None:
+    """Of the robust fit all medians are far better, of the recognition model two are about as good."""
+    record = json.loads(folder.record.read_text())
+    record["settings"]["epochs"] = 2
+    folder.record.write_text(json.dumps(record))
+    write_page(folder.root)
+    text = folder.page.read_text()
+    assert f"Rasterised photos: 7 of 10 medians are as those of {RUNS}, or better." in text
+    assert "5 of 10 are better than these." in text and "Not passed" not in text
+    assert text.count("<b>ok</b>") == 7 and text.count("<b>worse</b>") == 3
+    assert "such runs 38.9 to 99" in text and "<b>fail</b>" not in text
 
 
 def test_a_folder_without_a_run_is_told(tmp_path: Path) -> None:

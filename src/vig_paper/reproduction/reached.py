@@ -1,0 +1,117 @@
+"""What runs of the tiny scale reach: they train on too little for the paper's numbers to be an aim.
+
+Measured by `vig reproduce --scale tiny --no-cycles --seed S --out R` with the seeds 0, 1 and 2, version
+0.3.0.dev0, 16 photos with at most 75 % of the object hidden.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from vig_paper.reproduction.settings import SCALES
+from vig_train.evaluation.paper import compare
+from vig_train.evaluation.presentation import TableBlock
+from vig_train.evaluation.table import METRICS
+
+RUNS = "three runs of this size, seeds 0 to 2, vig 0.3.0.dev0"
+"""Where the numbers are from."""
+REACHED: dict[str, dict[str, tuple[float, float]]] = {
+    "azimuth_deg": {
+        "rm": (38.94, 98.95), "gaussian": (118.2, 127.7), "robust": (56.69, 133.2), "spatial": (56.69, 133.2),
+    },
+    "elevation_deg": {
+        "rm": (16.6, 31.57), "gaussian": (7.259, 22.69), "robust": (10.76, 18.18), "spatial": (10.76, 18.18),
+    },
+    "appearance": {
+        "rm": (0.1452, 0.187), "gaussian": (0.06357, 0.0855), "robust": (0.01414, 0.03425),
+        "spatial": (0.01414, 0.03425),
+    },
+    "illumination": {
+        "rm": (0.05448, 0.06879), "gaussian": (0.09227, 0.1263), "robust": (0.04997, 0.09013),
+        "spatial": (0.04997, 0.09013),
+    },
+    "shape_ratio": {
+        "rm": (0.9152, 1.1), "gaussian": (1.91, 1.926), "robust": (0.99, 1.103), "spatial": (0.99, 1.103),
+    },
+    "segmentation_iou": {"rm": (0.4518, 0.5102), "robust": (0.5174, 0.7767), "spatial": (0.7346, 0.8513)},
+}  # fmt: skip
+"""Least and largest median of these, by metric and method."""
+SLACK = 1.5
+"""A median may be so many times worse than the worst of them: each run by the other two passes 65 of 69."""
+VARIED = ("seed", "methods", "cycles_images", "ablation_images")
+"""Settings that another run of this size may have otherwise."""
+
+
+@dataclass(frozen=True)
+class ReachedMedian:
+    """One median beside those of runs of the same size."""
+
+    metric: str
+    method: str
+    least: float
+    largest: float
+    ours: float
+    passed: bool
+    """Ours is about as good, or better."""
+
+    @property
+    def text(self) -> str:
+        """The range of those runs."""
+        return f"{self.least:.3g} to {self.largest:.3g}"
+
+    @property
+    def word(self) -> str:
+        """What a cell says of ours."""
+        return "ok" if self.passed else "worse"
+
+
+def reached(settings: Mapping[str, Any], table: Mapping[str, Any]) -> list[ReachedMedian]:
+    """Compare a table with those of runs of the same size; empty where none was measured.
+
+    Args:
+        settings: Of the run, as `ReproductionSettings.to_json` gives them.
+        table: Of rasterised photos, as `vig_train.evaluation.paper.compare` takes it; of others none was.
+    """
+    tiny = SCALES["tiny"].to_json()
+    if table["tier"] != "raster" or any(settings[name] != tiny[name] for name in tiny if name not in VARIED):
+        return []
+    medians = []
+    for cell in compare(table):
+        if cell.method not in REACHED[cell.metric]:
+            continue
+        least, largest = REACHED[cell.metric][cell.method]
+        more = cell.metric == "segmentation_iou"
+        passed = cell.ours >= least / SLACK if more else cell.ours <= largest * SLACK
+        medians.append(ReachedMedian(cell.metric, cell.method, least, largest, cell.ours, passed))
+    return medians
+
+
+def reached_line(medians: list[ReachedMedian]) -> str:
+    """How many of the medians are as good as those of runs of the same size."""
+    passed = sum(median.passed for median in medians)
+    return f"{passed} of {len(medians)} medians are as those of {RUNS}, or better"
+
+
+def training_line(settings: Mapping[str, Any], photos: int) -> str:
+    """What the recognition model of a run was trained on; photos: how many there were."""
+    if settings["weights"] is not None:
+        return f"It took the given weights {settings['weights']} in place of a training."
+    passes = (
+        "as many passes as vig train makes" if settings["epochs"] is None else f"{settings['epochs']} passes"
+    )
+    return f"It trained on {photos:,} photos in {passes}; the paper's networks were trained on 10,000."
+
+
+def reached_block(medians: list[ReachedMedian]) -> TableBlock:
+    """The comparison for a terminal."""
+    methods = list(dict.fromkeys(median.method for median in medians))
+    rows = []
+    for metric in dict.fromkeys(median.metric for median in medians):
+        of_metric = {median.method: median for median in medians if median.metric == metric}
+        lines = [
+            f"{m.ours:.3g}\n{m.text}: {m.word}" if (m := of_metric.get(name)) else "-" for name in methods
+        ]
+        rows.append([METRICS[metric], *lines])
+    return TableBlock(f"Our medians, and what {RUNS} reached", ["", *methods], rows)
