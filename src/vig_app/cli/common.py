@@ -127,7 +127,10 @@ class ViewCommand:
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """A packaged class or the folder of a class pack; by default teapot, or that of the results."""
     port: int = 8080
-    """Of 127.0.0.1; the next free one where it is taken."""
+    """The next free one where it is taken."""
+    host: Literal["127.0.0.1", "0.0.0.0"] = "127.0.0.1"
+    """Where it is served: to this machine alone, or, 0.0.0.0, to all that reach it, as a container needs it
+    (docker run --publish 127.0.0.1:8080:8080); whoever reaches it can write results."""
     no_open: bool = False
     """Do not open a browser."""
     out: Path | None = None

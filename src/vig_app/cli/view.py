@@ -41,9 +41,9 @@ def _view(settings: ViewCommand, out: TextIO) -> int:
         folder = (folder or Path("vig-fit")) / photo.stem
     if settings.box is not None:
         state = replace(state, box=parse_box(settings.box))
-    port = free_port(settings.port)
+    port = free_port(settings.port, settings.host)
     session = Session(Explainer(object_class or "teapot"), photo, state)
-    viewer = Viewer(session, folder, port)
+    viewer = Viewer(session, folder, port, settings.host)
     address = f"{HOST}:{viewer.port}"
     if settings.json:
         print(json.dumps({"address": f"http://{address}", "folder": str(folder)}), file=out, flush=True)

@@ -81,8 +81,8 @@ def plain(text: str) -> str:
     return MARKUP.sub(lambda match: f"&#{ord(match[0])};", " ".join(text.split()))
 
 
-def free_port(port: int) -> int:
-    """The port, or the next one of 127.0.0.1 that is free; UserError when viser is missing or none is."""
+def free_port(port: int, host: str = HOST) -> int:
+    """The port, or the next one of a host that is free; UserError when viser is missing or none is."""
     try:
         import viser  # noqa: F401
     except ImportError:
@@ -92,7 +92,7 @@ def free_port(port: int) -> int:
     for candidate in range(port, min(port + MOST_PORTS, 65536)):
         with socket.socket() as probe, suppress(OSError):
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((HOST, candidate))
+            probe.bind((host, candidate))
             return candidate
     raise UserError(f"expected a free port from {port} on; got none. Name another with --port.")
 
@@ -116,18 +116,19 @@ def _own_pages_only() -> Iterator[None]:
 class Viewer:
     """The page of one session; `stop` ends it."""
 
-    def __init__(self, session: Session, folder: Path, port: int = 8080) -> None:
-        """Serve a session on the port of 127.0.0.1, or on the next free one.
+    def __init__(self, session: Session, folder: Path, port: int = 8080, host: str = HOST) -> None:
+        """Serve a session on the port of a host, by default this machine alone, or on the next free one.
 
         Args:
             session: What is shown and corrected.
             folder: Where results are saved.
             port: 1 to 65535.
+            host: The address that is listened at.
 
         Raises:
             UserError: viser is missing, or no port can be had.
         """
-        port = free_port(port)
+        port = free_port(port, host)
         import viser
 
         self.session = session
@@ -138,7 +139,7 @@ class Viewer:
         scale = min(1.0, MOST_SIDE / max(height, width))
         self.sent_size = max(1, round(width * scale)), max(1, round(height * scale))
         with _own_pages_only():
-            self.server = viser.ViserServer(host=HOST, port=port, label="vig", verbose=False)
+            self.server = viser.ViserServer(host=host, port=port, label="vig", verbose=False)
         self.server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         self._theme(dark=False)
         self.worker = Worker(session, self._show, self._message)

@@ -1,0 +1,87 @@
+"""What a release needs before it is built: a version that all files agree on, and the project's links.
+
+`python tools/release.py v0.3.0 https://github.com/OWNER/vig` refuses a tag that is not the version of
+pyproject.toml, of CITATION.cff and of a section of CHANGELOG.md. It then adds the links of the repository to
+pyproject.toml, CITATION.cff and the package's description, whose pictures and links are full addresses of
+that tag: relative ones lead nowhere on a package index. The files are those of a checkout that is built and
+thrown away.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+WHERE = "Pictures, results and the full documentation are in the source distribution: README.md and docs/."
+"""The description's last line, in whose place the links go."""
+MORE = """\
+![Photos and what vig makes of them: outline in yellow, hidden pixels in pink]({raw}/docs/demo.png)
+
+[Documentation]({tree}/docs/index.md), [results]({tree}/docs/results.md), [photographs that work and that do
+not]({tree}/docs/photographs.md), [a notebook]({tree}/examples/vig.ipynb), [changes]({tree}/CHANGELOG.md)."""
+
+
+def faults(root: Path, version: str) -> list[str]:
+    """Where files disagree with a version, a line each."""
+    found = []
+    declared = re.search(r'^version = "(.*)"$', (root / "pyproject.toml").read_text(), re.MULTILINE)
+    if declared is None or declared[1] != version:
+        found.append(f"pyproject.toml has the version {declared and declared[1]}, not {version}")
+    cited = re.search(r"^version: (.*)$", (root / "CITATION.cff").read_text(), re.MULTILINE)
+    if cited is None or cited[1] != version:
+        found.append(f"CITATION.cff has the version {cited and cited[1]}, not {version}")
+    if not re.search(rf"^## \[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d$", changes(root), re.MULTILINE):
+        found.append(f"CHANGELOG.md has no section of {version} with its date")
+    return found
+
+
+def changes(root: Path) -> str:
+    """The changelog."""
+    return (root / "CHANGELOG.md").read_text()
+
+
+def write_links(root: Path, tag: str, repository: str) -> None:
+    """Put the links of a repository into the files of which the package's page is made."""
+    tree = f"{repository}/blob/{tag}"
+    raw = f"{repository}/raw/{tag}"
+    description = root / "docs" / "package.md"
+    text = description.read_text()
+    if text.count(WHERE) != 1:
+        raise ValueError(f"expected the line '{WHERE}' in {description}")
+    description.write_text(text.replace(WHERE, MORE.format(raw=raw, tree=tree)))
+    project = root / "pyproject.toml"
+    urls = {
+        "Homepage": repository,
+        "Documentation": f"{tree}/docs/index.md",
+        "Changelog": f"{tree}/CHANGELOG.md",
+        "Issues": f"{repository}/issues",
+    }
+    lines = "\n".join(f'{name} = "{url}"' for name, url in urls.items())
+    settings = project.read_text().replace(
+        "[project.scripts]", f"[project.urls]\n{lines}\n\n[project.scripts]", 1
+    )
+    project.write_text(settings)
+    citation = root / "CITATION.cff"
+    citation.write_text(
+        citation.read_text().replace("license:", f"repository-code: {repository}\nlicense:", 1)
+    )
+
+
+def main() -> None:
+    """Check and write; exits 1 where files disagree."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tag", help="such as v0.3.0")
+    parser.add_argument("repository", help="its address")
+    parser.add_argument("--root", type=Path, default=ROOT, help="of the checkout")
+    chosen = parser.parse_args()
+    found = faults(chosen.root, chosen.tag.removeprefix("v"))
+    if found:
+        sys.exit("\n".join(found))
+    write_links(chosen.root, chosen.tag, chosen.repository.rstrip("/"))
+
+
+if __name__ == "__main__":
+    main()
