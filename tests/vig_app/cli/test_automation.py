@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import shutil
@@ -45,6 +46,25 @@ def keys_of(verb: str) -> set[str]:
     """Keys that the page has of a verb's object, other than those within its words."""
     (row,) = re.findall(rf"^\| `{verb}` \| (.*) \|$", PAGE, re.MULTILINE)
     return set(re.findall(r"`(\w+)`", row.partition(". With")[0]))
+
+
+def test_only_verbs_print_to_standard_output() -> None:
+    """What a verb calls reports through what it is given, or on standard error."""
+    source = Path(__file__).parents[3] / "src"
+    printing = set()
+    for path in sorted(source.rglob("*.py")):
+        tree = ast.parse(path.read_text())
+        if "cli" in path.parts or "__main__" in path.name:
+            continue
+        scripts = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"]
+        of_scripts = {id(node) for script in scripts for node in ast.walk(script)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print":
+                named = {keyword.arg for keyword in node.keywords}
+                if id(node) not in of_scripts and "file" not in named:
+                    printing.add(path.relative_to(source).as_posix())
+    # The default of `say`, in place of which the verbs give their own.
+    assert printing == {"vig_train/class_training/steps.py"}
 
 
 @pytest.mark.parametrize("verb", EVERY, ids=lambda verb: verb.name)
