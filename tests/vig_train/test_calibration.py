@@ -151,6 +151,25 @@ def test_a_floor_is_found_where_small_deviations_mean_nothing() -> None:
     assert held[small].mean() == pytest.approx(0.9, abs=0.05)
 
 
+def test_intervals_hold_on_other_meshes_than_they_were_learned_on() -> None:
+    """Errors of one mesh are alike: with six of them nine tenths of these fits are less of others."""
+    held = {}
+    for by_mesh in (False, True):
+        shares = []
+        for seed in range(40):
+            rng = np.random.default_rng(seed)
+            offset = rng.normal(size=200)
+            mesh = np.repeat(np.arange(6), 100)
+            error = offset[mesh] + 0.3 * rng.normal(size=len(mesh))
+            ones = np.ones(len(mesh))
+            scale, floor = deviation_scale_and_floor(error, ones, ones, mesh if by_mesh else None)
+            other = offset[6:] + 0.3 * rng.normal(size=194)
+            shares.append((np.abs(other) <= 1.6449 * np.hypot(scale, floor)).mean())
+        held[by_mesh] = float(np.mean(shares))
+    assert held[False] < 0.885
+    assert 0.9 < held[True] < 0.97
+
+
 def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     right = np.zeros(100, dtype=bool)
     assert lowest_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0

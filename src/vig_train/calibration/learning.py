@@ -66,6 +66,8 @@ REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
 """Limits of the ranges of confidence in the report."""
 LEAST_THRESHOLD = 0.7
 """Confidence below which nothing is trusted, however often the rest is right: set, not fitted."""
+COVERAGE, MOST_COVERAGE = 0.9, 0.98
+"""Share of errors that intervals of 1.645 deviations are to hold, and the most that they are widened to."""
 MIN_GROUP = 40
 """Number of fits below which a group takes the deviations of others."""
 CERTAIN_LOG_ODDS = 20.0
@@ -126,7 +128,9 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
         for latent in range(samples.error.shape[1]):
             error = samples.error[chosen, latent] / noise[chosen]
             deviation, weight = samples.deviation[chosen, latent], samples.weight[chosen]
-            scale[row, latent], floor[row, latent] = deviation_scale_and_floor(error, deviation, weight)
+            scale[row, latent], floor[row, latent] = deviation_scale_and_floor(
+                error, deviation, weight, samples.model[chosen]
+            )
     return FitCalibration(
         torch.from_numpy(weights),
         bias,
@@ -281,19 +285,34 @@ def lowest_threshold(
 
 
 def deviation_scale_and_floor(
-    error: np.ndarray, deviation: np.ndarray, weight: np.ndarray
+    error: np.ndarray, deviation: np.ndarray, weight: np.ndarray, model: np.ndarray | None = None
 ) -> tuple[float, float]:
     """scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
 
-    Of all such pairs that of least mean width is taken. The floor is searched over quantiles of the errors;
-    the scale follows from it.
+    They hold so many more as the standard error of that share is, robust to what fits of one `model` (N,)
+    have in common: other photos show other meshes.
+    """
+    scale, floor = _narrowest(error, deviation, weight, COVERAGE)
+    within = np.abs(error) <= WITHIN_90 * np.sqrt((scale * deviation) ** 2 + floor**2)
+    groups = np.arange(len(error)) if model is None else np.unique(model, return_inverse=True)[1]
+    off = np.bincount(groups, weight * (within - np.average(within, weights=weight)))
+    margin = math.sqrt(float(off @ off) * len(off) / max(len(off) - 1, 1)) / float(weight.sum())
+    return _narrowest(error, deviation, weight, min(COVERAGE + margin, MOST_COVERAGE))
+
+
+def _narrowest(
+    error: np.ndarray, deviation: np.ndarray, weight: np.ndarray, coverage: float
+) -> tuple[float, float]:
+    """Of all pairs of scale and floor whose intervals hold this share of the errors that of least mean width.
+
+    The floor is searched over quantiles of the errors; the scale follows from it.
     """
     required_deviation = np.abs(error) / WITHIN_90
     best = (math.inf, 1.0, 0.0)
     for level in np.linspace(0, 0.85, 18):
         floor = _quantile(required_deviation, weight, level) if level else 0.0
         squares = np.maximum(0.0, required_deviation**2 - floor**2) / np.maximum(deviation, 1e-12) ** 2
-        scale = math.sqrt(_quantile(squares, weight, 0.9))
+        scale = math.sqrt(_quantile(squares, weight, coverage))
         width = float(np.average(np.sqrt((scale * deviation) ** 2 + floor**2), weights=weight))
         if width < best[0]:
             best = width, scale, floor
