@@ -91,9 +91,9 @@ class Train:
     mask_alone: bool = False
     """Train a mask's decoder that sees the whole image, and it alone: all else stays as it is in --start."""
     map_alone: bool = False
-    """Train the map by which objects are found in photos, and it alone: all else stays as in --start. Without
-    a map, which a training of other parts does not make, weights need a box or a mask of each object. It
-    goes without --epochs, --rate, --batch and --frozen."""
+    """Train the map by which objects are found in photos, and fit the presence head to its images: all else
+    stays as in --start. Without a map, which a training of other parts does not make, weights need a box or a
+    mask of each object. It goes without --epochs, --rate, --batch and --frozen."""
     others: tuple[str, ...] = ()
     """With --map-alone, other classes, packaged or folders of packs, that must not be taken for this one."""
     rate: float = 2e-3

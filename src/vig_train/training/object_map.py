@@ -23,6 +23,7 @@ from vig.recognition.network import RecognitionNetwork, bfloat16
 from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE, ObjectMap
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
+from vig_train.training.presence import fit_presence
 from vig_train.training.schedule import Schedule
 
 CELLS = SIDE // MAP_STRIDE
@@ -133,7 +134,8 @@ class MapTraining:
 
 
 def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
-    """Write weights with a newly trained map; all else is as in `start`.
+    """Write weights with a newly trained map, and a presence head fitted to its images; all else is as in
+    `start`.
 
     Raises:
         UserError: `start` is no weights file.
@@ -143,9 +145,14 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     torch.manual_seed(training.seed)
     network.object_map = ObjectMap(sum(settings.channels[-2:]), MAP_CHANNELS)
     training.run(network)
+    fit_presence(network, training.examples, training.seed)
     with reading(start, "recognition weights", "Take a file of `vig train`."):
         tensors, metadata = read_tensors(start, "pt")
-    own = {f"network.object_map.{name}": value for name, value in network.object_map.state_dict().items()}
+    own = {
+        f"network.{name}": value
+        for name, value in network.state_dict().items()
+        if name.startswith(("object_map.", "others."))
+    }
     tensors = {name: value for name, value in tensors.items() if not name.startswith("network.object_map.")}
     tensors |= {name: value.half() if value.is_floating_point() else value for name, value in own.items()}
     described = json.dumps(asdict(replace(settings, object_map=MAP_CHANNELS)))

@@ -132,8 +132,10 @@ def test_a_map_is_added_to_weights_of_which_the_rest_stays(
     assert ended.value.code == 0
     (before, _), (after, metadata) = (read_tensors(path, "pt") for path in (start, out / start.name))
     assert "object_map" in metadata["settings"] and before.keys() == after.keys()
-    changed = [name for name in before if not torch.equal(before[name], after[name])]
-    assert changed and all(name.startswith("network.object_map.") for name in changed)
+    changed = {name for name in before if not torch.equal(before[name], after[name])}
+    head = {"network.others.weight", "network.others.bias"}
+    assert head < changed and all(name.startswith("network.object_map.") for name in changed - head)
+    assert torch.equal(*(each["network.others.weight"][0] for each in (before, after)))  # the roll's
     Recognizer(out / start.name)
 
 

@@ -1,8 +1,9 @@
-"""Training of the map by which objects are found in whole photos."""
+"""Training of what finds objects in whole photos: their map, and the presence head."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from vig.scene import regressed_layout
 from vig_train.training.collages import SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import CELLS, MapTraining, map_loss, targets_of
+from vig_train.training.presence import PRESENCE, PRIOR_LOG_ODDS, dense_features, fit_presence, refitted
 
 SMALL = NetworkSettings(
     modes=2,
@@ -119,3 +121,34 @@ def test_a_map_learns_where_things_are_and_all_else_stays() -> None:
     MapTraining(examples, 320, 0, advance=made.append).run(network)
     assert sum(made) == 320 and held_out() < 0.5 * at_first
     assert all(torch.equal(network.state_dict()[name], value) for name, value in before.items())
+
+
+def test_log_odds_are_found_up_to_the_prior() -> None:
+    rng = np.random.default_rng(0)
+    features = rng.normal(size=(20000, 3)) * [1, 10, 0.1]
+    true, bias = np.array([1.0, -0.05, 5.0]), -0.7
+    present = rng.random(20000) < 1 / (1 + np.exp(-features @ true - bias))
+    weight, found = refitted(np.zeros(3), 0.0, features, present.astype(float))
+    assert weight * [1, 10, 0.1] == pytest.approx(true * [1, 10, 0.1], abs=0.06)
+    assert found == pytest.approx(bias + PRIOR_LOG_ODDS, abs=0.06)
+
+
+def test_the_head_learns_to_tell_discs_from_noise_and_nothing_else_changes() -> None:
+    torch.manual_seed(0)
+    network = RecognitionNetwork(replace(SMALL, squeezed=16, features=64))
+    examples = discs(240)
+    for _ in range(3):  # the running statistics of the normalisation
+        network(examples.pixels()[:60])
+    network.eval()
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    fit_presence(network, examples, 1)
+    changed = [name for name, value in network.state_dict().items() if not torch.equal(value, before[name])]
+    assert changed == ["others.weight", "others.bias"]
+    kept = 1 - PRESENCE
+    assert torch.equal(network.others.weight[kept], before["others.weight"][kept])
+    seen = dense_features(network, examples, 2)
+    with torch.inference_mode():
+        log_odds = network.others(torch.from_numpy(seen))[:, PRESENCE]
+    present = examples.present() > 0
+    in_order = (log_odds[present][:, None] > log_odds[~present]).float().mean()
+    assert in_order > 0.9
