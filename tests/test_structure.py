@@ -23,7 +23,9 @@ ORDER = {
         "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",
         "output", "hints", "explanation", "explainer", "several", "video", "__main__",
     ),
-    "vig_app": ("examples", "results", "schema", "exports", "report", "corrections", "runs", "viewer", "cli"),
+    "vig_app": (
+        "examples", "results", "schema", "glb", "exports", "report", "corrections", "runs", "viewer", "cli",
+    ),
     "vig_world": (
         "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",
         "raster", "library", "renderers", "composition", "generation", "cli",

@@ -302,16 +302,16 @@ class Explanation:
 
     @cached_property
     def _panels(self) -> np.ndarray:
-        return panels(self._close_up)
+        return panels(self.close_up)
 
     @cached_property
     def part_albedo(self) -> np.ndarray:
         """Linear RGB (parts, 3) of each of the class's parts, see `vig.output.part_colours`."""
         names = self.object_class.shape_model.part_names
-        return part_colours(self._close_up, self.latents.albedo[0].numpy(), len(names))
+        return part_colours(self.close_up, self.latents.albedo[0].numpy(), len(names))
 
     @cached_property
-    def _close_up(self) -> CloseUp:
+    def close_up(self) -> CloseUp:
         """The window beside its re-rendering."""
         camera = self._geometry.window_camera(self.fit.framing)
         camera = camera.scaled(PANEL / camera.width)
@@ -327,6 +327,7 @@ class Explanation:
             coverage=drawn.coverage[0].numpy(),
             normals=drawn.normals[0].numpy() @ pose[:3, :3].T.astype(np.float32),
             part=part,
+            depth=drawn.depth[0].numpy(),
             visible=upright.paste(self.outlines[1], *everything) < 0,
         )
 

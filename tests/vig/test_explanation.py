@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-import trimesh
 from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
-from vig import Camera, Explainer, Explanation
+from vig import Explainer, Explanation
 from vig.inference import ExplainSettings, Fit, OtherView, Verdict
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.io.errors import UserError
-from vig.output import glb_from_object, write_glb
 from vig.photo.window import Window
 from vig.scene import Latents, ObjectClass
 from vig_app.examples import example_photos
@@ -105,7 +103,7 @@ def test_chosen_files_alone_are_written_and_others_of_another_result_go(
     other = Explanation(photo, Window.of(150, 150), replace(fit, evidence=1.0), teapot)
     other.save(tmp_path, files=["mask.png"])
     assert {path.name for path in tmp_path.iterdir()} == {"explanation.json", "mask.png"}
-    with pytest.raises(UserError, match="report.html; got 'mask.jpg'. Leave it out"):
+    with pytest.raises(UserError, match="texture_seen.png; got 'mask.jpg'. Leave it out"):
         other.save(tmp_path / "new", files=["mask.jpg"])
     assert not (tmp_path / "new").exists()
 
@@ -206,56 +204,6 @@ def test_nothing_covered_is_not_a_fraction(fit: Fit, teapot: ObjectClass, tmp_pa
     said = written(tmp_path, np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150), empty, teapot)
     assert said["hidden_fraction"] is None
     assert not np.asarray(Image.open(tmp_path / "mask.png")).any()
-
-
-def test_the_object_stands_upright_and_is_seen_from_the_front(teapot: ObjectClass, tmp_path: Path) -> None:
-    """Y up, metres; what was towards the eye is towards +Z; positions as stored are in the object's frame."""
-    one, model = latents(), teapot.shape_model
-    z_up = model.vertices(one.shape)[0].numpy()
-    colours = np.linspace(0.1, 0.9, 3 * len(model.part_names)).reshape(-1, 3)
-    azimuth, elevation = float(one.azimuth), float(one.elevation)
-    camera = Camera(640, 480, 900.0, 300.0, 250.0, distance=0.5, target_height=0.08)
-    write_glb(tmp_path / "object.glb", z_up, colours, teapot, camera, azimuth, elevation)
-    scene = trimesh.load(tmp_path / "object.glb")
-    assert set(scene.geometry) and len(scene.geometry) == len(np.unique(model.parts))
-    assert sum(len(mesh.faces) for mesh in scene.geometry.values()) == len(model.faces)
-    whole = scene.to_geometry()
-    assert whole.bounds[0][1] == pytest.approx(z_up[:, 2].min(), abs=1e-6)  # it stands on y = 0
-    assert whole.volume > 0  # outward faces: turned, not mirrored
-    # The eye of the photo is in the plane x = 0, before the object and above it.
-    eye = (
-        glb_from_object(azimuth) @ np.linalg.inv(camera.camera_from_world(azimuth, elevation)) @ [0, 0, 0, 1]
-    )
-    assert eye[0] == pytest.approx(0, abs=1e-9) and eye[2] > 0.3
-    assert eye[1] == pytest.approx(0.08 + 0.5 * math.sin(elevation))
-    for mesh in scene.geometry.values():
-        (part,) = [n for n, name in enumerate(model.part_names) if name == mesh.visual.material.name]
-        found = np.asarray(mesh.visual.material.baseColorFactor) / 255
-        np.testing.assert_allclose(found[:3], colours[part], atol=1 / 255)
-        assert mesh.visual.material.metallicFactor == 0 and mesh.visual.material.roughnessFactor == 1
-        assert (np.einsum("ij,ij->i", mesh.vertex_normals, mesh.vertex_normals) > 0.99).all()
-
-
-def test_the_cameras_node_sees_the_photo(teapot: ObjectClass, tmp_path: Path) -> None:
-    """Through glTF's own camera a vertex comes to lie where K and camera_from_object put it."""
-    one = latents()
-    vertices = teapot.shape_model.vertices(one.shape)[0].numpy()
-    camera = Camera(640, 480, 900.0, 300.0, 250.0, distance=0.5, target_height=0.08, roll=0.2)
-    azimuth, elevation = float(one.azimuth), float(one.elevation)
-    colours = np.full((len(teapot.shape_model.part_names), 3), 0.5)
-    write_glb(tmp_path / "object.glb", vertices, colours, teapot, camera, azimuth, elevation)
-    data = (tmp_path / "object.glb").read_bytes()
-    described = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    stands, eye = (np.array(node["matrix"]).reshape(4, 4).T for node in described["nodes"])
-    perspective = described["cameras"][0]["perspective"]
-    homogeneous = np.c_[vertices, np.ones(len(vertices))].T
-    seen = np.linalg.inv(eye) @ stands @ homogeneous
-    half = math.tan(perspective["yfov"] / 2)
-    # Of the frame of glTF, whose middle is the principal point, in pixels of the photo.
-    x = 300 + 640 * (340 / 320) / 2 * seen[0] / -seen[2] / half / perspective["aspectRatio"]
-    y = 250 - 250 * seen[1] / -seen[2] / half
-    put = camera.K @ (camera.camera_from_world(azimuth, elevation) @ homogeneous)[:3]
-    np.testing.assert_allclose(np.stack([x, y]), put[:2] / put[2], atol=1e-6)
 
 
 def as_others_take_it(photo: Image.Image, how: str) -> Image.Image:

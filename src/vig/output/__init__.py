@@ -1,10 +1,10 @@
-"""What the user is shown: pictures of an explanation, its numbers as JSON, its object as GLB."""
+"""What the user is shown: pictures of an explanation, its numbers as JSON."""
 
-from vig.output.glb import glb_from_object, write_glb
-from vig.output.json import describe, mask_picture, write_json
+from vig.output.json import Y_UP, describe, glb_from_object, mask_picture, write_json
 from vig.output.pictures import CloseUp, overlay, panels, part_colours
 
 __all__ = [
+    "Y_UP",
     "CloseUp",
     "describe",
     "glb_from_object",
@@ -12,6 +12,5 @@ __all__ = [
     "overlay",
     "panels",
     "part_colours",
-    "write_glb",
     "write_json",
 ]

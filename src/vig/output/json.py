@@ -15,12 +15,13 @@ from vig import __version__
 from vig.inference import Fit, family_of
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.files import atomic_write
-from vig.output.glb import glb_from_object
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 
 FORMAT = 2
 """Of explanation.json; docs/explanation.md describes it."""
+Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""glTF's axes (Y up) from the object's (Z up)."""
 SCALE = "metres of the class's usual size; a photo tells size and distance only as their ratio"
 FRAMES = {
     "object": "right-handed, metres, Z up, origin on the ground under it",
@@ -28,6 +29,17 @@ FRAMES = {
     "pixels": "x right, y down; the centre of the first pixel is (0.5, 0.5)",
     "object.glb": "stored positions are in the object's frame; its node, glb_from_object, turns them upright",
 }
+
+
+def glb_from_object(azimuth: float) -> np.ndarray:
+    """(4, 4): Y up, and turned about the vertical so that an eye at the azimuth (radians) is on +Z.
+
+    Viewers look from there.
+    """
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
+    turn = np.array([[cos, sin, 0, 0], [-sin, cos, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    stands: np.ndarray = Y_UP @ turn
+    return stands
 
 
 def mask_picture(amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:

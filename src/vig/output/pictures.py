@@ -89,6 +89,7 @@ class CloseUp:
         coverage: (S, S) share of each pixel that it covers.
         normals: (S, S, 3) unit, in camera axes (x right, y down, z forward); 0 where nothing is.
         part: (S, S) int, the object's part, -1 where nothing is.
+        depth: (S, S) metres along the optical axis, inf where nothing is.
         visible: (S, S) bool, where nothing hides it.
     """
 
@@ -97,6 +98,7 @@ class CloseUp:
     coverage: np.ndarray
     normals: np.ndarray
     part: np.ndarray
+    depth: np.ndarray
     visible: np.ndarray
 
 

@@ -90,7 +90,8 @@ class FitCommand:
     files: tuple[str, ...] | None = None
     """Write these files of each photo alone, beside explanation.json and corrections.json, in place of those
     of an earlier result: overlay.png thumbnail.jpg mask.png render.png object.glb report.html. By default
-    all; mask.png with --export, too, which names it."""
+    all; mask.png with --export, too, which names it. Not by default: texture_seen.png, what of object.glb's
+    texture is from the photo."""
     full_size: bool = False
     """Write overlay.png as large as the photo; else its longer side has 2,048 pixels at most."""
     quiet: bool = False

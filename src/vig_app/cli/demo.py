@@ -52,7 +52,7 @@ def demo(settings: Demo) -> int:
     for example in example_photos():
         explanation = explainer.explain(example.photo, window=Window(0, 0, IMAGE_SIZE))
         photo = example.photo.name
-        entries.append(save_entry(explanation, out / example.name, photo, photo))
+        entries.append(save_entry(explanation, out / example.name, photo, photo)[0])
         rows.append(_compared(example, explanation, entries[-1].described))
         if not as_json:
             console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)

@@ -14,10 +14,11 @@ from PIL import Image
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.output import mask_picture, overlay, write_glb, write_json
+from vig.output import mask_picture, overlay, write_json
 from vig.photo.images import coded, write_png
 from vig.several.scene import COLOURS, SceneExplanation
 from vig_app.exports import export_explanation, remove_exports
+from vig_app.glb import Texture, bake, write_object, write_scene
 from vig_app.report.contents import page_of, page_photo
 from vig_app.report.folder_page import Entry, folder_html, reduced, write_thumbnail
 from vig_app.report.html import write_page
@@ -26,6 +27,10 @@ FILES = (
     "explanation.json", "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
 )  # fmt: skip
 """What an explanation's folder holds; the first in any case."""
+ASKED_FOR = ("texture_seen.png",)
+"""What it holds only where it is asked for."""
+TEXTURED = {"object.glb", *ASKED_FOR}
+"""Files that need the texture."""
 PICTURE_SIDE = 2048
 """Pixels of overlay.png's longer side at most, unless its full size is asked for."""
 
@@ -51,8 +56,10 @@ def save_entry(
     name: str,
     files: Sequence[str] = FILES,
     full_size: bool = False,
-) -> Entry:
-    """`save_explanation`; returns what the page of several photos or objects shows of it under a name."""
+) -> tuple[Entry, Texture | None]:
+    """`save_explanation`; returns what the page of several photos or objects shows of it under a name, and
+    the texture where a file has it.
+    """
     check_files(files)
     described = explanation.to_dict()
     _remove_stale_files(folder, described, files)
@@ -61,22 +68,27 @@ def save_entry(
     shown = page_photo(picture)
     small = outlined(explanation, reduced(shown))
     entry = Entry(name, folder.name, described, small, "report.html" in files)
+    texture = bake(explanation) if TEXTURED & set(files) else None
     for file in FILES[1:]:
         if file == "overlay.png" and file in files:
             write_png(folder / file, outlined(explanation, picture))
+        elif file == "object.glb" and file in files:
+            write_object(folder / file, explanation, texture)
         elif file in files:
             _write(explanation, folder / file, photo, entry.picture, described, shown)
+    if texture is not None and "texture_seen.png" in files:
+        write_png(folder / "texture_seen.png", texture.origin_picture)
     write_json(folder, described)
-    return entry
+    return entry, texture
 
 
 def check_files(files: Sequence[str]) -> None:
-    """UserError unless all are of `FILES`."""
-    wanted = f"expected files of {', '.join(FILES)}"
+    """UserError unless all are of `FILES` or `ASKED_FOR`."""
+    wanted = f"expected files of {', '.join(FILES + ASKED_FOR)}"
     if isinstance(files, str) or not isinstance(files, Sequence):
         raise UserError(f"{wanted}; got {str(files)[:60]!r}. Pass a list of names.")
     for name in files:
-        if name not in FILES:
+        if name not in FILES + ASKED_FOR:
             raise UserError(f"{wanted}; got {name!r}. Leave it out (photos come before --files).")
 
 
@@ -88,7 +100,7 @@ def _write(
     described: dict[str, Any],
     shown: np.ndarray,
 ) -> None:
-    """Write one of `FILES` but overlay.png, by its name; `shown` is the explanation's `page_photo`."""
+    """Write one of `FILES` but overlay.png and object.glb, by its name; `shown` is the `page_photo`."""
     match path.name:
         case "thumbnail.jpg":
             write_thumbnail(path.parent, thumbnail)
@@ -96,16 +108,6 @@ def _write(
             write_png(path, mask_picture(explanation.amodal, explanation.mask))
         case "render.png":
             write_png(path, explanation.panels())
-        case "object.glb":
-            write_glb(
-                path,
-                explanation.vertices,
-                explanation.part_albedo,
-                explanation.object_class,
-                explanation.camera,
-                float(explanation.latents.azimuth),
-                float(explanation.latents.elevation),
-            )
         case "report.html":
             write_page(path, page_of(explanation, photo, described, shown))
 
@@ -133,12 +135,18 @@ def save_scene(
     write_png(folder / "overlay.png", picture if full_size else reduced(picture, PICTURE_SIDE))
     _write_numbers(folder / "mask.png", numbers)
     write_thumbnail(folder, reduced(picture))
-    entries = []
+    entries, textures = [], []
     for name, explanation in zip(scene.names, scene.objects, strict=True):
-        entries.append(save_entry(explanation, folder / name, f"{photo}, {name}", name, files, full_size))
+        entry, texture = save_entry(explanation, folder / name, f"{photo}, {name}", name, files, full_size)
+        entries.append(entry)
+        textures.append(texture)
         export_explanation(explanation, folder / name, export, photo)
     note = scene.order_note if len(scene.objects) > 1 else ""
     write_page(folder / "report.html", folder_html(entries, title=photo, picture=picture, note=note))
+    if "object.glb" in files:
+        write_scene(folder / "scene.glb", scene, textures)
+    else:  # of an earlier result
+        (folder / "scene.glb").unlink(missing_ok=True)
     write_json(folder, scene.to_dict(), "scene.json")
     return folder
 
@@ -157,5 +165,5 @@ def _remove_stale_files(folder: Path, described: dict[str, Any], files: Sequence
     with suppress(OSError, ValueError):
         if json.loads((folder / "explanation.json").read_text()) != json.loads(json.dumps(described)):
             remove_exports(folder)
-            for name in set(FILES) - {*files, "explanation.json"}:
+            for name in {*FILES, *ASKED_FOR} - {*files, "explanation.json"}:
                 (folder / name).unlink(missing_ok=True)

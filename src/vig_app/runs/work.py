@@ -30,7 +30,7 @@ KEY = ".key"
 """File within a folder with the key of its results, see `vig_app.runs.ledger.key_of`."""
 FILES = (
     "explanation.json", "scene.json", CORRECTIONS, "mask.png", "object.glb", "overlay.png", "render.png",
-    "report.html", "thumbnail.jpg",
+    "report.html", "scene.glb", "texture_seen.png", "thumbnail.jpg",
 )  # fmt: skip
 """Of a photo's results, whether of one object or of several."""
 

@@ -18,9 +18,9 @@ from PIL import Image, ImageDraw
 from vig.explanation import Explanation
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
-from vig.output.glb import LOOKS_BACK
 from vig.photo.images import coded
 from vig.scene import srgb8_from_linear
+from vig_app.glb import LOOKS_BACK
 from vig_app.viewer.session import Session, cleared, marked, placed
 from vig_app.viewer.worker import Worker
 

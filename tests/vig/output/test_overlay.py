@@ -92,7 +92,8 @@ def close_up() -> CloseUp:
     seen = covered & (part == 0)
     photo = np.where(seen[..., None], [0.4, 0.2, 0.1], 0.0)
     normals = np.where(covered[..., None], [0.0, 0.0, -1.0], 0.0)
-    return CloseUp(photo, rendering, covered.astype(np.float32), normals, part, seen)
+    depth = np.where(covered, 0.4, np.inf)
+    return CloseUp(photo, rendering, covered.astype(np.float32), normals, part, depth, seen)
 
 
 def test_a_part_has_the_colour_of_where_it_is_seen() -> None:

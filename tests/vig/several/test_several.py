@@ -95,6 +95,35 @@ def test_order_follows_who_is_seen_where_both_are(
     assert order(pair, [hidden, seen]).tolist() == [[False, False], [True, False]]
 
 
+def test_the_scenes_file_shows_all_on_one_ground_where_the_photo_does(
+    scene: SceneExplanation, tmp_path: Path
+) -> None:
+    scene.save(tmp_path, files=["object.glb"])
+    data = (tmp_path / "scene.glb").read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    described, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    *nodes, eye = described["nodes"]
+    assert [node["name"] for node in nodes] == list(scene.names) and eye["name"] == "camera"
+    extras = described["cameras"][0]["extras"]
+    camera_from_world = np.diag([1, -1, -1, 1]) @ np.linalg.inv(np.reshape(eye["matrix"], (4, 4)).T)
+    for node, each, (matrix, pose) in zip(nodes, scene.objects, scene.poses, strict=True):
+        np.testing.assert_allclose(extras["K"], matrix)
+        (primitive, *_) = described["meshes"][node["mesh"]]["primitives"]
+        view = described["bufferViews"][
+            described["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
+        ]
+        stored = np.frombuffer(binary, "<f4", view["byteLength"] // 4, view["byteOffset"]).reshape(-1, 3)
+        assert len(stored) > len(each.vertices), "doubled along the texture's seams"
+        points, turn = np.c_[stored, np.ones(len(stored))].T, np.reshape(node["matrix"], (4, 4)).T
+        seen, expected = (matrix @ (to_camera @ points)[:3] for to_camera in (camera_from_world @ turn, pose))
+        np.testing.assert_allclose(seen[:2] / seen[2], expected[:2] / expected[2], atol=1e-6)
+        assert 1 / 1.5 <= node["extras"]["scale"] <= 1.5
+        assert abs(turn[1, 3]) < 1e-9, "its foot is on the ground"
+        assert turn[1, 2] / node["extras"]["scale"] > 0.99, "and it stands upright"
+    scene.save(tmp_path, files=["mask.png"])
+    assert not (tmp_path / "scene.glb").exists()
+
+
 def test_one_object_is_explained_as_alone(group: Group, explainers: dict[str, vig.Explainer]):
     explainer, box = explainers[group.spec.members[0].class_name], boxes_of(group)[0]
     found = explain_together(group.photo, [explainer], [box])

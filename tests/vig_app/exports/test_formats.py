@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import replace
 from importlib import import_module
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from PIL import Image
 
 import vig
 from vig.io.errors import UserError
@@ -206,7 +208,7 @@ def test_a_gltf_library_reads_the_object(folder: Path, explanation: vig.Explanat
     read = pygltflib.GLTF2().load(str(folder / "object.glb"))
     data, vertices = read.binary_blob(), explanation.vertices
     assert read.buffers[0].byteLength == len(data)
-    sizes, kinds = {"SCALAR": 1, "VEC3": 3}, {5125: "<u4", 5126: "<f4"}
+    sizes, kinds = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}, {5125: "<u4", 5126: "<f4"}
     arrays = []
     for accessor in read.accessors:
         view = read.bufferViews[accessor.bufferView]
@@ -215,14 +217,23 @@ def test_a_gltf_library_reads_the_object(folder: Path, explanation: vig.Explanat
         assert view.byteLength == 4 * count
         array = np.frombuffer(data, kinds[accessor.componentType], count, view.byteOffset)
         arrays.append(array.reshape(accessor.count, -1))
-    np.testing.assert_array_equal(arrays[0], vertices)
+    # Along the seams of the texture vertices are there twice.
+    used = vertices[np.unique(explanation.object_class.shape_model.faces)]
+    assert {row.tobytes() for row in arrays[0]} == {row.tobytes() for row in used}
     assert read.accessors[0].min == arrays[0].min(0).tolist()
     assert read.accessors[0].max == arrays[0].max(0).tolist()
     np.testing.assert_allclose(np.linalg.norm(arrays[1], axis=1), 1, atol=1e-5)
     (mesh,), faces = read.meshes, 0
     for primitive in mesh.primitives:
         corners = arrays[primitive.indices]
-        assert corners.max() < len(vertices) and primitive.material < len(read.materials)
+        assert corners.max() < len(arrays[0]) and primitive.material < len(read.materials)
         faces += len(corners) // 3
     assert faces == len(explanation.object_class.shape_model.faces)
     assert [node.camera for node in read.nodes] == [None, 0]
+    assert [image.mimeType for image in read.images] == ["image/jpeg", "image/png"]
+    for image in read.images:
+        view = read.bufferViews[image.bufferView]
+        picture = Image.open(io.BytesIO(data[view.byteOffset : view.byteOffset + view.byteLength]))
+        assert picture.size == (512, 512)
+    coordinates = arrays[mesh.primitives[0].attributes.TEXCOORD_0]
+    assert coordinates.min() >= 0 and coordinates.max() <= 1 and len(coordinates) == len(arrays[0])

@@ -11,8 +11,8 @@ import numpy as np
 
 from vig.explanation import Explanation
 from vig.output import write_json
-from vig.output.glb import LOOKS_BACK
 from vig.photo.images import coded, write_png
+from vig_app.glb import LOOKS_BACK
 
 TRANSFORMS = "transforms.json"
 PHOTO = "nerfstudio/photo.png"

@@ -1,0 +1,216 @@
+"""Where each face of a class lies in a texture: its mean shape cut into charts, seen along the axes.
+
+Made once for a class. A chart is a connected piece whose faces look along the same of the six directions of
+the axes; it is seen from there, so that lengths are shortened by 1.7 at most.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # which loads its parts where they are first used
+import torch
+
+from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
+from vig.scene import ObjectClass
+
+SIDE = 512
+"""Texels a side."""
+GAP = 4
+"""Texels between charts, at least."""
+AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
+"""(6, 3), the directions that charts look along, outwards."""
+SMOOTHINGS = 3
+"""Times that a face takes its neighbours' mean direction, so that charts have few, smooth borders."""
+LEAST_COSINE = 0.25
+"""Of a face's normal and its chart's direction, at least: else it takes the one that it looks along most."""
+SPLITS = 4
+"""Times that what lies below another part of its chart is made a chart of its own."""
+LIFT = 0.02
+"""Depth of the charts before the camera that draws them, over its distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """The texture coordinates of a mesh of V vertices and F faces, and what its texels show.
+
+    Attributes:
+        source: (U,) the vertex of each of the atlas's own vertices, which are doubled along charts' borders.
+        faces: (F, 3) of these, in the mesh's order.
+        coordinates: (U, 2) float32 in [0, 1], right and down from the image's corner, as glTF has them.
+        texels: (SIDE^2,) int, of each pixel of the image, row by row, the texel that it shows: its own, or
+            beside a chart the nearest.
+        face: (T,) of each texel.
+        weights: (T, V) sparse, three numbers a row: those of the corners of its face at the texel's middle.
+    """
+
+    source: np.ndarray
+    faces: np.ndarray
+    coordinates: np.ndarray
+    texels: np.ndarray
+    face: np.ndarray
+    weights: scipy.sparse.csr_array
+
+
+@functools.lru_cache(maxsize=8)
+def atlas_of(object_class: ObjectClass) -> Atlas:
+    """The atlas of a class's shapes."""
+    model = object_class.shape_model
+    vertices, faces = model.mean.astype(np.float64), model.faces
+    direction = _directions(vertices, faces)
+    for _ in range(SPLITS):
+        chart = _charts(faces, direction)
+        flat, height = _flat(vertices, faces, direction)
+        place, scale = _packed(flat, chart)
+        seen = _drawn(place, height)
+        below = _below(place, scale * height, seen)
+        if not below.any():
+            break
+        direction = np.where(below, direction + len(AXES), direction)
+    return _joined(place, faces, chart, seen)
+
+
+def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.ndarray) -> Atlas:
+    """The atlas of corners at texels `place`, of which `seen` (SIDE, SIDE) shows the faces."""
+    count = int(faces.max()) + 1
+    keys, first, corners = np.unique(
+        chart[:, None] * np.int64(count) + faces, return_index=True, return_inverse=True
+    )
+    rows, columns = np.nonzero(seen >= 0)
+    face = seen[rows, columns]
+    a, b, c = place[face].transpose(1, 0, 2)
+    to_corner = np.stack([b - a, c - a], axis=2)
+    middle = np.stack([columns, rows], axis=1) + 0.5 - a
+    second, third = np.linalg.solve(to_corner, middle[..., None])[..., 0].T
+    shares = np.stack([1 - second - third, second, third], axis=1).astype(np.float32)
+    weights = scipy.sparse.csr_array(
+        (shares.ravel(), faces[face].ravel(), np.arange(0, 3 * len(face) + 1, 3)), (len(face), count)
+    )
+    number = np.zeros(seen.shape, np.int32)
+    number[rows, columns] = np.arange(len(face))
+    near = scipy.ndimage.distance_transform_edt(seen < 0, return_distances=False, return_indices=True)
+    return Atlas(
+        source=(keys % count).astype(np.int32),
+        faces=corners.reshape(-1, 3).astype(np.int32),
+        coordinates=(place.reshape(-1, 2)[first] / SIDE).astype(np.float32),
+        texels=number[*near].ravel(),
+        face=face,
+        weights=weights,
+    )
+
+
+def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F,) the row of `AXES` that each face is seen along."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    own = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    pairs = _neighbours(faces)
+    rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
+    count = len(faces)
+    near = scipy.sparse.csr_array((np.ones(len(rows)), (rows, columns)), (count, count))
+    smooth = own
+    for _ in range(SMOOTHINGS):
+        smooth = smooth + near @ smooth
+        smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
+    direction = (smooth @ AXES.T).argmax(1)
+    steep = (own * AXES[direction]).sum(1) < LEAST_COSINE
+    return np.where(steep, (own @ AXES.T).argmax(1), direction)
+
+
+def _neighbours(faces: np.ndarray) -> np.ndarray:
+    """(N, 2) pairs of faces that share an edge."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    same = (edges[order[1:]] == edges[order[:-1]]).all(1)
+    return np.stack([order[1:][same], order[:-1][same]], axis=1) // 3
+
+
+def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(F,) the number of each face's chart."""
+    pairs = _neighbours(faces)
+    rows, columns = pairs[direction[pairs[:, 0]] == direction[pairs[:, 1]]].T
+    count = len(faces)
+    graph = scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), (count, count))
+    chart: np.ndarray = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
+    return chart
+
+
+def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of each face's corners the place in its chart (F, 3, 2), clockwise, and height above it (F, 3)."""
+    axis = direction % len(AXES)
+    side = np.where(axis % 2, -1.0, 1.0)[:, None]
+    right, up = np.array([[1, 2], [2, 0], [0, 1]])[axis // 2].T
+    corners = vertices[faces]
+    rows = np.arange(len(faces))[:, None], np.arange(3)
+    across, along = corners[*rows, right[:, None]], corners[*rows, up[:, None]]
+    return np.stack([across, -side * along], axis=2), side * corners[*rows, axis[:, None] // 2]
+
+
+def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float]:
+    """Texels (F, 3, 2) of the corners, and texels per metre.
+
+    Charts lie in rows of falling height, as large as they go in together.
+    """
+    low, high = np.full((2, chart.max() + 1, 2), np.inf)
+    high = -high
+    for extreme, ufunc in ((low, np.minimum), (high, np.maximum)):
+        ufunc.at(extreme, np.repeat(chart, 3), flat.reshape(-1, 2))
+    size = high - low
+    lies = size[:, 1] > size[:, 0]  # turned by a quarter, so that it is wider than high
+    turned = np.stack([-flat[..., 1], flat[..., 0]], axis=2)
+    flat = (
+        np.where(lies[chart][:, None, None], turned, flat)
+        - np.where(lies[:, None], np.stack([-high[:, 1], low[:, 0]], axis=1), low)[chart][:, None]
+    )
+    size = np.where(lies[:, None], size[:, ::-1], size)
+    fits, scale = 0.0, SIDE / max(float(np.sqrt(size.prod(1).sum())), 1e-9)
+    step = scale
+    for _ in range(16):
+        step /= 2
+        if _corners(scale * size) is None:
+            scale -= step
+        else:
+            fits, scale = scale, scale + step
+    corner = _corners(fits * size)
+    if corner is None:  # more charts than there is room for the gaps between them
+        corner = np.zeros_like(size)
+    return corner[chart][:, None] + fits * flat, fits
+
+
+def _corners(size: np.ndarray) -> np.ndarray | None:
+    """Upper left texels of rectangles (N, 2) in rows, None where they do not go into the image."""
+    corner = np.empty_like(size)
+    x = y = high = float(GAP)
+    for number in np.argsort(-size[:, 1], kind="stable").tolist():
+        width, height = size[number].tolist()
+        if x + width + GAP > SIDE:
+            x, y, high = float(GAP), y + high + GAP, height
+        if x == GAP:
+            high = height
+        if x + width + GAP > SIDE or y + height + GAP > SIDE:
+            return None
+        corner[number] = x, y
+        x += width + GAP
+    return corner
+
+
+def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """(SIDE, SIDE) the face that is the highest at each texel, -1 for none."""
+    depth = 1 - LIFT * (height - height.min()) / max(float(np.ptp(height)), 1e-9)
+    points = np.concatenate([place, np.ones_like(height)[..., None]], axis=2) * depth[..., None]
+    points = points.reshape(-1, 3).astype(np.float32)
+    topology = Topology.of(np.arange(len(points)).reshape(-1, 3), points)
+    camera = Pinhole(SIDE, SIDE, torch.ones(2), torch.zeros(2), torch.eye(3), torch.zeros(3))
+    scene = Scene([MeshObject(torch.from_numpy(points), topology, torch.ones(3))], camera)
+    return render(scene).triangle_id[0].numpy()
+
+
+def _below(place: np.ndarray, height: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """(F,) whether another face lies over a face's middle, and not only beside it; all in texels."""
+    column, row = place.mean(1).astype(int).T
+    over = seen[row, column]
+    reach = np.ptp(place[over], axis=1).max(1) + np.ptp(place, axis=1).max(1) + 2
+    far = height.mean(1)[over] - height.mean(1) > reach / LEAST_COSINE
+    return (over >= 0) & far

@@ -1,0 +1,243 @@
+"""An object's own colours from the photo: what it shows of the surface, divided by the light on it.
+
+What is hidden takes the colours of its mirror image, where the class has one and that is seen; what neither
+shows has the colour of its part.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from PIL import Image, ImageFilter
+
+from vig.explanation import Explanation
+from vig.output.pictures import PANEL
+from vig.parallel import on_one_core
+from vig.photo.masks import box_of
+from vig.renderer import render_latents
+from vig.renderer.shading import smooth_normals
+from vig.scene import Camera, ObjectClass
+from vig.scene.light import srgb8_from_linear
+from vig_app.glb.atlas import SIDE, Atlas, atlas_of
+
+SEEN, MIRRORED, INVENTED = 255, 128, 0
+"""Values of the map of where a texel's colour is from."""
+LEAST_IRRADIANCE = 0.05, 0.15
+"""What a white surface reflects, of 1, from which a colour begins to count, and from which it counts in full;
+likewise the next."""
+LEAST_FACING = 0.15, 0.45
+"""Cosine of normal and sight."""
+BLEEDS = 2
+"""Pixels of the window beside an outline that may show what is beyond it, and do not count."""
+BORDER = 7
+"""Pixels beside an outline from which colours count in full."""
+JUMP = 0.03
+"""Difference in depth of neighbouring pixels, over the object's length, that is an outline within it."""
+NEAR = 0.02
+"""How far from the surface that a pixel shows a texel may be to have its colour, over the object's length."""
+LEAST_ALBEDO = 0.01
+"""From which the light is told from the rendering."""
+MIRROR = np.array([1.0, -1.0, 1.0], np.float32)
+LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))
+"""8-bit sRGB of linear values in steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """The surface of an explained object, as `atlas` lays it out.
+
+    Attributes:
+        atlas: Of its class.
+        colours: (T, 3) float32, linear RGB of each texel, in [0, 1].
+        origin: (T,) uint8, where it is from: SEEN, MIRRORED or INVENTED.
+    """
+
+    atlas: Atlas
+    colours: np.ndarray
+    origin: np.ndarray
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Of the texels, by where their colours are from."""
+        names = {"seen": SEEN, "mirrored": MIRRORED, "invented": INVENTED}
+        return {name: float((self.origin == value).mean()) for name, value in names.items()}
+
+    @property
+    def picture(self) -> np.ndarray:
+        """(SIDE, SIDE, 3) uint8, sRGB."""
+        levels = np.zeros((len(self.colours), 4), np.uint8)  # by words of four bytes: faster
+        levels[:, :3] = LEVELS[(self.colours * (len(LEVELS) - 1) + 0.5).astype(np.uint16)]
+        pixels = levels.view(np.uint32)[:, 0][self.atlas.texels]
+        return pixels.view(np.uint8).reshape(SIDE, SIDE, 4)[..., :3]
+
+    @property
+    def origin_picture(self) -> np.ndarray:
+        """(SIDE, SIDE) uint8, where each pixel's colour is from."""
+        return self.origin[self.atlas.texels].reshape(SIDE, SIDE)
+
+
+def bake(explanation: Explanation) -> Texture:
+    """The texture of an explained object from its photo."""
+    object_class, vertices = explanation.object_class, explanation.vertices
+    model, atlas = object_class.shape_model, atlas_of(object_class)
+    colours = surface_colours(explanation)[model.parts[model.faces[atlas.face, 0]]]
+    origin = np.full(len(colours), INVENTED, np.uint8)
+    shown = _Shown.of(explanation)
+    if shown is not None:
+        normals = smooth_normals(torch.from_numpy(vertices), torch.from_numpy(model.faces)).numpy()
+        sides = [(SEEN, np.ones_like(MIRROR))] + [(MIRRORED, MIRROR)] * object_class.mirror
+        placed = np.concatenate([shown.placed(vertices * flip, normals * flip) for _, flip in sides], axis=1)
+        at = atlas.weights @ placed
+        for number, (source, _) in reversed(list(enumerate(sides))):
+            origin[shown.paint(colours, at[:, 4 * number :][:, :4])] = source
+    return Texture(atlas, colours, origin)
+
+
+def surface_colours(explanation: Explanation) -> np.ndarray:
+    """Linear RGB (parts, 3) of each part's surface."""
+    reflectance = explanation.object_class.part_reflectance or (1.0,)
+    return explanation.part_albedo * np.array(reflectance, np.float32)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What the part of the window that the object covers shows of it.
+
+    Attributes:
+        layers: (1, 5, h, w) float32: colour without the light, linear RGB; how far it counts, in [0, 1]; one
+            over the depth of the surface, 0 where nothing is.
+        place_from_object: (3, 4), to where a point is in the layers, from -1 to 1 each way.
+        eye: (3,) in the object's frame.
+        near: How far from the surface that a pixel shows a point may be to have its colour, over its depth.
+    """
+
+    layers: torch.Tensor
+    place_from_object: np.ndarray
+    eye: np.ndarray
+    near: float
+
+    @staticmethod
+    def of(explanation: Explanation) -> _Shown | None:
+        """None where the window shows nothing of it."""
+        shown, latents, camera = explanation.close_up, explanation.latents, _camera(explanation)
+        box = box_of(shown.visible & (shown.part >= 0))
+        if box is None:
+            return None
+        x, y, width, height = box
+        part = slice(y, y + height), slice(x, x + width)
+        pose = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+        eye, length = -pose[:3, :3].T @ pose[:3, 3], float(np.ptp(explanation.vertices, axis=0).max())
+        light, depth = _light(explanation, camera)[part], shown.depth[part]
+        layers = np.empty((5, height, width), np.float32)
+        layers[:3] = np.moveaxis(shown.photo[part] / np.maximum(light, LEAST_IRRADIANCE[0])[..., None], 2, 0)
+        layers[3] = _inside(_visible(explanation, part), depth, JUMP * length)
+        layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
+        layers[3] *= _ramp(light, LEAST_IRRADIANCE)
+        layers[4] = 1 / depth
+        np.minimum(layers[:3], 1, out=layers[:3])
+        across, down = -1 - 2 * x / width, -1 - 2 * y / height
+        to_place = np.array([[2 / width, 0, across], [0, 2 / height, down], [0, 0, 1]])
+        return _Shown(
+            torch.from_numpy(layers)[None],
+            to_place @ camera.K @ pose[:3],
+            eye,
+            NEAR * length / float(np.linalg.norm(eye)),
+        )
+
+    def placed(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Where vertices with normals are, (V, 4) float32: x, y and 1, times their depth; above 0 where they
+        face the eye. All are linear in the place on a face.
+        """
+        places = vertices @ self.place_from_object[:, :3].T + self.place_from_object[:, 3]
+        facing = ((self.eye - vertices) * normals).sum(1)
+        return np.column_stack([places, facing]).astype(np.float32)
+
+    def paint(self, colours: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Give texels (T, 3) at `placed` (T, 4) the colours that are shown there; returns which have them."""
+        texels = np.flatnonzero(at[:, 3] > 0)
+        x, y, depth, _ = at[texels].T
+        where = torch.from_numpy(np.stack([x / depth, y / depth], axis=1))
+        counts, nearness = self._found(slice(3, 5), where)
+        here = np.flatnonzero((counts > 0) & (np.abs(nearness * depth - 1) < self.near))
+        texels, weight = texels[here], counts[here, None]
+        before = colours[texels]
+        colours[texels] = before + weight * (self._found(slice(3), where[here]).T - before)
+        return texels[weight[:, 0] > 0.5]
+
+    def _found(self, layers: slice, where: torch.Tensor) -> np.ndarray:
+        """Layers at places (N, 2), between the middles of four pixels: (layers, N)."""
+        sample = torch.nn.functional.grid_sample
+        return sample(self.layers[:, layers], where[None, None], align_corners=False)[0, :, 0].numpy()
+
+
+def _camera(explanation: Explanation) -> Camera:
+    """That of `Explanation.close_up`."""
+    standard = explanation.object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
+    return standard.framed(*explanation.fit.framing.tolist()).scaled(PANEL / standard.width)
+
+
+def _light(explanation: Explanation, camera: Camera) -> np.ndarray:
+    """What a white surface in the place of the object's would reflect, (S, S) of the window."""
+    latents, object_class = explanation.latents, explanation.object_class
+    albedo = latents.albedo[0].numpy()
+    channel = int(albedo.argmax())
+    if object_class.part_reflectance is None and albedo[channel] > LEAST_ALBEDO:
+        return explanation.close_up.rendering[..., channel] / albedo[channel]
+    # Where dark parts meet bright ones the rendering mixes their reflectances.
+    white = replace(latents, albedo=torch.ones_like(latents.albedo))
+    drawn = on_one_core(functools.partial(render_latents, white, _uniform(object_class), camera))
+    return drawn.rgb[0, :, :, 0].numpy()
+
+
+@functools.lru_cache(maxsize=8)
+def _uniform(object_class: ObjectClass) -> ObjectClass:
+    """The class with parts that all reflect alike."""
+    return replace(object_class, part_reflectance=None)
+
+
+def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> np.ndarray:
+    """Cosine (h, w) between normals (h, w, 3), camera axes, and the sight of a part of its picture."""
+    rows, columns = (np.arange(each.start, each.stop, dtype=np.float32) + 0.5 for each in part)
+    x = (columns - camera.cx) / camera.focal
+    y = ((rows - camera.cy) / (camera.focal_y or camera.focal))[:, None]
+    along = normals[..., 0] * x + normals[..., 1] * y + normals[..., 2]
+    cosine: np.ndarray = -along / np.sqrt(x * x + y * y + 1)
+    return cosine
+
+
+def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
+    """Where nothing hides the object, (h, w) bool of a part of the window."""
+    visible = explanation.close_up.visible[part]
+    if explanation.others is not None:
+        others = np.repeat(explanation.others[..., None].astype(np.float32), 3, axis=2)
+        visible = visible & (explanation.window.crop(others, PANEL)[0][*part, 0] < 0.5)
+    return visible
+
+
+def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:
+    """How far pixels (h, w) are from outlines, of what is seen and of what is nearer: 0 to 1 at `BORDER`."""
+    inside = np.zeros(np.add(visible.shape, 2 * BORDER), np.uint8)
+    here = inside[BORDER:-BORDER, BORDER:-BORDER]
+    here[visible & np.isfinite(depth)] = 255
+    with np.errstate(invalid="ignore"):
+        for a, b, near, far in (
+            (depth[1:], depth[:-1], here[1:], here[:-1]),
+            (depth[:, 1:], depth[:, :-1], here[:, 1:], here[:, :-1]),
+        ):
+            jumps = np.abs(a - b) > jump
+            near[jumps] = far[jumps] = 0
+    for _ in range(BLEEDS):  # smaller by a pixel
+        inside[1:-1] = np.minimum(np.minimum(inside[2:], inside[:-2]), inside[1:-1])
+        inside[:, 1:-1] = np.minimum(np.minimum(inside[:, 2:], inside[:, :-2]), inside[:, 1:-1])
+    soft = Image.fromarray(inside).filter(ImageFilter.BoxBlur(BORDER - BLEEDS))
+    blurred = np.asarray(soft)[BORDER:-BORDER, BORDER:-BORDER]
+    return _ramp(blurred, (127.5, 255.0))
+
+
+def _ramp(values: np.ndarray, bounds: tuple[float, float]) -> np.ndarray:
+    """From 0 at the lower bound to 1 at the upper one."""
+    low, high = bounds
+    return ((values - np.float32(low)) / np.float32(high - low)).clip(0, 1)

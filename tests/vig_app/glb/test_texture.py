@@ -1,0 +1,201 @@
+"""Textures from photos: painted objects, drawn, and baked again."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from vig import Explanation
+from vig.inference import Fit, Verdict
+from vig.inference.calibration import CONFIDENCE_FEATURES
+from vig.photo.window import Window
+from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
+from vig.renderer.explained import vertex_irradiance
+from vig.renderer.shading import smooth_normals
+from vig.scene import Latents, ObjectClass
+from vig_app.glb import Texture, bake, surface_colours
+from vig_app.glb.atlas import GAP, SIDE, atlas_of
+from vig_app.glb.bake import INVENTED, MIRRORED, SEEN
+
+MAGENTA = np.array([1.0, 0.0, 1.0], np.float32)
+
+
+def paint(points: np.ndarray, object_class: ObjectClass) -> np.ndarray:
+    """Colours (N, 3) of points (N, 3), metres; not those of their mirror images."""
+    x, y, z = points.T * (0.2 / np.ptp(object_class.shape_model.mean, axis=0).max())
+    red, blue = 0.4 + 0.3 * np.sin(40 * x + 20 * y), 0.4 + 0.3 * np.sin(30 * z)
+    return np.stack([red, 0.5 + 2 * y, blue], axis=1).astype(np.float32)
+
+
+def painted(object_class: ObjectClass, hidden: slice | None = None) -> Explanation:
+    """What is right for a drawing of a painted object; columns of the photo may be covered by magenta."""
+    modes = object_class.shape_model.modes
+    latents = Latents(
+        torch.zeros(1, modes),
+        torch.tensor([0.4]),
+        torch.tensor([0.5]),
+        torch.tensor([[0.4, 0.5, 0.4]]),
+        torch.tensor([[2.6, 0.1, 0.5, -0.3, *[0.05] * 5]]),
+    )
+    vertices = object_class.shape_model.vertices(latents.shape)[0]
+    topology = Topology.of(object_class.shape_model.faces, vertices.numpy())
+    normals = smooth_normals(vertices, topology.faces)
+    colours = torch.from_numpy(paint(vertices.numpy(), object_class))
+    colours = colours * vertex_irradiance(latents, normals, object_class)[:, None]
+    camera = Pinhole.on_sphere(object_class.camera(300), latents.azimuth[0], latents.elevation[0])
+    drawn = render(Scene([MeshObject(vertices, topology, colours, normals=normals)], camera))
+    photo = drawn.rgb[0].numpy()
+    coverage = drawn.coverage[0].reshape(150, 2, 150, 2).mean((1, 3))
+    visible = coverage.clone()
+    if hidden is not None:
+        photo[:, hidden] = MAGENTA
+        visible[:, hidden.start // 2 : hidden.stop // 2] = 0
+    fit = Fit(
+        latents=latents,
+        framing=torch.zeros(4),
+        deviation=torch.ones(14 + modes) / 100,
+        framing_deviation=torch.ones(4) / 100,
+        visible=visible,
+        mask=visible > 0.5,
+        mask_by_pixel=visible > 0.5,
+        coverage=coverage,
+        verdict=Verdict.TRUSTED,
+        reason="",
+        confidence=0.9,
+        mask_confidence=0.9,
+        mask_trusted=True,
+        confidence_features=torch.zeros(len(CONFIDENCE_FEATURES)),
+        evidence=0.0,
+        start_evidence=0.0,
+        evaluations=1,
+        alternatives=(),
+        descent=torch.cat([latents.to_vector(), torch.zeros(1, 4)], dim=1),
+    )
+    return Explanation(photo, Window.of(300, 300), fit, object_class)
+
+
+def points_of(texture: Texture, explanation: Explanation) -> np.ndarray:
+    """(T, 3) where on the object the texels lie."""
+    points: np.ndarray = texture.atlas.weights @ explanation.vertices
+    return points
+
+
+@pytest.fixture(scope="module", params=["teapot", "mug", "car"])
+def object_class(request: pytest.FixtureRequest) -> ObjectClass:
+    return ObjectClass.load(request.param)
+
+
+def test_texels_of_a_face_are_where_its_coordinates_say(object_class: ObjectClass) -> None:
+    """And no face lies over another, or nearer to another chart than the gap: charts are seen one by one."""
+    atlas, model = atlas_of(object_class), object_class.shape_model
+    np.testing.assert_array_equal(atlas.source[atlas.faces], model.faces)
+    shares = atlas.weights.data.reshape(-1, 3)
+    assert shares.min() > -1e-4 and np.abs(shares.sum(1) - 1).max() < 1e-5
+    corners = SIDE * atlas.coordinates[atlas.faces]
+    places = (corners[atlas.face] * shares[..., None]).sum(1)
+    column, row = places.astype(int).T
+    np.testing.assert_allclose(places, np.stack([column, row], axis=1) + 0.5, atol=2e-3)
+    np.testing.assert_array_equal(atlas.texels[row * SIDE + column], np.arange(len(places)))
+    assert corners.min() >= GAP - 1e-3 and corners.max() <= SIDE - GAP + 1e-3
+    # A face as large as a few texels shows itself in its middle: nothing else is drawn over it.
+    a, b, c = corners.transpose(1, 0, 2)
+    area = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))) / 2
+    middle = corners.mean(1).astype(int)
+    shown = atlas.face[atlas.texels[middle[:, 1] * SIDE + middle[:, 0]]]
+    beside = np.abs(model.mean[model.faces].mean(1) - model.mean[model.faces[shown]].mean(1)).max(1)
+    assert beside[area > 4].max() < 0.05 * np.ptp(model.mean, axis=0).max()
+
+
+def test_what_is_seen_has_the_photos_colour_without_its_light(teapot: ObjectClass) -> None:
+    explanation = painted(teapot)
+    texture = bake(explanation)
+    points = points_of(texture, explanation)
+    seen, mirrored = texture.origin == SEEN, texture.origin == MIRRORED
+    assert 0.1 < seen.mean() < 0.3 and 0.05 < mirrored.mean() < 0.3
+    error = np.abs(texture.colours - paint(points, explanation.object_class)).max(1)
+    assert np.median(error[seen]) < 0.005 and np.quantile(error[seen], 0.9) < 0.05
+    counterpart = np.abs(texture.colours - paint(points * [1, -1, 1], teapot)).max(1)
+    assert np.median(counterpart[mirrored]) < 0.005 and np.quantile(counterpart[mirrored], 0.9) < 0.05
+    assert np.median(error[mirrored]) > 0.1, "its own paint differs: the test tells the two apart"
+
+
+def test_what_neither_side_shows_has_its_parts_colour(teapot: ObjectClass) -> None:
+    explanation = painted(teapot)
+    texture, model = bake(explanation), teapot.shape_model
+    points = points_of(texture, explanation)
+    below = points[:, 2] < 0.002  # the foot's underside
+    assert (texture.origin[below] == INVENTED).all() and below.sum() > 1000
+    part = model.parts[model.faces[texture.atlas.face[below], 0]]
+    np.testing.assert_array_equal(texture.colours[below], surface_colours(explanation)[part])
+
+
+def test_nothing_of_what_covers_the_object_is_on_it(teapot: ObjectClass) -> None:
+    explanation = painted(teapot, hidden=slice(150, 220))
+    texture = bake(explanation)
+    far_from = np.abs(texture.colours - MAGENTA).max(1)
+    assert far_from.min() > 0.2
+    assert (texture.origin == SEEN).mean() < 0.8 * (bake(painted(teapot)).origin == SEEN).mean()
+
+
+def test_nothing_seen_is_all_invented(teapot: ObjectClass) -> None:
+    explanation = painted(teapot, hidden=slice(0, 300))
+    assert bake(explanation).shares == {"seen": 0.0, "mirrored": 0.0, "invented": 1.0}
+
+
+def test_a_class_without_a_mirror_takes_nothing_from_it(teapot: ObjectClass) -> None:
+    one_sided = replace(teapot, mirror=False)
+    shares = bake(painted(one_sided)).shares
+    assert shares["mirrored"] == 0 and shares["seen"] > 0.1
+
+
+def test_dark_parts_keep_their_colour() -> None:
+    """The renderer draws a car's windows by their reflectance; the photo's colour is that of the windows."""
+    car = ObjectClass.load("car")
+    explanation = painted(car)
+    texture = bake(explanation)
+    points, part = points_of(texture, explanation), car.shape_model.parts[car.shape_model.faces]
+    face = texture.atlas.face
+    inside = (texture.origin == SEEN) & (part[face] == part[face][:, :1]).all(1)
+    dark = inside & (part[face, 0] == car.shape_model.part_names.index("dark"))
+    true = (
+        paint(points, explanation.object_class)
+        * np.array(car.part_reflectance, np.float32)[part[face, 0]][:, None]
+    )
+    for those in (dark, inside & ~dark):
+        assert those.sum() > 300
+        assert np.median(np.abs(texture.colours - true)[those]) < 0.03
+
+
+def test_the_file_holds_texture_and_origin(teapot: ObjectClass, tmp_path: Path) -> None:
+    explanation = painted(teapot)
+    explanation.save(tmp_path, files=["object.glb", "texture_seen.png"])
+    texture = bake(explanation)
+    data = (tmp_path / "object.glb").read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    described, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+
+    def picture(number: int) -> np.ndarray:
+        view = described["bufferViews"][described["images"][number]["bufferView"]]
+        return np.asarray(Image.open(io.BytesIO(binary[view["byteOffset"] :][: view["byteLength"]])))
+
+    (mesh,) = described["meshes"]
+    told: dict[str, Any] = mesh["extras"]["texture_seen"]
+    assert told["values"] == {"seen": 255, "mirrored": 128, "invented": 0}
+    assert told["shares"] == texture.shares and sum(told["shares"].values()) == pytest.approx(1)
+    for seen in (picture(told["image"]), np.asarray(Image.open(tmp_path / "texture_seen.png"))):
+        np.testing.assert_array_equal(seen, texture.origin_picture)
+    number = described["textures"][0]["source"]
+    assert np.abs(picture(number).astype(int) - texture.picture).mean() < 2  # as far as JPEG keeps it
+    for material in described["materials"]:
+        assert material["pbrMetallicRoughness"]["baseColorTexture"] == {"index": 0}
+        assert "baseColorFactor" not in material["pbrMetallicRoughness"], "it would multiply the texture"
+    explanation.save(tmp_path / "other")
+    assert not (tmp_path / "other" / "texture_seen.png").exists()
