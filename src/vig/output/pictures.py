@@ -148,8 +148,8 @@ def _labels(size: int) -> np.ndarray:
 def part_colours(shown: CloseUp, albedo: np.ndarray, parts: int) -> np.ndarray:
     """Linear RGB (parts, 3) of each part.
 
-    The albedo (3,) times the photo over the re-rendering, the median of where the part is seen; the albedo
-    itself where too little of it is.
+    The albedo (3,) times the photo over the re-rendering, the median of where the part is seen, made so dark
+    that it is in [0, 1]; the albedo itself where too little of it is.
     """
     colours = np.tile(albedo.astype(np.float32), (parts, 1))
     seen = shown.visible & (shown.coverage > 0.99)
@@ -158,7 +158,8 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, parts: int) -> np.ndarray:
     for part in range(parts):
         here = owner == part
         if here.sum() >= LEAST_PIXELS:
-            colours[part] = np.median(photo[here] / light[here][:, None], axis=0).clip(0, 1)
+            colour = np.median(photo[here] / light[here][:, None], axis=0)
+            colours[part] = colour / max(1.0, colour.max())
     return colours
 
 

@@ -137,7 +137,7 @@ class _Shown:
         layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
         layers[3] *= _ramp(light, LEAST_IRRADIANCE)
         layers[4] = 1 / depth
-        np.minimum(layers[:3], 1, out=layers[:3])
+        layers[:3] /= np.maximum(layers[:3].max(0), 1)  # what is too bright keeps its hue
         across, down = -1 - 2 * x / width, -1 - 2 * y / height
         to_place = np.array([[2 / width, 0, across], [0, 2 / height, down], [0, 0, 1]])
         return _Shown(

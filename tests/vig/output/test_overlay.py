@@ -1,5 +1,7 @@
 """The pictures of an explanation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -101,6 +103,12 @@ def test_a_part_has_the_colour_of_where_it_is_seen() -> None:
     np.testing.assert_allclose(
         part_colours(close_up(), albedo, 2), [[0.4, 0.2, 0.1], [0.8, 0.8, 0.8]], rtol=1e-5
     )
+
+
+def test_a_part_that_is_too_bright_keeps_its_hue() -> None:
+    shown = close_up()
+    bright = replace(shown, photo=4 * shown.photo)  # over 0.8: 2, 1, 0.5
+    np.testing.assert_allclose(part_colours(bright, np.full(3, 0.8), 2)[0], [1, 0.5, 0.25], rtol=1e-5)
 
 
 def test_panels_stand_side_by_side() -> None:
