@@ -55,26 +55,28 @@ class Atlas:
 
 
 @functools.lru_cache(maxsize=8)
-def atlas_of(object_class: ObjectClass) -> Atlas:
-    """The atlas of a class's shapes."""
+def atlas_of(object_class: ObjectClass) -> Atlas | None:
+    """The atlas of a class's shapes; None where its mesh is in more pieces than the image has room for."""
     model = object_class.shape_model
     vertices, faces = model.mean.astype(np.float64), model.faces
     direction = _directions(vertices, faces)
     for _ in range(SPLITS):
         chart = _charts(faces, direction)
         flat, height = _flat(vertices, faces, direction)
-        place, scale = _packed(flat, chart)
+        packed = _packed(flat, chart)
+        if packed is None:
+            return None
+        place, scale = packed
         seen = _drawn(place, height)
         below = _below(place, scale * height, seen)
         if not below.any():
             break
         direction = np.where(below, direction + len(AXES), direction)
-    return _joined(place, faces, chart, seen)
+    return _joined(place, faces, chart, seen, len(vertices)) if (seen >= 0).any() else None
 
 
-def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.ndarray) -> Atlas:
-    """The atlas of corners at texels `place`, of which `seen` (SIDE, SIDE) shows the faces."""
-    count = int(faces.max()) + 1
+def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.ndarray, count: int) -> Atlas:
+    """The atlas of faces of `count` vertices, corners at texels `place`; `seen` (SIDE, SIDE) shows them."""
     keys, first, corners = np.unique(
         chart[:, None] * np.int64(count) + faces, return_index=True, return_inverse=True
     )
@@ -148,23 +150,16 @@ def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tup
     return np.stack([across, -side * along], axis=2), side * corners[*rows, axis[:, None] // 2]
 
 
-def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float]:
-    """Texels (F, 3, 2) of the corners, and texels per metre.
+def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Texels (F, 3, 2) of the corners, and texels per metre; None where even points do not go in.
 
     Charts lie in rows of falling height, as large as they go in together.
     """
-    low, high = np.full((2, chart.max() + 1, 2), np.inf)
-    high = -high
-    for extreme, ufunc in ((low, np.minimum), (high, np.maximum)):
-        ufunc.at(extreme, np.repeat(chart, 3), flat.reshape(-1, 2))
-    size = high - low
-    lies = size[:, 1] > size[:, 0]  # turned by a quarter, so that it is wider than high
+    _, size = _boxes(flat, chart)
+    upright = size[:, 1] > size[:, 0]  # turned by a quarter, so that it is wider than high
     turned = np.stack([-flat[..., 1], flat[..., 0]], axis=2)
-    flat = (
-        np.where(lies[chart][:, None, None], turned, flat)
-        - np.where(lies[:, None], np.stack([-high[:, 1], low[:, 0]], axis=1), low)[chart][:, None]
-    )
-    size = np.where(lies[:, None], size[:, ::-1], size)
+    flat = np.where(upright[chart][:, None, None], turned, flat)
+    low, size = _boxes(flat, chart)
     fits, scale = 0.0, SIDE / max(float(np.sqrt(size.prod(1).sum())), 1e-9)
     step = scale
     for _ in range(16):
@@ -174,9 +169,15 @@ def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float]:
         else:
             fits, scale = scale, scale + step
     corner = _corners(fits * size)
-    if corner is None:  # more charts than there is room for the gaps between them
-        corner = np.zeros_like(size)
-    return corner[chart][:, None] + fits * flat, fits
+    return None if corner is None else (corner[chart][:, None] + fits * (flat - low[chart][:, None]), fits)
+
+
+def _boxes(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least coordinates (N, 2) and extent (N, 2) of each chart."""
+    low, high = np.full((2, chart.max() + 1, 2), [[[np.inf]], [[-np.inf]]])
+    np.minimum.at(low, np.repeat(chart, 3), flat.reshape(-1, 2))
+    np.maximum.at(high, np.repeat(chart, 3), flat.reshape(-1, 2))
+    return low, high - low
 
 
 def _corners(size: np.ndarray) -> np.ndarray | None:

@@ -79,10 +79,12 @@ class Texture:
         return self.origin[self.atlas.texels].reshape(SIDE, SIDE)
 
 
-def bake(explanation: Explanation) -> Texture:
-    """The texture of an explained object from its photo."""
+def bake(explanation: Explanation) -> Texture | None:
+    """The texture of an explained object from its photo; None where its class has no atlas."""
     object_class, vertices = explanation.object_class, explanation.vertices
     model, atlas = object_class.shape_model, atlas_of(object_class)
+    if atlas is None:
+        return None
     colours = surface_colours(explanation)[model.parts[model.faces[atlas.face, 0]]]
     origin = np.full(len(colours), INVENTED, np.uint8)
     shown = _Shown.of(explanation)

@@ -20,8 +20,9 @@ from vig.photo.window import Window
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.renderer.explained import vertex_irradiance
 from vig.renderer.shading import smooth_normals
-from vig.scene import Latents, ObjectClass
-from vig_app.glb import Texture, bake, surface_colours
+from vig.scene import Latents, ObjectClass, ShapeModel
+from vig_app.glb import Texture, surface_colours
+from vig_app.glb import bake as bake_any
 from vig_app.glb.atlas import GAP, SIDE, atlas_of
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN
 
@@ -82,6 +83,13 @@ def painted(object_class: ObjectClass, hidden: slice | None = None) -> Explanati
     return Explanation(photo, Window.of(300, 300), fit, object_class)
 
 
+def bake(explanation: Explanation) -> Texture:
+    """The texture, which there is."""
+    texture = bake_any(explanation)
+    assert texture is not None
+    return texture
+
+
 def points_of(texture: Texture, explanation: Explanation) -> np.ndarray:
     """(T, 3) where on the object the texels lie."""
     points: np.ndarray = texture.atlas.weights @ explanation.vertices
@@ -96,6 +104,7 @@ def object_class(request: pytest.FixtureRequest) -> ObjectClass:
 def test_texels_of_a_face_are_where_its_coordinates_say(object_class: ObjectClass) -> None:
     """And no face lies over another, or nearer to another chart than the gap: charts are seen one by one."""
     atlas, model = atlas_of(object_class), object_class.shape_model
+    assert atlas is not None
     np.testing.assert_array_equal(atlas.source[atlas.faces], model.faces)
     shares = atlas.weights.data.reshape(-1, 3)
     assert shares.min() > -1e-4 and np.abs(shares.sum(1) - 1).max() < 1e-5
@@ -112,6 +121,33 @@ def test_texels_of_a_face_are_where_its_coordinates_say(object_class: ObjectClas
     shown = atlas.face[atlas.texels[middle[:, 1] * SIDE + middle[:, 0]]]
     beside = np.abs(model.mean[model.faces].mean(1) - model.mean[model.faces[shown]].mean(1)).max(1)
     assert beside[area > 4].max() < 0.05 * np.ptp(model.mean, axis=0).max()
+
+
+def in_pieces(count: int) -> ShapeModel:
+    """So many triangles, which share no vertex."""
+    random = np.random.default_rng(0)
+    corners = random.uniform(-0.05, 0.05, (count, 1, 3)) + random.normal(0, 0.005, (count, 3, 3))
+    return ShapeModel(
+        mean=corners.reshape(-1, 3).astype(np.float32),
+        basis=np.zeros((1, 3 * count, 3), np.float32),
+        faces=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        parts=np.zeros(3 * count, np.int32),
+        part_names=("whole",),
+        explained_variance_ratio=np.ones(1),
+    )
+
+
+def test_a_mesh_in_many_pieces_has_a_texture_as_far_as_they_go_in(
+    teapot: ObjectClass, tmp_path: Path
+) -> None:
+    some = atlas_of(replace(teapot, shape_model=in_pieces(300), transfer=None, points={}, families=()))
+    assert some is not None and len(np.unique(some.face)) == 300
+    crumbled = replace(teapot, shape_model=in_pieces(20_000), transfer=None, points={}, families=())
+    assert atlas_of(crumbled) is None
+    explanation = painted(crumbled)
+    assert bake_any(explanation) is None
+    explanation.save(tmp_path, files=["object.glb"])
+    assert b"baseColorFactor" in (tmp_path / "object.glb").read_bytes()
 
 
 def test_what_is_seen_has_the_photos_colour_without_its_light(teapot: ObjectClass) -> None:
