@@ -8,9 +8,12 @@ recognition model's class probabilities of each pixel, they may differ from pixe
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch.nn import functional
 
@@ -31,23 +34,25 @@ def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tens
     surroundings, of which there may be several; returns their shape. A trilinear histogram, smoothed by one
     cell; exact sums in float64, so that the result does not depend on threads.
     """
-    colours = photo.reshape(-1, 3).double().clamp(0, 1) * (CELLS - 1)
-    low = colours.floor().clamp(max=CELLS - 2)
+    colours = photo.reshape(-1, 3).T.double().clamp(0, 1).numpy() * (CELLS - 1)
+    low = np.minimum(np.floor(colours), CELLS - 2)
     part = colours - low
-    strides = torch.tensor([CELLS * CELLS, CELLS, 1])
-    halves = torch.stack([1 - part, part], 2)  # of each pixel and channel, to the node below and above
-    factors = torch.einsum("na,nb,nc->nabc", *halves.unbind(1)).reshape(-1, 8)
-    corners = (low.long() @ strides)[:, None] + torch.cartesian_prod(*[torch.arange(2)] * 3) @ strides
+    strides = np.array([CELLS * CELLS, CELLS, 1])
+    base, halves = strides @ low.astype(np.int64), (1 - part, part)  # the nodes below and above
+    corners = [
+        (base + strides @ at, halves[at[0]][0] * halves[at[1]][1] * halves[at[2]][2])
+        for at in itertools.product((0, 1), repeat=3)
+    ]
     densities = []
-    for weight in weights.reshape(-1, len(colours)).double():
-        shares = weight / weight.sum().clamp_min(1e-9)
-        density = torch.zeros(CELLS**3, dtype=torch.float64)
-        density.index_add_(0, corners.reshape(-1), (shares[:, None] * factors).reshape(-1))
-        density = _smooth(density.view(CELLS, CELLS, CELLS) / _volume()).reshape(-1)
-        densities.append((density[corners] * factors).sum(1))
-    return torch.log(FLOOR + (1 - FLOOR) * torch.stack(densities)).view(weights.shape)
+    for weight in weights.reshape(-1, len(base)).double():
+        shares = (weight / weight.sum().clamp_min(1e-9)).numpy()
+        density = sum(np.bincount(node, shares * share, CELLS**3) for node, share in corners)
+        cube = _smooth(torch.from_numpy(density).view(CELLS, CELLS, CELLS) / _volume()).reshape(-1).numpy()
+        densities.append(sum(cube[node] * share for node, share in corners))
+    return torch.log(FLOOR + (1 - FLOOR) * torch.from_numpy(np.stack(densities))).view(weights.shape)
 
 
+@functools.cache
 def _volume() -> torch.Tensor:
     """Volume (C, C, C) that each node of the histogram stands for: halves at a face of the colour cube."""
     length = torch.full((CELLS,), 1 / (CELLS - 1), dtype=torch.float64)

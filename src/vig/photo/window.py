@@ -50,6 +50,8 @@ class ImagePyramid:
 
     def __init__(self, photo: np.ndarray):
         self._levels, self.shape = [photo], photo.shape
+        self.latest: tuple[tuple[Window, int], tuple[np.ndarray, np.ndarray]] | None = None
+        """The last window that was cut out, its size, and what it shows: windows are turned, then fitted."""
 
     def level(self, reduction: float) -> tuple[np.ndarray, int]:
         """The photo at 1 / scale of its size, and the scale, a power of 2 that `PREFILTER_PIXELS` bounds."""
@@ -120,8 +122,10 @@ class Window:
         the photo. photo (H, W, 3) as `coded_photo`. Beyond the photo its border is continued.
         """
         if isinstance(photo, ImagePyramid):
-            photo, scale = photo.level(self.side / size)
-            return self.scaled(1 / scale).crop(photo, size)
+            if photo.latest is None or photo.latest[0] != (self, size):
+                level, scale = photo.level(self.side / size)
+                photo.latest = (self, size), self.scaled(1 / scale).crop(level, size)
+            return photo.latest[1]
         if self.lens is not None:
             return self._cut_through_lens(photo, size)
         if self.roll:

@@ -255,12 +255,15 @@ class Recognizer:
 
     def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:
         """The network's outputs, before any calibration, for sRGB images (N, 3, S, S); see `__call__`."""
+        twice = twice and self.mirror
+        both = torch.cat([pixels, pixels.flip(3)]) if twice else pixels
         with bfloat16(pixels.device):
-            heads: Heads = self.network(pixels.contiguous(memory_format=torch.channels_last))
-            if not (twice and self.mirror):
-                return heads
-            flipped: Heads = self.network(pixels.flip(3).contiguous(memory_format=torch.channels_last))
-        return heads.mean_with(flipped.of_mirrored(-self.mean / self.deviation))
+            heads: Heads = self.network(both.contiguous(memory_format=torch.channels_last))
+        if not twice:
+            return heads
+        halves = zip(*(output.chunk(2) for output in vars(heads).values()), strict=True)
+        seen, flipped = (Heads(*half) for half in halves)
+        return seen.mean_with(flipped.of_mirrored(-self.mean / self.deviation))
 
     @torch.inference_mode()
     def object_map(self, image: torch.Tensor) -> torch.Tensor:
