@@ -16,9 +16,19 @@ from PIL import Image
 
 from vig.explanation import Explanation
 from vig.hints import Hints
-from vig.inference import ExplainSettings, Fit, OtherView, Verdict, all_round, explain, resolve
+from vig.inference import (
+    ExpectedStart,
+    ExplainSettings,
+    Fit,
+    OtherView,
+    Verdict,
+    all_round,
+    explain,
+    resolve,
+)
 from vig.inference.calibration import FILE as CALIBRATION_FILE
 from vig.inference.confidence import unsure
+from vig.inference.settings import followed
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
@@ -124,15 +134,17 @@ class Explainer:
         hints: Hints | None = None,
         camera: Any = None,
         box: Box | None = None,
+        expected: ExpectedStart | None = None,
     ) -> Explanation:
         """Explain a photo in which the object is known to be in the middle of a window, as in a video.
 
         As `explain` with a box of that window, which may reach beyond the photo and be turned; or with a box.
-        With a focal length alone the answer's camera looks straight at the object all the same.
+        With a focal length alone the answer's camera looks straight at the object all the same. With a start
+        that is `expected` few others are tried: a third of the time.
         """
         lens = lens_of(photo, focal, camera)
         follow = partial(self._explained, photo, box, window, lens, hints, framed=False)
-        return on_one_core(partial(follow, turned=camera is not None))
+        return on_one_core(partial(follow, turned=camera is not None, expected=expected))
 
     def _explained(
         self,
@@ -143,6 +155,7 @@ class Explainer:
         hints: Hints | None,
         framed: bool = True,
         turned: bool = True,
+        expected: ExpectedStart | None = None,
     ) -> Explanation:
         """`framed`: whether a window that is given is the standard camera's picture; `turned`: whether a
         known lens is turned towards the object.
@@ -157,7 +170,9 @@ class Explainer:
         )
         hints = hints.checked(width, height, self.object_class) if hints else None
         if not self.recognizer.informed:
-            settings = all_round(settings)
+            settings, expected = all_round(settings), None
+        elif expected is not None:
+            settings = followed(settings)
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))
@@ -184,7 +199,8 @@ class Explainer:
         window_hints = None
         if hints is not None or held_box is not None:
             window_hints = (hints or Hints()).in_window(window, self.object_class, held_box)
-        fit = next(explain(photos, self.object_class, self.recognizer, settings, valid, window_hints))
+        class_and_network = self.object_class, self.recognizer
+        fit = next(explain(photos, *class_and_network, settings, valid, window_hints, expected))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if present < 1.0:

@@ -6,7 +6,7 @@ from vig.inference.families import family_of
 from vig.inference.hints import PixelLabel, PlaceTerm, WindowHints
 from vig.inference.objective import Objective, ObjectiveValue, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
-from vig.inference.refinement import starts
+from vig.inference.refinement import ExpectedStart, starts
 from vig.inference.settings import (
     ExplainSettings,
     Fit,
@@ -20,6 +20,7 @@ from vig.inference.settings import (
 
 __all__ = [
     "CONFIDENCE_FEATURES",
+    "ExpectedStart",
     "ExplainSettings",
     "Fit",
     "FitCalibration",

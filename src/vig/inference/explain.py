@@ -13,7 +13,7 @@ from vig.inference.confidence import assess
 from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.prior_kernel import prior_kernel
-from vig.inference.refinement import refine, select
+from vig.inference.refinement import ExpectedStart, refine, select
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.likelihood import load_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
@@ -37,20 +37,22 @@ def explain(
     settings: ExplainSettings | FitSettings | None = None,
     valid: torch.Tensor | None = None,
     hints: WindowHints | None = None,
+    expected: ExpectedStart | None = None,
 ) -> Iterator[Fit]:
     """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
 
     Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. Searches
-    run on the recognizer's device; photos and fits are on the host.
+    run on the recognizer's device; photos and fits are on the host. A start that is
+    `expected` is of one photo.
     """
     chosen = resolve(settings or ExplainSettings(), object_class)
-    prediction = recognizer(photos)
+    prediction = recognizer(photos) if expected is None else expected.predict(photos)
     load_fit_kernels(object_class.shape_model.modes, recognizer.device, chosen.likelihood.density)
 
     def one(index: int) -> Fit:
         here = None if valid is None else valid[index]
         of_one = photos[index], prediction[index : index + 1]
-        return explain_one(*of_one, object_class, chosen, here, recognizer.device, hints)
+        return explain_one(*of_one, object_class, chosen, here, recognizer.device, hints, expected=expected)
 
     yield from map_on_threads(one, range(len(photos)))
 
@@ -64,6 +66,7 @@ def explain_one(
     device: str = "cpu",
     hints: WindowHints | None = None,
     judge: Prediction | None = None,
+    expected: ExpectedStart | None = None,
 ) -> Fit:
     """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`.
 
@@ -79,7 +82,7 @@ def explain_one(
     def fit() -> Fit:
         scales = {stage.scale for stage in chosen.stages} | {1.0}
         objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, device, hints)
-        ends = refine(objectives, prediction, chosen)
+        ends = refine(objectives, prediction, chosen, expected)
         selection = select(objectives[1.0], ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)
         # Learned from fits with an outlier model: without one the evidence has another scale.
         calibrated = chosen.calibrated and chosen.likelihood.alpha < 1

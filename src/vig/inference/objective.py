@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -156,6 +157,12 @@ class Objective:
             index = layout.at(name) if in_framing is None else in_framing
             self.lower[index] = self.upper[index] = number
         self.terms = terms
+
+    def of_likelihood(self, likelihood: Likelihood, terms: Sequence[PlaceTerm]) -> Objective:
+        """The same of the photos at another scale."""
+        other = copy.copy(self)
+        other.likelihood, other.terms = likelihood, terms
+        return other
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
         """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""

@@ -67,7 +67,7 @@ def objectives_of(
         decorated = decorated * valid
     geometry = geometry_of(object_class, settings.self_shadow, device)
     predicted = prior_of(prediction, settings, object_class)
-    objectives = {}
+    objectives: dict[float, Objective] = {}
     for scale in scales:
         photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
         likelihood = Likelihood(
@@ -77,8 +77,10 @@ def objectives_of(
             settings.silhouette,
             density=settings.likelihood.density,
         )
-        held = {} if hints is None else hints.held
         terms = () if hints is None else hints.terms(object_class, likelihood.camera, likelihood.layout)
+        if objectives:
+            objectives[scale] = next(iter(objectives.values())).of_likelihood(likelihood, terms)
+            continue
         objectives[scale] = Objective(
             likelihood,
             object_class,
@@ -87,7 +89,7 @@ def objectives_of(
             settings.prior_weight,
             decorated,
             terms,
-            held,
+            {} if hints is None else hints.held,
         )
     return objectives
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -150,20 +150,42 @@ class RefinedStarts:
     paths: torch.Tensor
 
 
+@dataclass(frozen=True)
+class ExpectedStart:
+    """A start beside those that the network tells: where an object is expected from frames before.
+
+    Attributes:
+        latents: One (B = 1).
+        box: x, y, width, height of the object in the window, in its sides.
+        predict: In place of the recognizer.
+    """
+
+    latents: Latents
+    box: tuple[float, float, float, float]
+    predict: Callable[[torch.Tensor], Prediction]
+
+
 def refine(
-    objectives: Mapping[float, Objective], prediction: Prediction, settings: FitSettings
+    objectives: Mapping[float, Objective],
+    prediction: Prediction,
+    settings: FitSettings,
+    expected: ExpectedStart | None = None,
 ) -> RefinedStarts:
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""
-    objective, count = objectives[1.0], settings.stages[0].starts
+    objective, count = objectives[1.0], settings.stages[0].starts - int(expected is not None)
     symmetry = objective.object_class.symmetry
     begin = starts(prediction, count, objective.object_class, settings.peaks, broad=settings.informed)
-    framing = framings(begin, prediction, objective) if settings.free_framing else None
-    points = objective.point(begin, framing)
+    points = objective.point(begin, framings(begin, prediction, objective) if settings.free_framing else None)
+    if expected is not None:
+        elsewhere = symmetry.difference(begin.azimuth, expected.latents.azimuth).abs() > AZIMUTH_SPREAD
+        framing = framing_of_box(expected.latents, expected.box, objective) if settings.free_framing else None
+        points = torch.cat([objective.point(expected.latents, framing), points[elsewhere]])
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations, given_up, paths = 0, points[:0], points[None]
     for stage in settings.stages:
         # The first stage takes all starts, as their scores are 0 alike.
-        entering = survivors(objective.latents(points).azimuth, scores, stage.starts, symmetry)
+        azimuth = objective.latents(points).azimuth
+        entering = survivors(azimuth, scores, stage.starts, symmetry, stage.one_per_view)
         order = scores.argsort(descending=True, stable=True)
         left = order[~torch.isin(order, entering)].to(objective.device)
         given_up = torch.cat([points[left], given_up])
@@ -186,7 +208,11 @@ def refine(
 
 
 def survivors(
-    azimuth: torch.Tensor, scores: torch.Tensor, count: int, symmetry: Symmetry = Symmetry.NONE
+    azimuth: torch.Tensor,
+    scores: torch.Tensor,
+    count: int,
+    symmetry: Symmetry = Symmetry.NONE,
+    one_per_view: bool = False,
 ) -> torch.Tensor:
     """Indices of the `count` points that enter a stage: half by score alone, half the best of other views.
 
@@ -198,16 +224,18 @@ def survivors(
         scores: (B,), higher is better.
         count: At most B.
         symmetry: Views that look the same are one.
+        one_per_view: Only the best of each view, fewer than `count` where there are no more.
     """
     order = scores.argsort(descending=True, stable=True).tolist()
-    chosen = order[: (count + 1) // 2]
+    chosen = order[: 1 if one_per_view else (count + 1) // 2]
     for index in order:
         if (
             len(chosen) < count
             and (symmetry.difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
         ):
             chosen.append(index)
-    chosen += [index for index in order if index not in chosen][: count - len(chosen)]
+    if not one_per_view:
+        chosen += [index for index in order if index not in chosen][: count - len(chosen)]
     return torch.tensor(chosen)
 
 
@@ -252,22 +280,29 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
 
     All but the first are perturbed at random. Where the mask shows nothing they begin at 0.
     """
-    count, camera = len(starts.azimuth), objective.likelihood.camera
-    framing = torch.zeros(count, FRAMING.size)
-    if (box := box_in_window(prediction)) is not None:
-        vertices = objective.object_class.shape_model.vertices(starts.shape)
-        rotation, translation = camera.pose(starts.azimuth, starts.elevation)
-        x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
-        in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
-        least, most = in_window.amin(1), in_window.amax(1)
-        there = torch.tensor(box)
-        # Magnification by the geometric mean of the boxes' widths and heights, then shift of their centres.
-        framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
-        framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:3].exp() * (least + most) / 2
+    count, box = len(starts.azimuth), box_in_window(prediction)
+    framing = torch.zeros(count, FRAMING.size) if box is None else framing_of_box(starts, box, objective)
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
     noise = torch.from_numpy(rng.standard_normal((count, FRAMING.size)).astype(np.float32))
     noise[0] = 0.0
     return framing + FRAMING_SPREAD * noise
+
+
+def framing_of_box(
+    starts: Latents, box: tuple[float, float, float, float], objective: Objective
+) -> torch.Tensor:
+    """Framings (B, 4), level, in which each start has a box x, y, width, height, in sides of the window."""
+    camera, there = objective.likelihood.camera, torch.tensor(box)
+    vertices = objective.object_class.shape_model.vertices(starts.shape)
+    rotation, translation = camera.pose(starts.azimuth, starts.elevation)
+    x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
+    in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
+    least, most = in_window.amin(1), in_window.amax(1)
+    framing = torch.zeros(len(starts), FRAMING.size)
+    # Magnification by the geometric mean of the boxes' widths and heights, then shift of their centres.
+    framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
+    framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:3].exp() * (least + most) / 2
+    return framing
 
 
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:

@@ -129,6 +129,7 @@ class Stage:
         sigma: Multiple of the pixel model's sigma; a wide basin is searched first.
         scale: Of the photo.
         tolerance: Nats; a descent ends when a step gains less.
+        one_per_view: Whether only the best point of each view enters it.
     """
 
     starts: int
@@ -136,6 +137,7 @@ class Stage:
     sigma: float = 1.0
     scale: float = 1.0
     tolerance: float = 0.5
+    one_per_view: bool = False
 
     @property
     def budget(self) -> Budget:
@@ -336,3 +338,21 @@ alone decides."""
 def all_round(settings: FitSettings) -> FitSettings:
     """The same settings for a photo of which no network says anything."""
     return replace(settings, **ALL_ROUND)
+
+
+FOLLOWED: dict[str, Any] = {
+    "stages": (
+        Stage(3, 4, sigma=2.0, scale=0.5, tolerance=10.0),
+        Stage(2, 6, tolerance=2.0, one_per_view=True),
+    ),
+    "azimuth_weight": 10.0,
+}
+"""What a search has whose object was seen in the frame before: one start is expected, the
+network's are those of other views."""
+
+
+def followed(settings: FitSettings) -> FitSettings:
+    """The same settings for a frame of a video; its mask is without a minimum cut."""
+    model = settings.likelihood
+    mask = model.mask and replace(model.mask, exact_start=False)
+    return replace(settings, likelihood=replace(model, mask=mask), **FOLLOWED)

@@ -138,6 +138,13 @@ class Likelihood:
             "log_prior": warp_array(self.log_prior, k.vec3),
             "background": warp_array(self.background, wp.float64),
         }
+        self.camera_arguments = {
+            "camera": k.vec3(camera.focal, camera.cx, camera.cy),
+            "target": k.vec3(0.0, 0.0, camera.target_height),
+            "distance": camera.distance,
+        }
+        self.kind = camera.width, camera.height, silhouette, self.stride, density
+        """What likelihoods must have in common for a pass to serve both."""
 
     def __call__(
         self,
@@ -248,8 +255,7 @@ class Likelihood:
         Recording launches takes longer than running them all once, so passes outlive a likelihood.
         """
         free = self.geometry.kept.setdefault("passes", [])
-        kind = count, self.camera, self.silhouette, self.stride, self.density
-        fitting = [run for run in list(free) if run.kind == kind]
+        fitting = [run for run in list(free) if run.kind == (count, *self.kind)]
         borrowed = None
         for run in sorted(fitting, key=lambda run: not run.looks_at(self)):
             with suppress(ValueError):

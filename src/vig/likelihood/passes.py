@@ -36,7 +36,7 @@ class Pass:
     On a GPU all goes to torch's current stream, nothing waits for a result, and after a first call nothing
     but tensors of torch is allocated: `torch.cuda.graph` can capture a call.
 
-    The same pass serves other photos of the same geometry, camera and settings: see `look_at`.
+    The same pass serves other photos of the same geometry, size and settings: see `look_at`.
 
     value (B,) float64, gradient (B, P'), normal (B, P', P') and images (posterior, coverage, irradiance, each
     (B, H * W)) hold the last results; the next call overwrites them. So do all other buffers, by the names
@@ -47,7 +47,7 @@ class Pass:
     def __init__(self, likelihood: Likelihood, count: int):
         geometry, camera = likelihood.geometry, likelihood.camera
         self.geometry, self.count, self.silhouette = geometry, count, likelihood.silhouette
-        self.kind = count, camera, likelihood.silhouette, likelihood.stride, likelihood.density
+        self.kind = count, *likelihood.kind
         self.layout, modes = geometry.layout, geometry.rows.modes
         self._kernels = k = likelihood_kernels(geometry.dtype, modes, likelihood.density)
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
@@ -64,9 +64,6 @@ class Pass:
         if not self._alone:
             segments, length = self._down + self._parts, max(across, -(-edge_rows // self._parts))
         self._arguments: dict[str, Any] = {
-            "camera": k.vec3(camera.focal, camera.cx, camera.cy),
-            "target": k.vec3(0.0, 0.0, camera.target_height),
-            "distance": camera.distance,
             "width": width,
             "height": height,
             "stride": stride,
@@ -88,7 +85,7 @@ class Pass:
             name: wp.zeros((0,) * a.ndim, a.dtype, geometry.device)
             for name, a in likelihood.photo_arrays.items()
         }
-        self._arguments |= nothing
+        self._arguments |= likelihood.camera_arguments | nothing
         self._launches: list[tuple[Prepared, dict[str, Any]]] = []
         self.look_at(likelihood)
         made = self._buffer
@@ -140,25 +137,32 @@ class Pass:
         self._program = functools.cache(self._recorded)
 
     def look_at(self, likelihood: Likelihood) -> None:
-        """Take the photos of a likelihood, which differs from the one before in nothing else.
+        """Take photos and camera of a likelihood, which differs from the one before in nothing else.
 
         The likelihood keeps them: a pass that outlives it refers to none of them.
         """
         self._likelihood = weakref.ref(likelihood)
+        self._arguments |= likelihood.camera_arguments
+        groups: dict[str, Any] = {}
         for launch, names in self._launches:
-            self._exchange(launch, names, likelihood)
+            self._exchange(launch, names, likelihood, groups)
 
     def looks_at(self, likelihood: Likelihood) -> bool:
         """Whether this pass holds the photos of `likelihood`."""
         return self._likelihood() is likelihood
 
-    def _exchange(self, launch: Prepared, arguments: dict[str, Any], likelihood: Likelihood) -> None:
-        arrays, groups = likelihood.photo_arrays, self._kernels.structs
+    def _exchange(
+        self, launch: Prepared, arguments: dict[str, Any], likelihood: Likelihood, groups: dict[str, Any]
+    ) -> None:
+        """groups: structs of the likelihood's arguments that were made, by name."""
+        given = likelihood.camera_arguments | likelihood.photo_arrays
         for index, (name, argument) in enumerate(arguments.items()):
-            if name in arrays:
-                launch.exchange(index, arrays[name])
-            elif name in groups and not arrays.keys().isdisjoint(fields := group_fields(argument)):
-                launch.exchange(index, self._group(name, {f: getattr(argument, f) for f in fields} | arrays))
+            if name in given:
+                launch.exchange(index, given[name])
+            elif name in self._kernels.structs and not given.keys().isdisjoint(group_fields(argument)):
+                if name not in groups:
+                    groups[name] = self._group(name, self._arguments | given)
+                launch.exchange(index, groups[name])
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: int, images: bool
@@ -246,7 +250,7 @@ class Pass:
         self._launches.append((launch, arguments))
         looked_at = self._likelihood()
         assert looked_at is not None
-        self._exchange(launch, arguments, looked_at)
+        self._exchange(launch, arguments, looked_at, {})
         return launch
 
     def _group(self, name: str, arguments: dict[str, Any]) -> Any:

@@ -54,12 +54,14 @@ class SpatialMask:
         rim: The same for a visible pixel beside one beyond the silhouette.
         contrast: Standard deviation, a distance of colours in sRGB, over which the coupling fades.
         sweeps: Updates of all pixels.
+        exact_start: Whether these begin at the most probable mask, else at what pixels say by themselves.
     """
 
     coupling: float = 10.0
     rim: float = 2.0
     contrast: float = 0.1
     sweeps: int = 5
+    exact_start: bool = True
 
     def __post_init__(self) -> None:
         if not (self.coupling >= 0 and self.rim >= 0):
@@ -183,7 +185,7 @@ def spatial_posterior(
             log_odds = torch.logaddexp(log_odds, share.clamp_min(1e-12).log()) - torch.log1p(-share)
         log_odds = log_odds.to(result)
         weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).to(result)
-        start = graph_cut(log_odds, inside, weights).to(result)
+        start = graph_cut(log_odds, inside, weights).to(result) if model.exact_start else log_odds.sigmoid()
         result[:, *window] = mean_field(start, log_odds, inside, weights, model.sweeps)
     return result
 

@@ -15,6 +15,8 @@ from vig.scene import Camera
 
 STEPS = 10
 """Of Gauss-Newton, at most; three are enough for most poses."""
+LEAST_GAIN = 1e-9
+"""Share of the squared distances by which a step must make them less, for another to follow."""
 LEAST_VERTICAL = 1e-3
 """Sine of the angle between the ray to an object and its vertical."""
 DIFFERENCE = 1e-4
@@ -37,10 +39,10 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     ray = np.array([(camera.cx - matrix[0, 2]) / focal_x, (camera.cy - matrix[1, 2]) / focal_y, 1.0])
     length = float(np.linalg.norm(ray))
     forward = ray / length
-    right = np.cross([0.0, 1.0, 0.0], forward)
-    right /= np.linalg.norm(right)
-    turn = np.eye(4)
-    turn[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    x, y, z = forward.tolist()
+    level = math.hypot(x, z)
+    turn = np.eye(4)  # columns: to the side and level; down; forward
+    turn[:3, :3] = [[z / level, -x * y / level, x], [0.0, level, y], [-x / level, -y * z / level, z]]
     away = pose.copy()
     # A thing off the middle of a flat film is drawn larger by the ray's length.
     away[2, 3] += (math.sqrt(focal_x * focal_y) * length / camera.focal - 1) * camera.distance
@@ -146,7 +148,10 @@ def reprojected(
         moved[:3, 3] = middle + step[:3] - moved[:3, :3] @ middle
         candidate = moved @ pose
         next_points, next_off = residual(candidate)
-        if not (next_points[:, 2] > 0).all() or np.square(next_off).sum() >= np.square(off).sum():
+        before, after = np.square(off).sum(), np.square(next_off).sum()
+        if not (next_points[:, 2] > 0).all() or after >= before:
             break
         pose, points, off = candidate, next_points, next_off
+        if before - after < LEAST_GAIN * before:
+            break
     return pose

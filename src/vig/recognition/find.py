@@ -240,11 +240,10 @@ def upright(photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recogn
 
 
 def predict_windows(
-    photo: np.ndarray | ImagePyramid, windows: list[Window], recognizer: Recognizer, twice: bool = True
+    photo: np.ndarray | ImagePyramid, windows: list[Window], recognizer: Recognizer
 ) -> Prediction:
-    """What the network predicts for windows of a photo; for `twice` see `Recognizer.__call__`."""
-    cut = torch.from_numpy(np.stack([window.crop(photo)[0] for window in windows]))
-    return recognizer(cut, twice=twice)
+    """What the network predicts for windows of a photo."""
+    return recognizer(torch.from_numpy(np.stack([window.crop(photo)[0] for window in windows])))
 
 
 def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] | None:

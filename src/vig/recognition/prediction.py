@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -76,6 +77,11 @@ class Prediction:
         _, azimuth = self.modes(1)
         return latents_of(self.numbers, azimuth[:, 0])
 
+    @functools.cached_property
+    def _modes(self) -> dict[tuple[int, bool], tuple[torch.Tensor, torch.Tensor]]:
+        """What `modes` found; several steps of a fit ask for the same."""
+        return {}
+
     def modes(self, count: int, broad: bool = True) -> tuple[torch.Tensor, torch.Tensor]:
         """The `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
 
@@ -87,6 +93,8 @@ class Prediction:
         """
         if not self.symmetry.fold:
             return torch.zeros(len(self), 1, dtype=torch.float64), torch.zeros(len(self), 1)
+        if (count, broad) in self._modes:
+            return self._modes[count, broad]
         bins = self.azimuth.shape[1]
         centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
         left = self.azimuth.clone().double()
@@ -113,7 +121,8 @@ class Prediction:
             angles.append(torch.where(total > 0, angle, at[:, reach]))
             left = left.scatter(1, near, left.gather(1, near) * (1 - member))
         azimuths = torch.remainder(torch.stack(angles, 1), 2 * math.pi).float() / self.symmetry.fold
-        return torch.stack(weights, 1), azimuths
+        self._modes[count, broad] = torch.stack(weights, 1), azimuths
+        return self._modes[count, broad]
 
     def log_mass(self, azimuth: torch.Tensor) -> torch.Tensor:
         """Log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,), float64.
@@ -151,6 +160,8 @@ class Prediction:
         return Prediction(*map(torch.cat, columns), symmetry=parts[0].symmetry)
 
 
+BOTH_SIDES = False, True
+"""A photo and its mirror image."""
 WEIGHTS_FILE = "recognition.safetensors"
 """Of a class pack, or of a training run."""
 
@@ -232,19 +243,22 @@ class Recognizer:
         )
         return recognizer
 
-    def __call__(self, photos: torch.Tensor, batch: int = 32, twice: bool = True) -> Prediction:
+    def __call__(
+        self, photos: torch.Tensor, batch: int = 32, sides: Sequence[bool] = BOTH_SIDES
+    ) -> Prediction:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
 
-        Each batch is computed on one core, so that predictions do not depend on how many there are. `twice`
-        takes the mean over each photo and its mirror image, which is better and takes twice as long; it does
-        nothing for a class that is not its own mirror image. The prediction is on the host. A single photo
-        asked for twice in a row is answered from memory: windows are seen to turn them, then to fit.
+        Each batch is computed on one core, so that predictions do not depend on how many there are. `sides`:
+        what the network sees of each photo, mirror images (True) or not; the mean of both is better and takes
+        twice as long. A class that is not its own mirror image is seen as it is. The prediction is on the
+        host. A single photo asked for twice in a row is answered from memory: windows are seen to turn them,
+        then to fit.
         """
 
         def predict(part: torch.Tensor) -> Prediction:
-            return on_one_core(lambda: self._predict(part.to(self.device), twice)).folded(self.symmetry)
+            return on_one_core(lambda: self._predict(part.to(self.device), sides)).folded(self.symmetry)
 
-        photos, asked = photos.float(), (twice, self.mirror, self.symmetry)
+        photos, asked = photos.float(), (sides, self.mirror, self.symmetry)
         if (before := self._latest) is not None and before[1] == asked and before[2] is self.calibration:
             if torch.equal(before[0], photos):
                 return before[3].clone()
@@ -253,17 +267,19 @@ class Recognizer:
         self._latest = kept if len(photos) == 1 else None
         return predicted
 
-    def heads(self, pixels: torch.Tensor, twice: bool = True) -> Heads:
+    def heads(self, pixels: torch.Tensor, sides: Sequence[bool] = BOTH_SIDES) -> Heads:
         """The network's outputs, before any calibration, for sRGB images (N, 3, S, S); see `__call__`."""
-        twice = twice and self.mirror
-        both = torch.cat([pixels, pixels.flip(3)]) if twice else pixels
+        sides = sides if self.mirror else (False,)
+        seen = torch.cat([pixels.flip(3) if mirrored else pixels for mirrored in sides])
         with bfloat16(pixels.device):
-            heads: Heads = self.network(both.contiguous(memory_format=torch.channels_last))
-        if not twice:
-            return heads
-        halves = zip(*(output.chunk(2) for output in vars(heads).values()), strict=True)
-        seen, flipped = (Heads(*half) for half in halves)
-        return seen.mean_with(flipped.of_mirrored(-self.mean / self.deviation))
+            heads: Heads = self.network(seen.contiguous(memory_format=torch.channels_last))
+        parts = zip(*(output.chunk(len(sides)) for output in vars(heads).values()), strict=True)
+        zero = -self.mean / self.deviation
+        upright = [
+            Heads(*part).of_mirrored(zero) if mirrored else Heads(*part)
+            for part, mirrored in zip(parts, sides, strict=True)
+        ]
+        return functools.reduce(Heads.mean_with, upright)
 
     @torch.inference_mode()
     def object_map(self, image: torch.Tensor) -> torch.Tensor:
@@ -275,8 +291,8 @@ class Recognizer:
         return numbers
 
     @torch.inference_mode()
-    def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:
-        heads = self.heads(srgb_from_linear(photos).permute(0, 3, 1, 2), twice)
+    def _predict(self, photos: torch.Tensor, sides: Sequence[bool]) -> Prediction:
+        heads = self.heads(srgb_from_linear(photos).permute(0, 3, 1, 2), sides)
         calibration = self.calibration
         predicted = (
             (heads.azimuth / calibration.azimuth_temperature).softmax(1),

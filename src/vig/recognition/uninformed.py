@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 
@@ -36,7 +37,7 @@ class UninformedRecognizer(Recognizer):
         self._mean[layout["light"]] = torch.from_numpy(object_class.light_prior_mean).float()
         self._deviation[layout["light"]] = LIGHT_FACTOR * lights.float() + 0.2
 
-    def __call__(self, photos: torch.Tensor, batch: int = 32, twice: bool = True) -> Prediction:
+    def __call__(self, photos: torch.Tensor, batch: int = 32, sides: Sequence[bool] = ()) -> Prediction:
         """As `Recognizer.__call__`: photos (N, S, S, 3)."""
         count, bins = len(photos), NetworkSettings().azimuth_bins
         return Prediction(

@@ -294,11 +294,12 @@ class Prepared:
         return self._launch()
 
     def exchange(self, index: int, argument: Any) -> None:
-        """From now on argument `index` is another array or struct of the same type."""
+        """From now on argument `index` is another array, struct or number of the same type."""
         if self.packed is None:
             self._command.set_param_at_index(index, argument)
         else:
-            setattr(self.packed, f"argument_{index}", argument.__ctype__())
+            value = argument.__ctype__() if hasattr(argument, "__ctype__") else argument
+            setattr(self.packed, f"argument_{index}", value)
 
     def repeat(self, arguments: Sequence[Any]) -> None:
         """Launch with other tensors of the same kinds in the place of those that it was recorded with."""

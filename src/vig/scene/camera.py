@@ -115,11 +115,13 @@ class Camera:
 
     def camera_from_world(self, azimuth: float, elevation: float) -> np.ndarray:
         """Pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
-        angles = torch.tensor([[azimuth], [elevation]], dtype=torch.float64)
-        rotation, translation = self.pose(*angles)
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation[0].numpy(), translation[0].numpy()
-        return pose
+        sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
+        pose, (sin, cos) = np.eye(4), (math.sin(self.roll), math.cos(self.roll))
+        pose[:3, :3] = [[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]]  # camera_rotation
+        pose[:2, :3] = [[cos, -sin], [sin, cos]] @ pose[:2, :3]
+        pose[:3, 3] = -self.target_height * pose[:3, 2]
+        pose[2, 3] += self.distance
+        return pose if self.mount is None else np.array(self.mount) @ pose
 
     def pose(self, azimuth: torch.Tensor, elevation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.

@@ -7,18 +7,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import torch
 
 from vig.explainer import LEAST_PRESENT, Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.hints import Hints
-from vig.inference import Verdict
+from vig.inference import ExpectedStart, Verdict
 from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.photo.checks import MIN_SIDE
 from vig.photo.images import coded_photo
 from vig.photo.pinhole import turned_pose
-from vig.recognition import find
-from vig.scene import Camera, latent_layout
+from vig.recognition import Prediction, find
+from vig.scene import Camera, latent_layout, rotate_z
 
 MOST_HIDDEN = 0.85
 """Share hidden from which a frame does not tell where the object is."""
@@ -44,6 +45,8 @@ COLOUR_GAIN = 0.2
 """Likewise of the albedo."""
 SLOWING = 0.9
 """Of the speed for each frame without the object."""
+NUMBERS_GAIN = 0.3
+"""Share of the way from the numbers predicted so far to those of a frame."""
 LEAST_SURE = 0.5
 """Probability of the view in the first frame from which the colour in its box is taken for the object's."""
 SURE = 0.8
@@ -72,6 +75,7 @@ class Sighting:
         albedo: (3,) linear RGB.
         shape: (K,) coefficients.
         lost: Whether the frame does not tell where the object is.
+        network: (bins,) that the network gives to the views of the circle; None where it is not used.
     """
 
     window: Window
@@ -86,13 +90,15 @@ class Sighting:
     albedo: np.ndarray
     shape: np.ndarray
     lost: bool
+    network: np.ndarray | None = None
 
     @staticmethod
-    def of(explanation: Explanation) -> Sighting:
+    def of(explanation: Explanation, network: np.ndarray | None = None) -> Sighting:
         """What an explanation says."""
         layout = latent_layout(explanation.object_class.shape_model.modes).split(explanation.fit.deviation)
         views, hidden = explanation.fit.alternatives, _hidden(explanation)
         latents = explanation.latents, *(view.latents for view in views)
+        centre, size = _box_of(explanation)
         calibrated = not math.isnan(explanation.confidence)
         shares = [explanation.confidence, *(view.probability for view in views)]
         return Sighting(
@@ -105,19 +111,41 @@ class Sighting:
             azimuth_deviation=float(layout["azimuth"][0]),
             elevation=math.radians(explanation.elevation_deg),
             elevation_deviation=float(layout["elevation"][0]),
-            place=_place_of(explanation),
+            place=np.array([*centre, math.log(size.max())]),
             hidden=hidden,
             albedo=explanation.latents.albedo[0].numpy(),
             shape=explanation.latents.shape[0].numpy(),
             lost=explanation.verdict in (Verdict.FAILED, Verdict.ABSENT)
             or hidden is None
             or hidden > MOST_HIDDEN,
+            network=network,
         )
 
     @property
     def visible_share(self) -> float:
         """Share of the object that is seen."""
         return 0.0 if self.hidden is None else 1 - self.hidden
+
+
+@dataclass
+class RunningPrediction:
+    """The network's predictions of frame after frame, each seen once: every second frame as its mirror image.
+
+    What hardly changes from frame to frame, the numbers, is averaged over them.
+    """
+
+    recognizer: Any
+    latest: Prediction | None = None
+    mirrored: bool = False
+
+    def __call__(self, photos: torch.Tensor) -> Prediction:
+        """Of the next frame's window (1, S, S, 3)."""
+        self.mirrored = not self.mirrored
+        seen: Prediction = self.recognizer(photos, sides=(self.mirrored,))
+        if self.latest is not None:
+            seen = replace(seen, numbers=torch.lerp(self.latest.numbers, seen.numbers, NUMBERS_GAIN))
+        self.latest = seen
+        return seen
 
 
 def window_at(place: np.ndarray, roll: float) -> Window:
@@ -137,6 +165,9 @@ class Follower:
         roll: Of the window, radians.
         albedo: Of the object so far; None before it was seen.
         missed: Number of frames since it was last seen.
+        view: Azimuth and elevation, radians, that are expected in the next frame: it is then fitted from
+            these and from what the network sees, in less time. None: as a photo.
+        latest: The last explanation that showed the object.
     """
 
     explainer: Explainer
@@ -148,6 +179,11 @@ class Follower:
     roll: float = 0.0
     albedo: np.ndarray | None = None
     missed: int = 0
+    view: tuple[float, float] | None = None
+    latest: Explanation | None = None
+
+    def __post_init__(self) -> None:
+        self.predict = RunningPrediction(self.explainer.recognizer)
 
     def explain(self, frame: Photo, box: Box | None = None) -> tuple[Explanation, Sighting]:
         """Explain the next frame; box: round the object in it, where it was not seen before."""
@@ -158,6 +194,7 @@ class Follower:
             sighting = Sighting.of(explanation)
             if not sighting.lost:
                 self.place, self.roll, self.albedo = sighting.place, sighting.camera.roll, sighting.albedo
+                self.latest = explanation
             if box is not None:  # whatever is sighting there: the object may be hidden from the start
                 x, y, w, h = box
                 self.place = np.array([x + w / 2, y + h / 2, math.log(max(w, h))])
@@ -171,14 +208,32 @@ class Follower:
                 explanation, sighting = again
         if self._is_object(sighting):
             self._update(sighting)
+            self.latest = explanation
             return explanation, sighting
         self.missed += 1
         self.speed = SLOWING * self.speed
         return explanation, replace(sighting, lost=True)
 
     def _at(self, frame: Photo, window: Window) -> tuple[Explanation, Sighting]:
-        explanation = self.explainer.explain_followed(frame, window, self.focal, self.hints, self.camera)
-        return explanation, Sighting.of(explanation)
+        explanation = self.explainer.explain_followed(
+            frame, window, self.focal, self.hints, self.camera, expected=self._expected(window)
+        )
+        seen = self.predict.latest
+        return explanation, Sighting.of(explanation, None if seen is None else seen.azimuth[0].numpy())
+
+    def _expected(self, window: Window) -> ExpectedStart | None:
+        """The latest fit, turned to the expected view, at the expected place."""
+        if self.view is None or self.latest is None or self.place is None:
+            return None
+        azimuth, elevation = (torch.tensor([angle], dtype=torch.float32) for angle in self.view)
+        fitted, (_, size) = self.latest.latents, _box_of(self.latest)
+        light = rotate_z(fitted.light, azimuth - fitted.azimuth)  # the camera's: it is the object that turns
+        x, y = window.to_window(*self.place[:2].tolist())
+        w, h = (size / size.max() * math.exp(self._side)).tolist()
+        box = (x - w / 2, y - h / 2, w, h)
+        left, top, wide, high = (number / window.side for number in box)
+        latents = replace(fitted, azimuth=azimuth, elevation=elevation, light=light)
+        return ExpectedStart(latents, (left + 0.5, top + 0.5, wide, high), self.predict)
 
     def _found_again(self, frame: Photo, place: np.ndarray) -> Window | None:
         """The window of what is found near the predicted place, if surely."""
@@ -229,13 +284,13 @@ class Follower:
         self.missed = 0
 
 
-def _place_of(explanation: Explanation) -> np.ndarray:
-    """`Sighting.place` of an explanation, by its vertices: beyond the frame, too."""
+def _box_of(explanation: Explanation) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and size (2,) of the box of an explanation's vertices in the frame, and beyond it."""
     pose = explanation.camera_from_object
     points = (explanation.vertices @ pose[:3, :3].T + pose[:3, 3]) @ explanation.camera.K.T
     pixels = points[:, :2] / points[:, 2:]
     least, most = pixels.min(0), pixels.max(0)
-    return np.array([*(least + most) / 2, math.log((most - least).max())])
+    return (least + most) / 2, most - least
 
 
 def _hidden(explanation: Explanation) -> float | None:

@@ -22,7 +22,7 @@ from vig.scene import Camera, ObjectClass
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.video.following import Follower, Sighting
 from vig.video.smoothing import LikeliestPath
-from vig.video.trajectory import FramePose, Trajectory, azimuth_off, view_evidence
+from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, view_evidence
 
 MEMORY = 24
 """Frames whose numbers are smoothed for the pose in the last one."""
@@ -171,13 +171,11 @@ class Tracker:
         path = self._views.angles(self._last)
         self._last, trajectory = float(path[-1]), self._trajectory(path)
         if not sighting.lost and trajectory.contradicts(-1, sighting, self._fold):
-            window, hints = trajectory.expected(-1)
-            explanation = self.explainer.explain_followed(
-                picture, window, hints=hints, camera=self._follower.camera
-            )
-            self._sightings[-1] = sighting, Sighting.of(explanation)
+            self._sightings[-1] = sighting, *self._near(path[-1] / self._fold, explanation)
             trajectory = self._trajectory(path)
         numbers, deviations = trajectory.numbers[:, :6, -1]
+        before = trajectory.numbers[0, 0, -2] if len(self._sightings) > 1 else numbers[0]
+        self._follower.view = 2 * numbers[0] - before, numbers[1]
         deviations *= ALIKE
         deviations[0] = min(deviations[0], UNIFORM_TURN / self._fold)
         camera, covariance = self._placed(numbers, deviations, explanation)
@@ -194,6 +192,16 @@ class Tracker:
             seconds=time.perf_counter() - began,
             explanation=explanation,
         )
+
+    def _near(self, azimuth: float, explanation: Explanation) -> list[Sighting]:
+        """What the explanation by the alternative nearest to an azimuth says, if it is of that view."""
+        views = explanation.fit.alternatives
+        off = [abs(azimuth_off(float(view.latents.azimuth), azimuth, self._fold)) for view in views]
+        if not off or min(off) > FAR:
+            return []
+        view = views[int(np.argmin(off))]
+        fit = replace(explanation.fit, latents=view.latents, framing=view.framing)
+        return [Sighting.of(replace(explanation, fit=fit))]
 
     def _trajectory(self, path: np.ndarray) -> Trajectory:
         """Of the frames in memory, each by whichever of its fits is nearer to the likeliest view."""

@@ -281,7 +281,12 @@ def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
     off = (fold * sighting.azimuths[:, None] - centres + math.pi) % (2 * math.pi) - math.pi
     spread = fold * _spread(sighting)
     density = np.exp(-0.5 * (off / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
-    evidence: np.ndarray = np.log(sighting.probabilities @ density + (rest + UNKNOWN) / (2 * math.pi))
+    uniform = 1 / (2 * math.pi)
+    elsewhere: Any = uniform
+    if (seen := sighting.network) is not None:
+        bins = (np.arange(len(seen)) + 0.5) * (2 * math.pi / len(seen))
+        elsewhere = np.interp(centres, bins, seen * len(seen) * uniform, period=2 * math.pi)
+    evidence: np.ndarray = np.log(sighting.probabilities @ density + rest * elsewhere + UNKNOWN * uniform)
     return evidence
 
 

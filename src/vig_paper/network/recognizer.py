@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ class PaperRecognizer(Recognizer):
         self.network = networks_from(settings, tensors)
 
     @torch.inference_mode()
-    def _predict(self, photos: torch.Tensor, twice: bool) -> Prediction:
+    def _predict(self, photos: torch.Tensor, sides: Sequence[bool]) -> Prediction:
         with bfloat16(photos.device):
             outputs = self.network(srgb_from_linear(photos).permute(0, 3, 1, 2))
         count = len(photos)  # the paper knows neither a rolled camera nor photos without the object

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -12,7 +13,6 @@ from tests.support import points_of
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.evaluate import FREE_POINTS
 from vig.likelihood.kernels.geometry import Geometry
-from vig.scene import Camera
 
 
 def photos_of(studio, seed: int, count: int = 1) -> Photos:
@@ -37,13 +37,14 @@ def random_points(studio, seed: int, count: int) -> torch.Tensor:
 
 def test_a_pass_that_served_other_photos_values_these_as_a_new_one_does(studio) -> None:
     points = random_points(studio, 0, 2)
-    shared = studio.geometry
+    shared, given = studio.geometry, studio.camera
+    camera = replace(given, focal=1.3 * given.focal, distance=1.2 * given.distance, target_height=0.01)
     first = Likelihood(shared, studio.camera, photos_of(studio, 1))
-    second = Likelihood(shared, studio.camera, photos_of(studio, 2, count=3))
+    second = Likelihood(shared, camera, photos_of(studio, 2, count=3))
     before = value_of(first, points)
     for photo in (2, 0):
         own = Geometry(shared.model, torch.float64)
-        alone = Likelihood(own, studio.camera, photos_of(studio, 2, count=3))
+        alone = Likelihood(own, camera, photos_of(studio, 2, count=3))
         torch.testing.assert_close(value_of(second, points, photo), value_of(alone, points, photo))
         assert not torch.equal(value_of(second, points, photo), before)
         torch.testing.assert_close(value_of(first, points), before)
@@ -53,12 +54,12 @@ def test_likelihoods_of_one_geometry_share_passes_and_keep_few(studio) -> None:
     geometry = Geometry(studio.geometry.model, torch.float64)
     points = random_points(studio, 0, 1)
     for seed in range(3):
-        value_of(Likelihood(geometry, studio.camera, photos_of(studio, seed)), points)
+        camera = replace(studio.camera, focal=studio.camera.focal + seed)
+        value_of(Likelihood(geometry, camera, photos_of(studio, seed)), points)
     assert len(geometry.kept["passes"]) == 1
     given = photos_of(studio, 0)
     for number in range(FREE_POINTS + 3):
-        camera = Camera(**{**vars(studio.camera), "focal": studio.camera.focal + number + 1})
-        value_of(Likelihood(geometry, camera, given), points)
+        value_of(Likelihood(geometry, studio.camera, given, stride=number + 1), points)
     assert len(geometry.kept["passes"]) == FREE_POINTS
 
 

@@ -10,6 +10,7 @@ import torch
 
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
 from vig.recognition.network import fold_normalisation, mirrored
+from vig.recognition.prediction import BOTH_SIDES
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 
@@ -35,10 +36,11 @@ def test_once_is_the_network_as_it_is() -> None:
     """And not what both together say."""
     recognizer = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
-    once, turned = recognizer(photo, twice=False), recognizer(photo.flip(2), twice=False)
+    once, turned = recognizer(photo, sides=(False,)), recognizer(photo.flip(2), sides=(False,))
     both = recognizer(photo)
     assert torch.allclose(both.roll, (once.roll - turned.roll) / 2, atol=1e-3)
     assert not torch.allclose(once.numbers, both.numbers, atol=1e-3)
+    assert torch.allclose(recognizer(photo, sides=(True,)).roll, -turned.roll, atol=1e-6)
 
 
 def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,22 +48,22 @@ def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.Mo
     computed = []
     plain = recognizer._predict
     monkeypatch.setattr(
-        recognizer, "_predict", lambda photos, twice: (computed.append(twice), plain(photos, twice))[1]
+        recognizer, "_predict", lambda photos, sides: (computed.append(sides), plain(photos, sides))[1]
     )
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
     first, again = recognizer(photo), recognizer(photo.clone())
-    assert computed == [True] and torch.equal(first.mask, again.mask)
+    assert computed == [BOTH_SIDES] and torch.equal(first.mask, again.mask)
     again.mask.zero_()
     assert torch.equal(recognizer(photo).mask, first.mask), "a copy is given away"
     recognizer.calibration = replace(recognizer.calibration, mask_temperature=torch.tensor(2.0))
     assert not torch.equal(recognizer(photo).mask, first.mask), "another calibration is another answer"
-    computed.remove(True)
-    recognizer(photo, twice=False)
+    computed.remove(BOTH_SIDES)
+    recognizer(photo, sides=(False,))
     photo[0, 75, 75, 0] = 1 - photo[0, 75, 75, 0]
-    recognizer(photo, twice=False)
-    recognizer(photo.double(), twice=False)
-    recognizer(torch.cat([photo, photo]), twice=False)
-    assert computed == [True, False, False, False]
+    recognizer(photo, sides=(False,))
+    recognizer(photo.double(), sides=(False,))
+    recognizer(torch.cat([photo, photo]), sides=(False,))
+    assert computed == [BOTH_SIDES, (False,), (False,), (False,)]
 
 
 def test_folded_normalisation_predicts_the_same() -> None:
@@ -84,7 +86,7 @@ def test_folded_normalisation_predicts_the_same() -> None:
 def test_a_class_that_is_not_its_mirror_image_is_asked_once() -> None:
     recognizer = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
-    once = recognizer(photo, twice=False)
+    once = recognizer(photo, sides=(False,))
     recognizer.mirror = False
     assert torch.equal(recognizer(photo).numbers, once.numbers)
 
@@ -93,7 +95,7 @@ def test_a_class_gives_its_recognizer_its_symmetries() -> None:
     teapot = ObjectClass.load("teapot")
     one = replace(teapot, symmetry=Symmetry.HALF_TURN, mirror=False)
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
-    whole = Recognizer.of_class(teapot)(photo, twice=False).azimuth
+    whole = Recognizer.of_class(teapot)(photo, sides=(False,)).azimuth
     folded = Recognizer.of_class(one)(photo)
     torch.testing.assert_close(folded.azimuth, whole[:, :36] + whole[:, 36:])
     assert folded.symmetry is Symmetry.HALF_TURN
