@@ -342,8 +342,8 @@ def all_round(settings: FitSettings) -> FitSettings:
 
 FOLLOWED: dict[str, Any] = {
     "stages": (
-        Stage(3, 4, sigma=2.0, scale=0.5, tolerance=10.0),
-        Stage(2, 6, tolerance=2.0, one_per_view=True),
+        Stage(3, 3, sigma=2.0, scale=0.5, tolerance=10.0),
+        Stage(2, 4, tolerance=2.0, one_per_view=True),
     ),
     "azimuth_weight": 10.0,
 }

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from torch.nn import functional
 
 from vig.likelihood.densities import density_of
 from vig.likelihood.spatial import NEVER, SpatialMask
@@ -43,30 +42,33 @@ def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tens
         (base + strides @ at, halves[at[0]][0] * halves[at[1]][1] * halves[at[2]][2])
         for at in itertools.product((0, 1), repeat=3)
     ]
-    densities = []
-    for weight in weights.reshape(-1, len(base)).double():
-        shares = (weight / weight.sum().clamp_min(1e-9)).numpy()
-        density = sum(np.bincount(node, shares * share, CELLS**3) for node, share in corners)
-        cube = _smooth(torch.from_numpy(density).view(CELLS, CELLS, CELLS) / _volume()).reshape(-1).numpy()
-        densities.append(sum(cube[node] * share for node, share in corners))
-    return torch.log(FLOOR + (1 - FLOOR) * torch.from_numpy(np.stack(densities))).view(weights.shape)
+    flat = weights.reshape(-1, len(base)).double()
+    shares = (flat / flat.sum(1, keepdim=True).clamp_min(1e-9)).numpy()
+    densities = np.zeros(shares.shape)
+    for density, share in zip(densities, shares, strict=True):
+        cube = np.zeros(CELLS**3)
+        for node, part_of_pixel in corners:
+            cube += np.bincount(node, share * part_of_pixel, CELLS**3)
+        cube = _smooth(cube.reshape(CELLS, CELLS, CELLS) / _volume()).ravel()
+        for node, part_of_pixel in corners:
+            density += cube[node] * part_of_pixel
+    return torch.log(FLOOR + (1 - FLOOR) * torch.from_numpy(densities)).view(weights.shape)
 
 
 @functools.cache
-def _volume() -> torch.Tensor:
+def _volume() -> np.ndarray:
     """Volume (C, C, C) that each node of the histogram stands for: halves at a face of the colour cube."""
-    length = torch.full((CELLS,), 1 / (CELLS - 1), dtype=torch.float64)
+    length = np.full(CELLS, 1 / (CELLS - 1))
     length[[0, -1]] /= 2
-    return length[:, None, None] * length[:, None] * length
+    volume: np.ndarray = length[:, None, None] * length[:, None] * length
+    return volume
 
 
-def _smooth(cube: torch.Tensor) -> torch.Tensor:
+def _smooth(cube: np.ndarray) -> np.ndarray:
     """A binomial kernel (1, 2, 1) / 4 along each axis, borders reflected: the integral is preserved."""
-    kernel = torch.tensor([0.25, 0.5, 0.25], dtype=cube.dtype).view(1, 1, 3)
-    for axis in range(3):
-        moved = cube.movedim(axis, -1)
-        lines = functional.pad(moved.reshape(-1, 1, CELLS), (1, 1), mode="reflect")
-        cube = functional.conv1d(lines, kernel).view(moved.shape).movedim(-1, axis)
+    for _ in range(3):
+        beside = np.pad(cube, ((1, 1), (0, 0), (0, 0)), "reflect")
+        cube = (0.5 * cube + 0.25 * (beside[:-2] + beside[2:])).transpose(1, 2, 0)
     return cube
 
 

@@ -90,7 +90,8 @@ def pose_covariance(
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """(V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
     a, b, c = (vertices[corner] for corner in faces.T)
-    towards = (np.cross(b - a, c - a) * (eye - a)).sum(1) > 0
+    (x, y, z), (u, v, w), (i, j, k) = (b - a).T, (c - a).T, (eye - a).T
+    towards = (y * w - z * v) * i + (z * u - x * w) * j + (x * v - y * u) * k > 0
     faces_eye, faces_away = np.zeros(len(vertices), bool), np.zeros(len(vertices), bool)
     faces_eye[faces[towards]] = True
     faces_away[faces[~towards]] = True

@@ -186,11 +186,13 @@ class Window:
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
         from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
         transform = to_level @ self.photo_from_window @ from_pixel
+        whole = bool(inside.all())
         cut = [
             np.asarray(_warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC))
-            for channel in (*np.moveaxis(image, 2, 0), inside)
+            for channel in (*np.moveaxis(image, 2, 0), *[inside] * (not whole))
         ]
-        return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
+        shown = np.ones((size, size), bool) if whole else cut[3] > 0.5
+        return np.clip(np.stack(cut[:3], axis=-1), 0, 1), shown
 
     @property
     def focal(self) -> float | None:

@@ -1,13 +1,22 @@
 """Where the descents begin."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
 from vig.inference import ExplainSettings, starts
 from vig.inference.posterior import objectives_of
-from vig.inference.refinement import framings
+from vig.inference.refinement import (
+    AZIMUTH_SPREAD,
+    ExpectedStart,
+    framing_of_box,
+    framings,
+    refine,
+    survivors,
+)
+from vig.inference.settings import Stage, followed, resolve
 from vig.recognition import Prediction
 from vig.renderer import render_latents
 from vig.scene import ObjectClass, regressed_layout
@@ -99,3 +108,37 @@ def test_where_the_mask_shows_nothing_the_first_start_is_not_moved(teapot: Objec
     settings = ExplainSettings(free_framing=True)
     objective = objectives_of(torch.full((150, 150, 3), 0.5), given, teapot, settings, (1.0,))[1.0]
     assert not framings(starts(given, 2, teapot), given, objective)[0].any()
+
+
+def test_of_each_view_the_best_point_enters() -> None:
+    azimuth = torch.deg2rad(torch.tensor([0.0, 5.0, 90.0, 95.0, 180.0]))
+    scores = torch.tensor([1, 5, 4, 3, 2.0])
+    assert survivors(azimuth, scores, 4).tolist() == [1, 2, 4, 3]
+    assert survivors(azimuth, scores, 4, one_per_view=True).tolist() == [1, 2, 4]
+    assert survivors(azimuth, scores, 2, one_per_view=True).tolist() == [1, 2]
+
+
+def test_an_expected_start_is_tried_and_of_the_networks_those_elsewhere(teapot: ObjectClass) -> None:
+    layout = regressed_layout(teapot.shape_model.modes)
+    numbers = torch.zeros(1, layout.size)
+    numbers[0, layout["elevation"]], numbers[0, layout["albedo"]] = 0.5, 0.5
+    numbers[0, layout.at("light")] = 2.4
+    azimuth = torch.full((1, 72), 1e-6)
+    azimuth[0, [10, 40]] = torch.tensor([0.6, 0.4])
+    seen = torch.full((1, 150, 150, 3), 1 / 3)
+    given = Prediction(azimuth, numbers, torch.ones(1, layout.size), seen, torch.zeros(1), torch.ones(1))
+    settings = replace(followed(resolve(ExplainSettings(), teapot, photo=True)), stages=(Stage(3, 0),))
+    objective = objectives_of(torch.full((150, 150, 3), 0.5), given, teapot, settings, {1.0})[1.0]
+    latents, box = given.best(), (0.2, 0.3, 0.5, 0.4)
+
+    def turns(expected: float) -> list[float]:
+        start = replace(latents, azimuth=latents.azimuth + expected)
+        ends = refine({1.0: objective}, given, settings, ExpectedStart(start, box, lambda _: given))
+        framing = framing_of_box(start, box, objective)
+        torch.testing.assert_close(objective.framing(ends.points[:1]), framing)
+        return (objective.latents(ends.points).azimuth - latents.azimuth).tolist()
+
+    other = math.radians(150)  # the network's second peak
+    near, far = 0.5 * AZIMUTH_SPREAD, 2 * AZIMUTH_SPREAD
+    assert turns(near) == pytest.approx([near, other], abs=1e-3)
+    assert turns(far) == pytest.approx([far, 0.0, other], abs=1e-3)

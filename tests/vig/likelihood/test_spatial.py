@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from vig.likelihood import NEVER, SPATIAL, SpatialMask, mixture, spatial_posteri
 from vig.likelihood.spatial import NEIGHBOURS, graph_cut, links, mean_field, messages, visible_log_odds
 
 
-def model(**settings: float) -> SpatialMask:
+def model(**settings: Any) -> SpatialMask:
     return SpatialMask(**settings)
 
 
@@ -158,6 +159,8 @@ def test_pixels_go_with_neighbours_of_their_colour() -> None:
         return float((mask & truth).sum() / (mask | truth).sum())
 
     assert iou(alone) < 0.93 and iou(visible > 0.5) > 0.98
+    quick = spatial_posterior(photo, fit, prior, disc, model(exact_start=False))
+    assert iou(alone) < iou(quick > 0.5) and not torch.equal(quick, visible)
 
 
 def test_without_coupling_each_pixel_stands_by_itself() -> None:

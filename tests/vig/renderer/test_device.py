@@ -1,13 +1,32 @@
 """Native code behind its preamble."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
+import torch
 import warp as wp
 
 import vig
-from vig.renderer.device import native_code
+from vig.renderer.device import launch, native_code
+
+
+@wp.kernel
+def add_times(x: wp.array(dtype=wp.float32), factor: wp.float32, out: wp.array(dtype=wp.float32)):
+    i = wp.tid()
+    out[i] = out[i] + factor * x[i]
+
+
+def test_a_launch_that_is_repeated_is_of_its_own_tensors() -> None:
+    """Only the first of a shape, stride and number is described anew."""
+    for size in (3, 5, 3):
+        for factor in (2.0, 3.0, 2.0):
+            x, out = torch.rand(size), torch.ones(size)
+            launch(add_times, size, x, factor, out)
+            torch.testing.assert_close(out, 1 + factor * x)
+    spaced = torch.arange(6.0)[::2]
+    launch(add_times, 3, spaced, 2.0, out := torch.zeros(3))
+    assert out.tolist() == [0.0, 4.0, 8.0]
+    launch(add_times, 0, spaced, 2.0, out)
+    assert out.tolist() == [0.0, 4.0, 8.0]
 
 
 def test_constants_stand_before_the_code_with_their_types(tmp_path: Path) -> None:

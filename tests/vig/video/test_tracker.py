@@ -10,10 +10,11 @@ import pytest
 
 import vig
 from tests.vig.video.conftest import Video
-from tests.vig.video.test_track import off
+from tests.vig.video.test_track import off, sighting
 from vig.io.errors import UserError
 from vig.photo.masks import box_of
 from vig.video.tracker import GIVEN_UP, TrackedPose
+from vig.video.trajectory import view_evidence
 
 K = np.array([[400.0, 0, 75], [0, 400.0, 75], [0, 0, 1]])
 """Of a camera that may have taken the frames."""
@@ -39,6 +40,30 @@ def test_a_pot_that_turns_by_ten_degrees_a_frame_is_followed(
         assert pose.covariance.shape == (6, 6) and (np.linalg.eigvalsh(pose.covariance) > 0).all()
         turn = pose.camera_from_object[:3, :3]
         assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+
+
+def test_the_network_sees_each_frame_once_and_every_second_one_mirrored(
+    quick_video: Video, explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracker, seen = vig.Tracker(explainer, K=K), []
+    tracker.start(quick_video.frames[0], box=quick_video.box)
+    plain = explainer.recognizer._predict
+    monkeypatch.setattr(
+        explainer.recognizer, "_predict", lambda photos, sides: (seen.append(sides), plain(photos, sides))[1]
+    )
+    assert not any(tracker.step(frame).lost for frame in quick_video.frames[1:5])
+    assert seen == [(True,), (False,)] * 2
+
+
+def test_views_that_no_fit_tried_count_by_the_network() -> None:
+    ahead, away = 30, 120  # bins
+    network = np.full(72, 1e-4)
+    network[away * 72 // 180] = 1.0
+    with_it = view_evidence(sighting(61, network=network / network.sum()))
+    without = view_evidence(sighting(61))
+    assert abs(with_it[ahead] - without[ahead]) < 0.1
+    assert with_it[away] > without[away] + 1
+    assert with_it[away + 30] < without[away + 30]
 
 
 def test_poses_are_before_the_camera_that_was_given(
