@@ -56,8 +56,11 @@ def assess(
     photo at its full size. `judge` tells confidence in place of the prediction, where views were ruled out
     in it; `hints` are those of which the prediction knows.
     """
-    at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
-    assert at_fit.normal is not None
+    evidence, normal = selection.evidence, selection.normal
+    if evidence is None or normal is None:
+        at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
+        assert at_fit.normal is not None
+        evidence, normal = float(at_fit.value), at_fit.normal[0]
     symmetry = objective.object_class.symmetry
     latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)
@@ -72,7 +75,7 @@ def assess(
     if calibration is not None:
         mask_confidence = 0.0 if verdict is Verdict.FAILED else calibration.mask_confidence(features)
         mask_trusted = mask_confidence >= calibration.mask_threshold
-    deviations = _deviation(objective, at_fit.normal[0].cpu())
+    deviations = _deviation(objective, normal.cpu())
     path = symmetry.canonical(objective.latents(selection.path))
     place, uniform = latent_layout(latents.shape.shape[1]).at("azimuth"), UNIFORM_TURN / max(symmetry.fold, 1)
     position = torch.tensor(UNCALIBRATED_POSITION)
@@ -107,7 +110,7 @@ def assess(
         mask_confidence=mask_confidence,
         mask_trusted=mask_trusted,
         confidence_features=features,
-        evidence=float(at_fit.value),
+        evidence=evidence,
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
         alternatives=_views(objective, selection, judge or prediction, latents, confidence),

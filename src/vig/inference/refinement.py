@@ -39,6 +39,8 @@ class Selection:
             `UNINFORMED_VIEWS` where no network made a guess.
         behind: Of each of these the nats by which its score lies behind; NaN where it was not fitted to
             the end.
+        evidence: Log posterior at the point, nats; None where it is yet to be valued.
+        normal: (P', P') negative Gauss-Newton Hessian there; None likewise.
     """
 
     point: torch.Tensor
@@ -51,6 +53,8 @@ class Selection:
     turned_deg: float
     others: torch.Tensor
     behind: tuple[float, ...]
+    evidence: float | None = None
+    normal: torch.Tensor | None = None
 
     @property
     def rival_is_other_view(self) -> bool:
@@ -112,6 +116,8 @@ def select(
         math.degrees(turned),
         candidates[others],
         tuple(behind[others].tolist()),
+        None if reverted else float(ends.evidence[best]),
+        None if reverted or ends.normal is None else ends.normal[best],
     )
 
 
@@ -140,6 +146,7 @@ class RefinedStarts:
         evaluations: Of the objective, in all stages.
         given_up: (M, P') points that did not enter a later stage, the last ones and the best first.
         paths: (T, S, P') how the points were reached, from their starts on.
+        normal: (S, P', P') negative Gauss-Newton Hessians at the points; None where the optimiser has none.
     """
 
     points: torch.Tensor
@@ -148,6 +155,7 @@ class RefinedStarts:
     evaluations: int
     given_up: torch.Tensor
     paths: torch.Tensor
+    normal: torch.Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -204,7 +212,7 @@ def refine(
         # A photo pooled to scale s has s^2 of the pixels, hence of the evidence's nats.
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
-    return RefinedStarts(points, evidence, scores, evaluations, given_up, paths)
+    return RefinedStarts(points, evidence, scores, evaluations, given_up, paths, descent.normal)
 
 
 def survivors(

@@ -77,12 +77,10 @@ def pose_covariance(
     """
     from scipy.spatial.transform import Rotation
 
-    here, columns = moved(at), []
-    for step in DIFFERENCE * np.eye(len(at)):
-        there = moved(at + step)
-        turn = Rotation.from_matrix(there[:3, :3] @ here[:3, :3].T).as_rotvec()
-        columns.append(np.concatenate([there[:3, 3] - here[:3, 3], turn]) / DIFFERENCE)
-    spread = np.stack(columns, axis=1) * deviation
+    here, there = moved(at), np.stack([moved(at + step) for step in DIFFERENCE * np.eye(len(at))])
+    turns = Rotation.from_matrix(there[:, :3, :3] @ here[:3, :3].T).as_rotvec()
+    columns = np.concatenate([there[:, :3, 3] - here[:3, 3], turns], axis=1) / DIFFERENCE
+    spread = columns.T * deviation
     covariance: np.ndarray = spread @ spread.T
     return covariance
 

@@ -41,7 +41,7 @@ class LevenbergMarquardt:
         noise = torch.full((count,), sigma, dtype=objective.dtype, device=objective.device)
         start = objective(starts, photo, noise)
         assert start.gradient is not None and start.normal is not None
-        points, value = starts.clone(), start.value.clone()
+        points, value, curvature = starts.clone(), start.value.clone(), start.normal.clone()
         evaluations = torch.ones(count, dtype=torch.int64, device=objective.device)
         converged = torch.isfinite(value) & torch.isfinite(start.gradient).all(1)
         # The searches that go on, close together: which they are, and where each stands.
@@ -73,6 +73,7 @@ class LevenbergMarquardt:
             path.append(points.clone())
             gradient = torch.where(better[:, None], tried.gradient, gradient)
             normal = torch.where(better[:, None, None], tried.normal, normal)
+            curvature[going] = normal
             done = (better & (gain < budget.tolerance)) | (damping > self.give_up)
             # A step that promises almost nothing need not be tried.
             done |= predicted < 0.1 * budget.tolerance
@@ -81,4 +82,4 @@ class LevenbergMarquardt:
                 going, here, best, photo, noise = going[on], here[on], best[on], photo[on], noise[on]
                 gradient, normal, damping, growth = gradient[on], normal[on], damping[on], growth[on]
         converged[going] = False
-        return Descent(points, value, evaluations, converged, torch.stack(path))
+        return Descent(points, value, evaluations, converged, torch.stack(path), curvature)

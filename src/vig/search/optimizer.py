@@ -143,6 +143,7 @@ class Descent:
         evaluations: (B,) int, of the objective by each search.
         converged: (B,) bool, it stopped because nothing was gained, not because its budget ended.
         path: (T, B, P') the starts, then the best points after each step; None where these were not kept.
+        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise.
     """
 
     points: torch.Tensor
@@ -150,6 +151,7 @@ class Descent:
     evaluations: torch.Tensor
     converged: torch.Tensor
     path: torch.Tensor | None = None
+    normal: torch.Tensor | None = None
 
 
 class Optimizer(Protocol):

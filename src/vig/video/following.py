@@ -52,6 +52,8 @@ LEAST_SURE = 0.5
 SURE = 0.8
 """Probability of a view from which what is seen in the place is the object whatever its colour: the colour
 of the frames before may be that of what hid it."""
+SEEK_EVERY = 3
+"""Frames without the object of which a tracker seeks it in one, which takes longer than a step."""
 SOUGHT = 3.0
 """Sides of the square about the predicted place in which a lost object is sought."""
 NO_CONFIDENCE = (0.6, 0.2)
@@ -202,8 +204,10 @@ class Follower:
             return explanation, sighting
         self.place = self.place + [*self.speed, 0.0]
         explanation, sighting = self._at(frame, window_at(self.place, self.roll))
-        if not self._is_object(sighting) and (window := self._found_again(frame, self.place)) is not None:
-            again = self._at(frame, window)
+        seek = self.view is None or self.missed % SEEK_EVERY == SEEK_EVERY - 1
+        found = self._found_again(frame, self.place) if seek and not self._is_object(sighting) else None
+        if found is not None:
+            again = self._at(frame, found)
             if self._is_object(again[1]):
                 explanation, sighting = again
         if self._is_object(sighting):
