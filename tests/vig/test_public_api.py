@@ -142,7 +142,7 @@ def test_the_framing_is_free_unless_a_window_is_given(
     """A photo cut by hand does not have the object where the paper's photos have it."""
     asked = []
 
-    def explained(photos, object_class, recognizer, settings, valid, hints):
+    def explained(photos, object_class, recognizer, settings, valid, hints, expected):
         asked.append(settings.free_framing)
         raise vig.UserError("enough")
 
@@ -168,7 +168,7 @@ def test_the_eye_is_as_far_away_as_the_focal_length_says(
 ) -> None:
     asked = []
 
-    def explained(photos, object_class, recognizer, settings, valid, hints):
+    def explained(photos, object_class, recognizer, settings, valid, hints, expected):
         asked.append(settings.camera_distance_ratio)
         raise vig.UserError("enough")
 
