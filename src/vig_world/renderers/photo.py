@@ -64,13 +64,16 @@ class PhotoSettings:
         )
 
 
-def photograph(linear: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, PhotoSettings]:
+def photograph(
+    linear: np.ndarray, rng: np.random.Generator, settings: PhotoSettings | None = None
+) -> tuple[np.ndarray, PhotoSettings]:
     """Pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
 
     Args:
         linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are
             clipped by the sensor.
         rng: Source of settings and noise.
+        settings: In place of those that are drawn.
 
     Returns:
         The photograph (H, W, 3) uint8 sRGB and its settings.
@@ -82,7 +85,7 @@ def photograph(linear: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray
         raise ValueError(f"a picture must be (H, W, 3); got {linear.shape}")
     if not (np.isfinite(linear) & (linear >= 0)).all():
         raise ValueError("a picture in linear light must be finite and at least 0; got other values")
-    settings = PhotoSettings.draw(rng)
+    settings = PhotoSettings.draw(rng) if settings is None else settings
     light = _through_lens(linear.astype(np.float64), settings)
     signal = _counted(light, settings, rng) * np.array(settings.white_balance)
     return _jpeg(srgb8_from_linear(signal), settings), settings

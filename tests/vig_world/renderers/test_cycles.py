@@ -20,6 +20,7 @@ from vig_world.assets.panoramas.light import project_panorama
 from vig_world.composition.sampling import sample
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
+from vig_world.raster.view import View
 from vig_world.renderers.cycles import FINISHES, CyclesRenderer, renderer
 from vig_world.renderers.cycles.appearance import cylindrical_uv
 from vig_world.renderers.cycles.blender import wire
@@ -160,7 +161,9 @@ def test_the_interpreter_comes_from_argument_then_environment(monkeypatch: pytes
         find_python()
 
 
-@pytest.mark.parametrize("wrong", [{"samples": 0}, {"threads": 0}, {"recycle": 0}, {"finish": "matte"}])
+@pytest.mark.parametrize(
+    "wrong", [{"samples": 0}, {"threads": 0}, {"recycle": 0}, {"size": 0}, {"finish": "matte"}]
+)
 def test_settings_out_of_range_are_refused(library: Library, teapot: ObjectClass, wrong: dict) -> None:
     with pytest.raises(UserError, match=next(iter(wrong))):
         CyclesRenderer(library, teapot, sys.executable, **wrong)
@@ -178,6 +181,21 @@ def test_the_message_holds_the_object_whole_whatever_its_finish(
         assert (thing["material"]["texture"] is None) == (f"{number}_uv" not in arrays)
     again = compose(library, spec, teapot, finish)
     assert again[0] == header and all(np.array_equal(again[1][k], v) for k, v in arrays.items())
+
+
+def test_a_larger_picture_is_the_same_view_of_rounder_things(library: Library, teapot: ObjectClass) -> None:
+    spec = sample(library, teapot, 5, 8)
+    assert spec.coat is not None
+    (small, coarse), (large, fine) = (compose(library, spec, teapot, "diffuse", size) for size in (150, 300))
+    assert large["camera"]["width"] == 2 * small["camera"]["width"] == 300
+    for name in ("focal", "cx", "cy"):
+        assert large["camera"][name] == pytest.approx(2 * small["camera"][name])
+    for name in ("rotation", "translation", "distance", "roll"):
+        assert large["camera"][name] == small["camera"][name]
+    number = next(n for n, thing in enumerate(small["things"]) if thing["target"])
+    assert len(fine[f"{number}_faces"]) > 10 * len(coarse[f"{number}_faces"])
+    texture = small["things"][number]["material"]["texture"]
+    assert len(fine[texture]) == 3 * len(coarse[texture])  # texels of a face, 30 for 10
 
 
 def test_other_samples_have_other_noise(library: Library, teapot: ObjectClass, spec: SceneSpec) -> None:
@@ -243,6 +261,17 @@ def test_blender_renders_the_same_bytes_whatever_came_before(
     for picture in (again, two):
         assert picture.linear.tobytes() == first.linear.tobytes()
         assert picture.light.tobytes() == first.light.tobytes()
+
+
+@needs_blender
+def test_a_picture_of_another_size_has_labels_of_that_size(library: Library, teapot: ObjectClass) -> None:
+    spec = sample(library, teapot, 5, 14, "paper")
+    with CyclesRenderer(library, teapot, samples=1, size=64) as cycles:
+        picture = cycles.render(spec)
+    assert picture.image.shape == picture.linear.shape == (64, 64, 3)
+    drawn = render(library, spec, teapot, View.of_scene(spec, teapot, 64))
+    for name in ("depth", "amodal", "visible", "by_support", "canvas"):
+        assert np.array_equal(getattr(picture, name), getattr(drawn, name))
 
 
 @needs_blender

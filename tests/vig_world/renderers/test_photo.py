@@ -88,3 +88,9 @@ def test_a_photograph_looks_like_the_picture() -> None:
     image, how = photograph(picture, np.random.default_rng(8))
     expected = srgb8_from_linear(picture * 2**how.exposure * np.array(how.white_balance))
     assert np.abs(image.astype(float) - expected)[5:-5, 5:-5].mean() < 8
+
+
+def test_settings_that_are_given_are_taken() -> None:
+    image, how = photograph(np.full(SIZE, 0.2), np.random.default_rng(3), replace(PLAIN, exposure=1.0))
+    assert how == replace(PLAIN, exposure=1.0)
+    assert np.abs(image.astype(float) - srgb8_from_linear(np.full(SIZE, 0.4))).max() <= 1

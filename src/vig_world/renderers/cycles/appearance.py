@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from vig.scene import ShapeModel
+from vig.scene import IMAGE_SIZE, ShapeModel
 from vig_world.assets.coats import albedo_of
 from vig_world.assets.textures import decoration
 from vig_world.dataset.spec import Coat
@@ -21,6 +21,8 @@ COAT_ROUGHNESS = (0.1, 0.4)
 DECORATION_SIZE = 128
 TEXELS, RIM = 10, 1
 """Texels a side of each face's own square of a baked coat, and those at its edges for interpolation."""
+TEXELS_FINE, FINE_FROM = 30, 2 * IMAGE_SIZE
+"""As many in larger images, and pixels a side from which an image counts as such."""
 
 
 @dataclass(frozen=True)
@@ -146,28 +148,30 @@ def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
     }
 
 
-def baked(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> tuple[np.ndarray, np.ndarray]:
+def baked(
+    coat: Coat, vertices: np.ndarray, model: ShapeModel, texels: int = TEXELS
+) -> tuple[np.ndarray, np.ndarray]:
     """The albedo of a coat as a texture (h, w, 3), linear, row 0 on top, and corners' coordinates (F, 3, 2).
 
-    Each face has a square of `TEXELS` a side to itself, of which it fills the lower left half but for a rim.
+    Each face has a square of `texels` a side to itself, of which it fills the lower left half but for a rim.
     """
     faces = model.faces
     columns = math.ceil(math.sqrt(len(faces)))
     rows = math.ceil(len(faces) / columns)
-    inner = TEXELS - 2 * RIM
-    step = (np.arange(TEXELS) + 0.5 - RIM) / inner
+    inner = texels - 2 * RIM
+    step = (np.arange(texels) + 0.5 - RIM) / inner
     b, c = (grid.ravel() for grid in np.meshgrid(step, step))
     weights = np.stack([1 - b - c, b, c], 1)
     points = np.einsum("tk,fkd->ftd", weights, vertices[faces]).reshape(-1, 3)
-    part = np.repeat(model.parts[faces[:, 0]], TEXELS**2)
+    part = np.repeat(model.parts[faces[:, 0]], texels**2)
     albedo = albedo_of(coat, points, part, float(model.mean[:, 2].max()))
-    cells = np.zeros((rows * columns, TEXELS, TEXELS, 3), np.float32)
-    cells[: len(faces)] = albedo.reshape(len(faces), TEXELS, TEXELS, 3)
-    image = cells.reshape(rows, columns, TEXELS, TEXELS, 3).swapaxes(1, 2).reshape(rows * TEXELS, -1, 3)
+    cells = np.zeros((rows * columns, texels, texels, 3), np.float32)
+    cells[: len(faces)] = albedo.reshape(len(faces), texels, texels, 3)
+    image = cells.reshape(rows, columns, texels, texels, 3).swapaxes(1, 2).reshape(rows * texels, -1, 3)
     row, column = np.divmod(np.arange(len(faces)), columns)
-    start = np.stack([column, row], 1)[:, None] * TEXELS + RIM
+    start = np.stack([column, row], 1)[:, None] * texels + RIM
     corners = start + inner * np.array([[0, 0], [1, 0], [0, 1]])
-    uv = corners / [columns * TEXELS, rows * TEXELS]
+    uv = corners / [columns * texels, rows * texels]
     return image[::-1], uv.astype(np.float32)
 
 

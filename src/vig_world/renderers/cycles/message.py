@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from vig.scene import ObjectClass
+from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.view import View
 from vig_world.renderers.build import Instance, build
 from vig_world.renderers.cycles.appearance import (
     COAT_ROUGHNESS,
+    FINE_FROM,
+    TEXELS,
+    TEXELS_FINE,
     Finish,
     appearance,
     baked,
@@ -24,6 +27,7 @@ from vig_world.renderers.cycles.appearance import (
     painted,
     painted_faces,
 )
+from vig_world.renderers.cycles.rounding import rounded
 from vig_world.streams import stream
 
 NOISE_STREAM, FINISH_STREAM = 2**20 + 2, 2**20 + 3
@@ -34,8 +38,16 @@ SHELL = ("wall", "ceiling")
 Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
-def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish: Finish) -> Message:
-    """Header and arrays of everything in the scene; the renderer adds sampling settings.
+def compose(
+    library: Library,
+    spec: SceneSpec,
+    object_class: ObjectClass,
+    finish: Finish,
+    size: int = IMAGE_SIZE,
+) -> Message:
+    """Header and arrays of everything in the scene, seen in an image of `size` pixels a side.
+
+    The renderer adds sampling settings.
 
     The header holds `things` (material, shell, target), `camera`, `angle`, `seed` and the probe's height;
     the arrays are `N_vertices` (V, 3), `N_normals` (V, 3), `N_faces` (F, 3) and, where thing N has a texture,
@@ -45,18 +57,19 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
     finish_rng = stream(spec.seed, spec.index, spec.split, FINISH_STREAM)
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
-    scene = _SceneMessage()
+    scene = _SceneMessage(size >= FINE_FROM)
     for instance in instances:
         if instance.is_target:
             if spec.coat is None:
                 _add_target(scene, instance, object_class, finish, finish_rng)
             else:
-                pixels, uv = baked(spec.coat, instance.mesh.vertices, object_class.shape_model)
+                texels = TEXELS_FINE if size >= FINE_FROM else TEXELS
+                pixels, uv = baked(spec.coat, instance.mesh.vertices, object_class.shape_model, texels)
                 scene.add(instance, coat_material(spec.coat, scene.texture(pixels)), uv=uv)
         else:
             scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
     scene.arrays["panorama"] = library.surroundings(spec.panorama).astype(np.float32)
-    view = View.of_scene(spec, object_class)
+    view = View.of_scene(spec, object_class, size)
     header = {
         "seed": noise_seed,
         "angle": spec.panorama_angle,
@@ -75,7 +88,8 @@ def compose(library: Library, spec: SceneSpec, object_class: ObjectClass, finish
 class _SceneMessage:
     """The things and arrays of a message under construction."""
 
-    def __init__(self) -> None:
+    def __init__(self, fine: bool) -> None:
+        self._fine = fine
         self.things: list[dict[str, Any]] = []
         self.arrays: dict[str, np.ndarray] = {}
         self._textures: dict[int, str] = {}
@@ -93,12 +107,16 @@ class _SceneMessage:
         chosen = mesh.faces if faces is None else faces
         self.things.append({"material": material, "shell": shell, "target": instance.is_target})
         vertices, normals = instance.world()
-        self.arrays[f"{number}_vertices"] = vertices.astype(np.float32)
-        self.arrays[f"{number}_normals"] = normals.astype(np.float32)
-        self.arrays[f"{number}_faces"] = chosen.astype(np.int32)
+        corners = None
         if material["texture"]:
             assert uv is not None or mesh.uv is not None
             corners = mesh.uv[chosen] if uv is None and mesh.uv is not None else uv
+        if self._fine:
+            vertices, normals, chosen, corners = rounded(vertices, normals, chosen, corners)
+        self.arrays[f"{number}_vertices"] = vertices.astype(np.float32)
+        self.arrays[f"{number}_normals"] = normals.astype(np.float32)
+        self.arrays[f"{number}_faces"] = chosen.astype(np.int32)
+        if corners is not None:
             self.arrays[f"{number}_uv"] = np.asarray(corners, np.float32)
 
     def texture(self, pixels: np.ndarray) -> str:

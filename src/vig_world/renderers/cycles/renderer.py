@@ -15,12 +15,13 @@ import numpy as np
 import torch
 
 from vig.io.errors import UserError
-from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z, srgb8_from_linear
+from vig.scene import EXPOSURE_L00, IMAGE_SIZE, ObjectClass, rotate_z, srgb8_from_linear
 from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset.spec import SampleError, SceneSpec
 from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
 from vig_world.raster.picture import Picture
+from vig_world.raster.view import View
 from vig_world.renderers.cycles.appearance import FINISHES, Finish
 from vig_world.renderers.cycles.message import compose
 from vig_world.renderers.cycles.process import BlenderProcess, WorkerDiedError
@@ -30,7 +31,8 @@ WORKER = Path(__file__).parent / "blender" / "worker.py"
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
-"""Time limit of one scene in seconds, and its increase per path per pixel; a scene is tried twice."""
+"""Time limit of one scene in seconds, and its increase per path per pixel, in proportion to the pixels of
+larger images; a scene is tried twice."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class CyclesRenderer:
         recycle: Scenes after which the worker is replaced by a fresh one.
         finish: Finish of the object: `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat,
             `painted` also a painted decoration.
+        size: Pixels a side of pictures, masks and depth.
 
     Raises:
         UserError: For a missing interpreter with bpy, or an argument out of range.
@@ -78,8 +81,10 @@ class CyclesRenderer:
         threads: int = 1,
         recycle: int = 200,
         finish: Finish = "diffuse",
+        size: int = IMAGE_SIZE,
     ) -> None:
-        for name, value in (("samples", samples), ("threads", threads), ("recycle", recycle)):
+        counts = {"samples": samples, "threads": threads, "recycle": recycle, "size": size}
+        for name, value in counts.items():
             if value < 1:
                 raise UserError(f"{name} must be at least 1; got {value}")
         if finish not in FINISHES:
@@ -87,8 +92,8 @@ class CyclesRenderer:
         self._library, self._object_class = library, object_class
         self._command = [find_python(python), str(WORKER), str(threads)]
         self._samples = samples
-        self._recycle, self._finish = recycle, finish
-        self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples
+        self._recycle, self._finish, self._size = recycle, finish, size
+        self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples * max(1.0, (size / IMAGE_SIZE) ** 2)
         self._worker: BlenderProcess | None = None
         self._served = 0
         self.timing: dict[str, float] = {}
@@ -100,7 +105,7 @@ class CyclesRenderer:
         Raises:
             SampleError: When Blender failed to answer twice, or no light reaches the object.
         """
-        header, arrays = compose(self._library, spec, self._object_class, self._finish)
+        header, arrays = compose(self._library, spec, self._object_class, self._finish, self._size)
         header["samples"] = self._samples
         header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
         name = f"sample {spec.index} of seed {spec.seed}"
@@ -113,7 +118,8 @@ class CyclesRenderer:
             )
         gain = EXPOSURE_L00 / probe[0]
         linear = traced["image"] * gain.astype(np.float32)
-        drawn = render(self._library, spec, self._object_class)
+        view = View.of_scene(spec, self._object_class, self._size)
+        drawn = render(self._library, spec, self._object_class, view)
         picture = {field.name: getattr(drawn, field.name) for field in fields(Picture)}
         light = grey(probe * gain).astype(np.float32)
         picture |= {"image": srgb8_from_linear(linear), "light": light}
