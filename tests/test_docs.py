@@ -335,7 +335,7 @@ def test_broken_links_of_a_site_are_named(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["fit_pose_and_light", "make_examples"])
+@pytest.mark.parametrize("name", ["fit_pose_and_light", "make_demo", "make_examples", "make_hero"])
 def test_examples_answer_to_help(name: str, tmp_path: Path) -> None:
     command = [sys.executable, str(ROOT / "examples" / f"{name}.py"), "--help"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

@@ -54,7 +54,7 @@ def test_links_and_pictures_of_a_release_are_full_addresses_of_what_is_there(che
     assert release(checkout, "v9.8.7") == (0, "")
     text = (checkout / "docs" / "package.md").read_text()
     picture, *others = links(text)
-    assert picture == f"{REPOSITORY}/raw/v9.8.7/docs/demo.png" and len(others) == 5
+    assert picture == f"{REPOSITORY}/raw/v9.8.7/docs/demo.jpg" and len(others) == 5
     for link in (picture, *others):
         kind, _, path = link.removeprefix(f"{REPOSITORY}/").partition("/v9.8.7/")
         assert kind in ("raw", "blob") and (ROOT / path).is_file(), link

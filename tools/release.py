@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 WHERE = "Pictures, results and the full documentation are in the source distribution: README.md and docs/."
 """The description's last line, in whose place the links go."""
 MORE = """\
-![Photos and what vig makes of them: outline in yellow, hidden pixels in pink]({raw}/docs/demo.png)
+![Photos and what vig makes of them: outline in yellow, hidden pixels in pink]({raw}/docs/demo.jpg)
 
 [Documentation]({tree}/docs/index.md), [results]({tree}/docs/results.md), [photographs that work and that do
 not]({tree}/docs/photographs.md), [a notebook]({tree}/examples/vig.ipynb), [changes]({tree}/CHANGELOG.md)."""

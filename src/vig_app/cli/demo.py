@@ -1,4 +1,4 @@
-"""`vig demo`: the packaged example photos explained, truth beside estimate."""
+"""`vig demo`: the packaged photos explained, truth beside estimate."""
 
 from __future__ import annotations
 
@@ -9,30 +9,35 @@ import shlex
 import sys
 import time
 import webbrowser
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from shutil import which
 from typing import Any
 
 import numpy as np
-import torch
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
 from rich.table import Table
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.inference import ExplainSettings
-from vig.photo import Window
-from vig.photo.images import write_png
-from vig.scene import IMAGE_SIZE, angle_difference
+from vig.io.files import atomic_write
+from vig.photo.images import coded
+from vig.scene import angle_difference
 from vig_app.cli.common import Demo
-from vig_app.examples import Example, example_photos
-from vig_app.report.folder import save_entry
-from vig_app.report.folder_page import folder_html
-from vig_app.report.html import write_page
+from vig_app.demo import DemoPhoto, demo_photos
+from vig_app.report.folder import outlined, save_entry
+from vig_app.report.folder_page import Entry, folder_html, reduced
+from vig_app.report.html import QUALITY, write_page
 
-HARD_EXAMPLE = 3
+CARD = 480
+"""Pixels of a photo's longer side on the page."""
+CELL, GAP, CAPTION, COLUMNS = 396, 5, 24, 4
+"""Pixels of a photo's side in overview.jpg, between photos, and of a caption's height; photos in a row."""
+NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")
+"""Columns of the table."""
+HARD_PHOTO = 3
 """That the commands to try name: something stands before it."""
 COMMANDS_TO_TRY = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
@@ -43,50 +48,41 @@ COMMANDS_TO_TRY = (
 
 
 def demo(settings: Demo) -> int:
-    """Explain every example into a folder and print a table, or JSON."""
+    """Explain every photo into a folder, found without a box, and print a table, or JSON."""
     out, as_json = settings.out, settings.json
     console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
-    explainer = Explainer("teapot", ExplainSettings(free_framing=False))
+    photos = demo_photos()
+    explainers = {name: Explainer(name) for name in dict.fromkeys(photo.class_name for photo in photos)}
     rows, entries = [], []
-    for example in example_photos():
-        explanation = explainer.explain(example.photo, window=Window(0, 0, IMAGE_SIZE))
-        photo = example.photo.name
-        entries.append(save_entry(explanation, out / example.name, photo, photo)[0])
-        rows.append(_compared(example, explanation, entries[-1].described))
+    for photo in photos:
+        explanation = explainers[photo.class_name].explain(photo.photo)
+        entry = save_entry(explanation, out / photo.name, photo.photo.name, photo.photo.name)[0]
+        rows.append(_compared(photo, explanation, entry.described))
+        entries.append(_card(entry, photo, explanation))
         if not as_json:
-            console.print(f"explained {example.name}: {rows[-1]['verdict']}", highlight=False)
+            console.print(f"explained {photo.name}: {rows[-1]['verdict']}", highlight=False)
     seconds = time.monotonic() - started
-    write_overview(out, [example.photo for example in example_photos()], [row["photo"] for row in rows])
+    write_overview(out / "overview.jpg", entries)
     page = out / "report.html"
-    write_page(page, folder_html(entries))
+    note = "found without a box. A click on a photo shows all that vig makes of it, in 3-D."
+    write_page(page, folder_html(entries, title="vig's demo", note=note, gallery=True))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
-    table = Table(title="truth | estimate", title_justify="left")
-    for name in ("photo", "hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU", "verdict"):
-        table.add_column(name, justify="left" if name in ("photo", "verdict") else "right")
-    for row in rows:
-        table.add_row(
-            row["photo"],
-            f"{row['hidden'][0]:.0%} | {row['hidden'][1]:.0%}",
-            f"{row['azimuth_deg'][0]:.1f} | {row['azimuth_deg'][1]:.1f}",
-            f"{row['elevation_deg'][0]:.1f} | {row['elevation_deg'][1]:.1f}",
-            " | ".join(" ".join(f"{c:.2f}" for c in colour) for colour in row["albedo"]),
-            f"{row['shape_error_mm']:.1f} mm",
-            f"{row['segmentation_iou']:.2f}",
-            row["verdict"],
-        )
-    console.print(table)
-    console.print(
-        f"{len(rows)} photos in {seconds:.0f} s; median azimuth error"
-        f" {np.median([row['azimuth_error_deg'] for row in rows]):.1f} degrees, median IoU"
-        f" {np.median([row['segmentation_iou'] for row in rows]):.2f}",
-        highlight=False,
+    console.print(_table(rows))
+    shown = [row for row in rows if row["shows"] == row["class"]]
+    azimuth, iou = (
+        float(np.median([row[key] for row in shown])) for key in ("azimuth_error_deg", "segmentation_iou")
     )
-    hard = example_photos()[HARD_EXAMPLE]
-    hints = {"photo": hard.photo, "elevation": math.degrees(float(hard.truth.elevation))}
-    commands = [line.format(**hints) for line in COMMANDS_TO_TRY]
+    console.print(
+        f"{len(rows)} photos in {seconds:.0f} s; of the {len(shown)} that show what was asked for"
+        f" median azimuth error {azimuth:.1f} degrees, median IoU {iou:.2f}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    hard = photos[HARD_PHOTO]
+    commands = [line.format(photo=hard.photo, elevation=hard.elevation_deg) for line in COMMANDS_TO_TRY]
     if which("vig") is None:  # of an environment that is not active
         vig = shlex.join([sys.executable, "-m", "vig"])
         commands = [line.replace("vig ", f"{vig} ", 1) for line in commands]
@@ -106,35 +102,99 @@ def has_screen() -> bool:
     return sys.stdout.isatty() and displays
 
 
-def write_overview(
-    out: Path, photos: list[Path], names: list[str], cell: int = 224, columns: int = 4
-) -> None:
-    """`out`/overview.png: every photo beside its overlay, `columns` pairs to a line."""
-    lines = math.ceil(len(photos) / columns)
-    sheet = Image.new("RGB", (columns * 2 * cell, lines * cell), "white")
-    for number, (photo, name) in enumerate(zip(photos, names, strict=True)):
-        left, top = number % columns * 2 * cell, number // columns * cell
-        for offset, path in ((0, photo), (cell, out / name / "overlay.png")):
-            with Image.open(path) as picture:
-                sheet.paste(picture.convert("RGB").resize((cell - 4, cell - 4)), (left + offset, top))
-    write_png(out / "overview.png", np.asarray(sheet))
+def write_overview(path: Path, entries: Sequence[Entry]) -> None:
+    """A picture of all photos with what was found in them, `COLUMNS` to a row."""
+    step = CELL + GAP
+    rows = math.ceil(len(entries) / COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * step - GAP, rows * (step + CAPTION) - GAP), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    for number, entry in enumerate(entries):
+        left, top = number % COLUMNS * step, number // COLUMNS * (step + CAPTION)
+        picture = Image.fromarray(entry.picture).resize((CELL, CELL), Image.Resampling.LANCZOS)
+        sheet.paste(picture, (left, top))
+        draw.text((left + 2, top + CELL + 2), _caption(entry.described), "black", font)
+    with atomic_write(path) as temporary:
+        sheet.save(temporary, "JPEG", quality=QUALITY)
 
 
-def _compared(example: Example, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
-    """Truth and estimate of one example as plain numbers."""
-    truth = example.truth
-    visible = np.asarray(Image.open(example.visible_mask)) > 127
-    distances = np.linalg.norm(explanation.vertices - example.vertices, axis=1)
-    azimuth_error = angle_difference(float(explanation.latents.azimuth), float(truth.azimuth))
-    return {
-        "photo": example.name,
-        "hidden": [round(example.occlusion, 3), described["hidden_fraction"] or 0.0],
-        "azimuth_deg": [math.degrees(float(truth.azimuth)) % 360, described["azimuth_deg"]],
-        "elevation_deg": [math.degrees(float(truth.elevation)), described["elevation_deg"]],
-        "albedo": [truth.albedo[0].tolist(), described["albedo"]],
-        "azimuth_error_deg": math.degrees(abs(azimuth_error)),
-        "shape_error_mm": 1000 * float(distances.mean()),
-        "segmentation_iou": float((explanation.mask & visible).sum() / (explanation.mask | visible).sum()),
+def _caption(described: Mapping[str, Any]) -> str:
+    """What was found, in a few words."""
+    name, verdict = described["class"], described["verdict"]
+    if verdict == "absent":
+        return f"{name}: absent"
+    hidden = described["hidden_fraction"] or 0.0
+    return f"{name}: {verdict}, azimuth {described['azimuth_deg']:.0f}°, {hidden:.0%} hidden"
+
+
+def _card(entry: Entry, photo: DemoPhoto, explanation: Explanation) -> Entry:
+    """What the page shows of a photo: a larger picture, and the truth."""
+    picture = reduced(coded(explanation.picture), CARD)
+    if entry.described["verdict"] != "absent":
+        picture = outlined(explanation, picture)
+    truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
+    if not photo.present:
+        truth = f"truth: a {photo.shows}, no {photo.class_name}"
+    if entry.described["verdict"] == "ambiguous":
+        others = [f"{other['azimuth_deg']:.0f}°" for other in entry.described["alternatives"]]
+        truth = f"or azimuth {', '.join(others)}; {truth}" if others else truth
+    return replace(entry, name=photo.title, picture=picture, note=truth)
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Truth beside estimate; of a photo of another thing there is no truth."""
+    table = Table(title="truth | estimate", title_justify="left")
+    for name in ("photo", "asked", *NUMBERS, "verdict"):
+        table.add_column(name, justify="right" if name in NUMBERS else "left")
+    for row in rows:
+        cells = [f"shows a {row['shows']}", *[""] * 5]
+        if row["shows"] == row["class"]:
+            cells = [
+                f"{row['hidden'][0]:.0%} | {row['hidden'][1]:.0%}",
+                f"{row['azimuth_deg'][0]:.1f} | {row['azimuth_deg'][1]:.1f}",
+                f"{row['elevation_deg'][0]:.1f} | {row['elevation_deg'][1]:.1f}",
+                " | ".join(" ".join(f"{c:.2f}" for c in colour) for colour in row["albedo"]),
+                f"{row['shape_error_mm']:.1f} mm",
+                f"{row['segmentation_iou']:.2f}",
+            ]
+        table.add_row(row["photo"], row["class"], *cells, row["verdict"])
+    return table
+
+
+def _compared(photo: DemoPhoto, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
+    """Truth and estimate of a photo as plain numbers; null where it does not show what it is asked for."""
+    row = {
+        "photo": photo.name,
+        "class": photo.class_name,
+        "shows": photo.shows,
+        "hidden": [None, described["hidden_fraction"]],
+        "azimuth_deg": [None, described["azimuth_deg"]],
+        "elevation_deg": [None, described["elevation_deg"]],
+        "albedo": [None, described["albedo"]],
+        "azimuth_error_deg": None,
+        "shape_error_mm": None,
+        "segmentation_iou": None,
         "verdict": described["verdict"],
-        "light": [truth.light[0].tolist(), torch.as_tensor(described["light"]).tolist()],
     }
+    if not photo.present:
+        return row
+    with Image.open(photo.visible_mask) as image:
+        visible = np.asarray(image) > 127
+    azimuth_error = angle_difference(float(explanation.latents.azimuth), math.radians(photo.azimuth_deg))
+    distances = np.linalg.norm(explanation.vertices - photo.vertices, axis=1)
+    truth = {
+        "hidden": round(photo.occlusion, 3),
+        "azimuth_deg": photo.azimuth_deg % 360,
+        "elevation_deg": photo.elevation_deg,
+        "albedo": list(photo.albedo),
+    }
+    return (
+        row
+        | {name: [value, row[name][1]] for name, value in truth.items()}
+        | {
+            "azimuth_error_deg": math.degrees(abs(azimuth_error)),
+            "shape_error_mm": 1000 * float(distances.mean()),
+            "segmentation_iou": float(
+                (explanation.mask & visible).sum() / (explanation.mask | visible).sum()
+            ),
+        }
+    )

@@ -96,7 +96,7 @@ def kernels() -> Finding:
     if not cold:
         return Finding("kernel cache", f"warm: {folder}")
     state = f"cold for {', '.join(cold)}: {folder}"
-    first = f"the first fit of each compiles, {COMPILATION}; vig demo does it for teapot"
+    first = f"the first fit of each compiles, {COMPILATION}; vig demo does it for teapot and mug"
     if not os.access(nearest_folder(folder), os.W_OK):
         first = "every start compiles, as it cannot be written: set WARP_CACHE_PATH to a folder that can"
     return Finding("kernel cache", state, first)

@@ -41,6 +41,7 @@ class Entry:
         described: What explanation.json or results.csv holds.
         picture: (H, W, 3) uint8.
         has_page: Whether report.html is among its files.
+        note: One line under what was found.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Entry:
     described: Mapping[str, Any]
     picture: np.ndarray
     has_page: bool = True
+    note: str = ""
 
     @property
     def link(self) -> str:
@@ -62,6 +64,7 @@ def folder_html(
     title: str | None = None,
     picture: np.ndarray | None = None,
     note: str = "",
+    gallery: bool = False,
 ) -> str:
     """The page; entries are in the order of `review_order`.
 
@@ -72,8 +75,11 @@ def folder_html(
         title: In place of their number.
         picture: (H, W, 3) uint8, of all of them.
         note: Under the title.
+        gallery: Whether it opens on larger pictures, in the order of `entries`.
     """
-    entries = sorted(entries, key=lambda entry: review_order(entry.described))
+    reviewed = sorted(entries, key=lambda entry: review_order(entry.described))
+    ranks = {id(entry): rank for rank, entry in enumerate(reviewed)}
+    entries = entries if gallery else reviewed
     total = len(entries) if total is None else total
     verdicts = Counter(entry.described["verdict"] for entry in entries)
     return filled(
@@ -86,8 +92,12 @@ def folder_html(
         errors=errors,
         most_errors=MOST_ERRORS,
         picture=None if picture is None else reduced(picture, WHOLE),
+        gallery=gallery,
         columns=COLUMNS,
-        data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
+        data=[
+            [entry.name, *(entry.described[key] for key in COLUMNS.values()), ranks[id(entry)]]
+            for entry in entries
+        ],
     )
 
 

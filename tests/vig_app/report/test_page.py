@@ -344,6 +344,37 @@ def test_a_folders_page_lists_what_is_strangest_first(
         assert shown.evaluate(LOW_CONTRAST) == []
 
 
+def test_a_gallery_keeps_its_order_and_says_what_is_not_there(
+    browser: Any, explanation: vig.Explanation, tmp_path: Path
+) -> None:
+    described, picture = explanation.to_dict(), reduced(explanation.overlay())
+    absent = described | {"verdict": "absent", "hidden_fraction": None}
+    entries = [
+        Entry("best", "a", described, picture, note=HOSTILE),
+        Entry("another thing", "b", absent, picture),
+    ]
+    (tmp_path / "report.html").write_text(
+        folder_html(entries, title="A show", gallery=True), encoding="utf-8"
+    )
+    shown = browser.new_page(viewport={"width": 400, "height": 800})
+    errors: list[str] = []
+    shown.on("pageerror", lambda error: errors.append(str(error)))
+    shown.goto((tmp_path / "report.html").as_uri())
+    assert shown.locator("strong").all_inner_texts() == ["best", "another thing"]
+    assert shown.locator("small").all_inner_texts() == [HOSTILE]
+    assert shown.locator("li").nth(1).locator("div").inner_text().endswith("absent, not in the photo")
+    assert shown.locator("#order").input_value() == "given"
+    shown.locator("#order").select_option("review")
+    assert shown.locator("strong").all_inner_texts() == ["another thing", "best"]
+    shown.locator("#order").select_option("given")
+    assert shown.locator("strong").all_inner_texts() == ["best", "another thing"]
+    assert shown.evaluate("document.documentElement.scrollWidth") == 400
+    assert shown.evaluate("window.hacked") is None and not errors
+    for scheme in ("light", "dark"):
+        shown.emulate_media(color_scheme=scheme)
+        assert shown.evaluate(LOW_CONTRAST) == []
+
+
 def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     photos = [str(example.photo) for example in example_photos()[:2]]
     with pytest.raises(SystemExit):
