@@ -2,7 +2,7 @@
 
     VIG_BLENDER_PYTHON=blender/bin/python python examples/make_demo.py --traced traced      # docs/world.md
 
-writes photos, masks, truth.json and shapes.safetensors, in some 70 seconds of a core a photo. What has been
+writes photos, masks, truth.json and shapes.safetensors, in 65 to 83 seconds of a core a photo. What has been
 path traced lies in the folder `--traced` and is not traced again.
 
 They are a show, not a benchmark: their scenes were chosen by eye among some 440 rasterised ones
