@@ -24,7 +24,8 @@ ORDER = {
         "output", "hints", "explanation", "explainer", "several", "video", "__main__",
     ),
     "vig_app": (
-        "demo", "examples", "results", "schema", "glb", "exports", "report", "corrections", "runs", "viewer", "cli",
+        "demo", "examples", "results", "schema", "glb", "exports", "report", "corrections", "runs", "viewer",
+        "cli",
     ),
     "vig_world": (
         "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",
