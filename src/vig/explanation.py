@@ -306,9 +306,9 @@ class Explanation:
 
     @cached_property
     def part_albedo(self) -> np.ndarray:
-        """Linear RGB (parts, 3) of each of the class's parts, see `vig.output.part_colours`."""
-        names = self.object_class.shape_model.part_names
-        return part_colours(self.close_up, self.latents.albedo[0].numpy(), len(names))
+        """Linear RGB (parts, 3) of the surface of each part, see `vig.output.part_colours`."""
+        reflectance = self.object_class.reflectance_of_parts
+        return part_colours(self.close_up, self.latents.albedo[0].numpy(), reflectance)
 
     @cached_property
     def close_up(self) -> CloseUp:

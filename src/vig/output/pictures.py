@@ -145,20 +145,20 @@ def _labels(size: int) -> np.ndarray:
     return np.asarray(image)
 
 
-def part_colours(shown: CloseUp, albedo: np.ndarray, parts: int) -> np.ndarray:
-    """Linear RGB (parts, 3) of each part.
+def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+    """Linear RGB (parts, 3) of each part's surface.
 
-    The albedo (3,) times the photo over the re-rendering, the median of where the part is seen, made so dark
-    that it is in [0, 1]; the albedo itself where too little of it is.
+    The albedo (3,) times the part's reflectance (parts,) and the photo over the re-rendering, the median of
+    where the part is seen, made so dark that it is in [0, 1]; without the photo where too little is seen.
     """
-    colours = np.tile(albedo.astype(np.float32), (parts, 1))
+    colours: np.ndarray = (reflectance[:, None] * albedo).astype(np.float32)
     seen = shown.visible & (shown.coverage > 0.99)
     light = (shown.rendering[seen] / np.maximum(albedo, 1e-3)).mean(-1)
     photo, owner = shown.photo[seen], np.where(light > 0.02, shown.part[seen], -1)
-    for part in range(parts):
+    for part, share in enumerate(reflectance):
         here = owner == part
         if here.sum() >= LEAST_PIXELS:
-            colour = np.median(photo[here] / light[here][:, None], axis=0)
+            colour = share * np.median(photo[here] / light[here][:, None], axis=0)
             colours[part] = colour / max(1.0, colour.max())
     return colours
 

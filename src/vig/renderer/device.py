@@ -79,15 +79,19 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
         else argument
         for argument, kind in zip(arguments, kernel.func.__annotations__.values(), strict=True)
     ]
-    command = wp.launch(kernel, count, inputs, device=str(device), record_cmd=True)
-    if command is None:  # no threads
-        return
-    prepared = Prepared(command)
-    prepared()
-    if prepared.packed is not None:
-        if len(kept) >= KEPT_LAUNCHES:
-            kept.clear()
-        kept[key] = prepared
+    # Recording takes longer than describing: what comes once, as lengths that depend on data do, is launched.
+    if device.type != "cpu" or key not in kept:
+        wp.launch(kernel, count, inputs, device=str(device), stream=current_stream(device))
+        command = None
+    else:
+        command = wp.launch(kernel, count, inputs, device=str(device), record_cmd=True)
+    prepared = None if command is None else Prepared(command)
+    if prepared is not None:
+        prepared()
+        prepared = prepared if prepared.packed is not None else None
+    if len(kept) >= KEPT_LAUNCHES:
+        kept.clear()
+    kept[key] = prepared
 
 
 def _kind(argument: Any) -> Any:
@@ -98,7 +102,7 @@ def _kind(argument: Any) -> Any:
 
 
 KEPT_LAUNCHES = 256
-"""Launches that a thread keeps to repeat them."""
+"""Launches that a thread keeps, to repeat those that have come twice."""
 _here = threading.local()
 
 

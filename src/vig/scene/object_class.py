@@ -186,11 +186,14 @@ class ObjectClass:
         return digest.hexdigest()[:16]
 
     @cached_property
+    def reflectance_of_parts(self) -> np.ndarray:
+        """(parts,) float32, `part_reflectance`, or 1 where nothing is known."""
+        return np.array(self.part_reflectance or [1.0] * len(self.shape_model.part_names), np.float32)
+
+    @cached_property
     def reflectance(self) -> np.ndarray:
-        """(V,) float32, what `part_reflectance` says of each vertex; 1 where nothing is known."""
-        if self.part_reflectance is None:
-            return np.ones(len(self.shape_model.mean), np.float32)
-        reflectance: np.ndarray = np.array(self.part_reflectance, np.float32)[self.shape_model.parts]
+        """(V,) float32, that of each vertex's part."""
+        reflectance: np.ndarray = self.reflectance_of_parts[self.shape_model.parts]
         return reflectance
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:

@@ -133,21 +133,27 @@ class Sighting:
 class RunningPrediction:
     """The network's predictions of frame after frame, each seen once: every second frame as its mirror image.
 
-    What hardly changes from frame to frame, the numbers, is averaged over them.
+    What hardly changes from frame to frame, the numbers, is averaged over those that showed the object.
     """
 
     recognizer: Any
     latest: Prediction | None = None
+    numbers: torch.Tensor | None = None
     mirrored: bool = False
 
     def __call__(self, photos: torch.Tensor) -> Prediction:
         """Of the next frame's window (1, S, S, 3)."""
         self.mirrored = not self.mirrored
         seen: Prediction = self.recognizer(photos, sides=(self.mirrored,))
-        if self.latest is not None:
-            seen = replace(seen, numbers=torch.lerp(self.latest.numbers, seen.numbers, NUMBERS_GAIN))
+        if self.numbers is not None:
+            seen = replace(seen, numbers=torch.lerp(self.numbers, seen.numbers, NUMBERS_GAIN))
         self.latest = seen
         return seen
+
+    def keep(self) -> None:
+        """The latest frame showed the object."""
+        if self.latest is not None:
+            self.numbers = self.latest.numbers
 
 
 def window_at(place: np.ndarray, roll: float) -> Window:
@@ -212,6 +218,7 @@ class Follower:
                 explanation, sighting = again
         if self._is_object(sighting):
             self._update(sighting)
+            self.predict.keep()
             self.latest = explanation
             return explanation, sighting
         self.missed += 1

@@ -1,6 +1,6 @@
 """Explained objects as binary glTF files (GLB), with a texture from the photo."""
 
-from vig_app.glb.bake import Texture, bake, surface_colours
+from vig_app.glb.bake import Texture, bake
 from vig_app.glb.files import write_object, write_scene
 from vig_app.glb.write import LOOKS_BACK, GlbObject, write_glb
 
@@ -9,7 +9,6 @@ __all__ = [
     "GlbObject",
     "Texture",
     "bake",
-    "surface_colours",
     "write_glb",
     "write_object",
     "write_scene",

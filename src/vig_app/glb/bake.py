@@ -85,7 +85,7 @@ def bake(explanation: Explanation) -> Texture | None:
     model, atlas = object_class.shape_model, atlas_of(object_class)
     if atlas is None:
         return None
-    colours = surface_colours(explanation)[model.parts[model.faces[atlas.face, 0]]]
+    colours = explanation.part_albedo[model.parts[model.faces[atlas.face, 0]]]
     origin = np.full(len(colours), INVENTED, np.uint8)
     shown = _Shown.of(explanation)
     if shown is not None:
@@ -96,12 +96,6 @@ def bake(explanation: Explanation) -> Texture | None:
         for number, (source, _) in reversed(list(enumerate(sides))):
             origin[shown.paint(colours, at[:, 4 * number :][:, :4])] = source
     return Texture(atlas, colours, origin)
-
-
-def surface_colours(explanation: Explanation) -> np.ndarray:
-    """Linear RGB (parts, 3) of each part's surface."""
-    reflectance = explanation.object_class.part_reflectance or (1.0,)
-    return explanation.part_albedo * np.array(reflectance, np.float32)[:, None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from vig.explanation import Explanation
 from vig.output import glb_from_object
 from vig.scene import Camera
 from vig.several.scene import SceneExplanation
-from vig_app.glb.bake import Texture, surface_colours
+from vig_app.glb.bake import Texture
 from vig_app.glb.write import GlbObject, write_glb
 
 MOST_SCALED = 1.5
@@ -40,7 +40,7 @@ def _object(
     texture: Texture | None,
     extras: dict[str, Any] | None = None,
 ) -> GlbObject:
-    vertices, colours = explanation.vertices, surface_colours(explanation)
+    vertices, colours = explanation.vertices, explanation.part_albedo
     return GlbObject(name, explanation.object_class, vertices, colours, node, texture, extras or {})
 
 

@@ -67,7 +67,7 @@ def mesh_data(explanation: Explanation) -> dict[str, Any]:
         "low": low.tolist(),
         "steps": steps.tolist(),
         "parts": _base64(model.parts, "<u2"),
-        "colours": explanation.part_albedo.tolist(),
+        "colours": (explanation.part_albedo / object_class.reflectance_of_parts[:, None]).tolist(),
         "reflectance": None if object_class.part_reflectance is None else list(object_class.part_reflectance),
         "target": (low + extent / 2).tolist(),
         "size": float(extent.max()),

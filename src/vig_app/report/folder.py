@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -76,8 +77,15 @@ def save_entry(
             write_object(folder / file, explanation, texture)
         elif file in files:
             _write(explanation, folder / file, photo, entry.picture, described, shown)
-    if texture is not None and "texture_seen.png" in files:
-        write_png(folder / "texture_seen.png", texture.origin_picture)
+    if "texture_seen.png" in files:
+        if texture is None:  # nor may that of an earlier object stay
+            (folder / "texture_seen.png").unlink(missing_ok=True)
+            note = (
+                f"texture_seen.png is left out: class '{explanation.object_class.name}' is in too many pieces"
+            )
+            print(f"vig: {note} for a texture", file=sys.stderr)
+        else:
+            write_png(folder / "texture_seen.png", texture.origin_picture)
     write_json(folder, described)
     return entry, texture
 

@@ -20,7 +20,7 @@ from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.photo.images import coded
 from vig.scene import srgb8_from_linear
-from vig_app.glb import LOOKS_BACK, surface_colours
+from vig_app.glb import LOOKS_BACK
 from vig_app.viewer.session import Session, cleared, marked, placed
 from vig_app.viewer.worker import Worker
 
@@ -386,7 +386,7 @@ class Viewer:
         turn = LOOKS_BACK[:3, :3] @ explanation.camera_from_object[:3, :3]
         positions = centred * (OBJECT / np.ptp(centred, axis=0).max()) @ turn.T
         positions -= [width / 2 + GAP + OBJECT / 2, 0.0, 0.0]
-        model, colours = explanation.object_class.shape_model, srgb8_from_linear(surface_colours(explanation))
+        model, colours = explanation.object_class.shape_model, srgb8_from_linear(explanation.part_albedo)
         of_face = model.parts[model.faces[:, 0]]
         for number in range(len(model.part_names)):
             used, faces = np.unique(model.faces[of_face == number], return_inverse=True)

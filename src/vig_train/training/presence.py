@@ -25,18 +25,22 @@ PRESENCE = 1
 def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> None:
     """Fit the presence head in place: a logistic regression on the dense layer's features.
 
+    Where all of the images show the object, or none does, it stays as it is.
+
     Args:
         network: In evaluation mode.
         examples: Of the class, and without it, other classes' among them.
         seed: Of their augmentation.
     """
+    present, head = examples.present().numpy(), network.others
+    if len(np.unique(present)) < 2:
+        return
     features = dense_features(network, examples, seed)
-    head = network.others
     weight, bias = refitted(
         head.weight[PRESENCE].detach().numpy(),
         float(head.bias[PRESENCE].detach()),
         features,
-        examples.present().numpy(),
+        present,
     )
     with torch.no_grad():
         head.weight[PRESENCE] = torch.from_numpy(weight)

@@ -101,14 +101,24 @@ def close_up() -> CloseUp:
 def test_a_part_has_the_colour_of_where_it_is_seen() -> None:
     albedo = np.array([0.8, 0.8, 0.8])
     np.testing.assert_allclose(
-        part_colours(close_up(), albedo, 2), [[0.4, 0.2, 0.1], [0.8, 0.8, 0.8]], rtol=1e-5
+        part_colours(close_up(), albedo, np.ones(2)), [[0.4, 0.2, 0.1], [0.8, 0.8, 0.8]], rtol=1e-5
     )
 
 
 def test_a_part_that_is_too_bright_keeps_its_hue() -> None:
     shown = close_up()
     bright = replace(shown, photo=4 * shown.photo)  # over 0.8: 2, 1, 0.5
-    np.testing.assert_allclose(part_colours(bright, np.full(3, 0.8), 2)[0], [1, 0.5, 0.25], rtol=1e-5)
+    np.testing.assert_allclose(
+        part_colours(bright, np.full(3, 0.8), np.ones(2))[0], [1, 0.5, 0.25], rtol=1e-5
+    )
+
+
+def test_a_dark_part_may_be_brighter_than_its_reflectance() -> None:
+    """Its colour is the photo over the light, whatever share of the albedo the class gives it."""
+    shown = close_up()
+    dark = replace(shown, rendering=0.1 * shown.rendering)
+    colours = part_colours(dark, np.full(3, 0.8), np.array([0.1, 0.5]))
+    np.testing.assert_allclose(colours, [[0.4, 0.2, 0.1], [0.4, 0.4, 0.4]], rtol=1e-5)
 
 
 def test_panels_stand_side_by_side() -> None:

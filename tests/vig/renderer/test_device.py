@@ -16,9 +16,9 @@ def add_times(x: wp.array(dtype=wp.float32), factor: wp.float32, out: wp.array(d
 
 
 def test_a_launch_that_is_repeated_is_of_its_own_tensors() -> None:
-    """Only the first of a shape, stride and number is described anew."""
+    """Only the first two of a shape, stride and number are described."""
     for size in (3, 5, 3):
-        for factor in (2.0, 3.0, 2.0):
+        for factor in (2.0, 3.0, 2.0, 2.0, 3.0):
             x, out = torch.rand(size), torch.ones(size)
             launch(add_times, size, x, factor, out)
             torch.testing.assert_close(out, 1 + factor * x)

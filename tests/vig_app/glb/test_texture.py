@@ -21,7 +21,7 @@ from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.renderer.explained import vertex_irradiance
 from vig.renderer.shading import smooth_normals
 from vig.scene import Latents, ObjectClass, ShapeModel
-from vig_app.glb import Texture, surface_colours
+from vig_app.glb import Texture
 from vig_app.glb import bake as bake_any
 from vig_app.glb.atlas import GAP, SIDE, atlas_of
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN
@@ -170,7 +170,7 @@ def test_what_neither_side_shows_has_its_parts_colour(teapot: ObjectClass) -> No
     below = points[:, 2] < 0.002  # the foot's underside
     assert (texture.origin[below] == INVENTED).all() and below.sum() > 1000
     part = model.parts[model.faces[texture.atlas.face[below], 0]]
-    np.testing.assert_array_equal(texture.colours[below], surface_colours(explanation)[part])
+    np.testing.assert_array_equal(texture.colours[below], explanation.part_albedo[part])
 
 
 def test_nothing_of_what_covers_the_object_is_on_it(teapot: ObjectClass) -> None:

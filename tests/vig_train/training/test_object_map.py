@@ -152,3 +152,11 @@ def test_the_head_learns_to_tell_discs_from_noise_and_nothing_else_changes() -> 
     present = examples.present() > 0
     in_order = (log_odds[present][:, None] > log_odds[~present]).float().mean()
     assert in_order > 0.9
+
+
+def test_without_images_of_other_things_the_head_stays() -> None:
+    torch.manual_seed(0)
+    network = RecognitionNetwork(SMALL).eval()
+    before = network.others.weight.clone()
+    fit_presence(network, discs(64)[torch.arange(64) % 4 > 0], 1)
+    assert torch.equal(network.others.weight, before)

@@ -11,7 +11,7 @@ from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.renderer.shading import smooth_normals
-from vig_app.glb import LOOKS_BACK, surface_colours
+from vig_app.glb import LOOKS_BACK
 
 FILES = ("object.usdc",)
 
@@ -28,7 +28,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     root = UsdGeom.Xform.Define(stage, f"/{_identifier(explanation.object_class.name)}")
     stage.SetDefaultPrim(root.GetPrim())
     model = explanation.object_class.shape_model
-    vertices, colours = explanation.vertices, surface_colours(explanation)
+    vertices, colours = explanation.vertices, explanation.part_albedo
     part_of_face = model.parts[model.faces[:, 0]]
     normals = smooth_normals(torch.from_numpy(vertices), torch.from_numpy(model.faces)).numpy()
     normals[~normals.any(1)] = 0, 0, 1  # of vertices without area
