@@ -3,6 +3,9 @@
 Makes a dataset in a temporary folder, as `vig dataset make` does, everything included: choosing rooms,
 occluders and views, drawing, encoding and writing files. Two rates are printed: the whole call's, worker
 processes' start and first assets included, and the steady one, of the last three quarters of the samples.
+Then images are made in this process, twice each: `raster_image_ms` is the processor time of the second
+time, when all assets are in memory, in blocks of `BLOCK`, files included.
+
 For memory, the resident sizes of this process and its children are added up four times a second.
 """
 
@@ -20,13 +23,17 @@ import numpy as np
 
 from benchmarks.measuring import metric, report, write
 from vig.io.errors import UserError
+from vig.scene import ObjectClass
 from vig_world import WORLDS, World
 from vig_world.dataset.format import image_paths
+from vig_world.generation.job import Job, Maker, store
 from vig_world.generation.write import make_dataset
 from vig_world.renderers.cycles.renderer import find_python
 
 RASTER_COUNT, CYCLES_COUNT = 6000, 40
 RUNS = 1
+IMAGES, BLOCK = 300, 25
+"""Images made in this process, and how many of them are timed at once."""
 
 
 def main() -> None:
@@ -34,7 +41,8 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="where to write the figures")
     parser.add_argument("--raster", type=int, default=RASTER_COUNT, help="samples of a raster run")
     parser.add_argument("--cycles", type=int, default=CYCLES_COUNT, help="path-traced samples; 0 for none")
-    parser.add_argument("--runs", type=int, default=RUNS, help="raster runs; the median counts")
+    parser.add_argument("--runs", type=int, default=RUNS, help="raster runs; the median counts, 0: none")
+    parser.add_argument("--images", type=int, default=IMAGES, help="made in one process; 0 for none")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--world", choices=WORLDS, default="paper", help="what scenes are like")
     arguments = parser.parse_args()
@@ -47,11 +55,14 @@ def main() -> None:
     metrics: list[dict[str, Any]] = []
     world = arguments.world
     runs = [Run.of("raster", arguments.raster, arguments.workers, n, world) for n in range(arguments.runs)]
-    metrics.append(metric("raster_images_per_s", [run.steady for run in runs], "1/s", "higher"))
-    metrics.append(metric("raster_images_per_s_with_start", [run.whole for run in runs], "1/s", "higher"))
-    metrics.append(metric("raster_processor_ms", [run.processor for run in runs], "ms"))
-    metrics.append(metric("raster_memory_mib", [run.late for run in runs], "MiB"))
-    metrics.append(metric("raster_memory_growth_mib", [run.growth for run in runs], "MiB"))
+    if runs:
+        metrics.append(metric("raster_images_per_s", [run.steady for run in runs], "1/s", "higher"))
+        metrics.append(metric("raster_images_per_s_with_start", [run.whole for run in runs], "1/s", "higher"))
+        metrics.append(metric("raster_processor_ms", [run.processor for run in runs], "ms"))
+        metrics.append(metric("raster_memory_mib", [run.late for run in runs], "MiB"))
+        metrics.append(metric("raster_memory_growth_mib", [run.growth for run in runs], "MiB"))
+    if arguments.images:
+        metrics.append(metric("raster_image_ms", image_ms(arguments.images, world), "ms"))
     if arguments.cycles:
         run = Run.of("cycles", arguments.cycles, arguments.workers, 0, world)
         metrics.append(metric("cycles_s_per_image", [1 / run.steady], "s"))
@@ -101,6 +112,21 @@ class Run:
         """MiB towards the end of the run: the median of its last fifth but for the last tenth."""
         tenth = max(1, len(self.memory) // 10)
         return float(np.median(self.memory[-2 * tenth : -tenth]))
+
+
+def image_ms(count: int, world: World) -> list[float]:
+    """Milliseconds of processor time of an image in each block of images, made in this process."""
+    job, blocks = Job(0, "train", "raster", ObjectClass.load("teapot"), world=world), []
+    maker = Maker(job)
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("first", "second"):
+            blocks = []
+            for start in range(0, count, BLOCK):
+                numbers, before = range(start, min(start + BLOCK, count)), time.process_time()
+                for number in numbers:
+                    store(Path(folder) / name, maker.make(number))
+                blocks.append(1000 * (time.process_time() - before) / len(numbers))
+    return blocks
 
 
 class Memory:

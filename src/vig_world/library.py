@@ -6,15 +6,15 @@ one split ever occurs in another, and what was made can be kept: in memory, and 
 
 from __future__ import annotations
 
+import cmath
 import os
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import lru_cache
 
 import numpy as np
-import torch
 
-from vig.scene import EXPOSURE_L00, rotate_z
+from vig.scene import EXPOSURE_L00
 from vig_world.asset_cache import Arrays, asset_cache, packed_text, unpacked_text
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
@@ -261,7 +261,7 @@ class Library:
 
     def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
         """A random finish that suits a slot."""
-        kind = str(rng.choice(FINISHES[slot]))
+        kind = FINISHES[slot][int(rng.integers(len(FINISHES[slot])))]
         return Surface(
             kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*KINDS[kind].metres)
         )
@@ -326,8 +326,12 @@ class Library:
         At the paper's exposure. Light from below is the support's grey albedo times the light that the
         support gets from above.
         """
-        local = local_light(self.light_parts(number), ground_albedo)
-        return rotate_z(torch.from_numpy(local), angle).numpy()
+        light = local_light(self.light_parts(number), ground_albedo)
+        # As `rotate_z`: each pair of harmonics cos(m phi), sin(m phi) is a complex number.
+        for cosine, sine, m in ((3, 1, 1), (7, 5, 1), (8, 4, 2)):
+            turned = complex(light[cosine], light[sine]) * cmath.exp(1j * m * angle)
+            light[cosine], light[sine] = turned.real, turned.imag
+        return light
 
 
 def _exposed(radiance: np.ndarray) -> np.ndarray:

@@ -37,12 +37,6 @@ def turned_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return points @ transposed
 
 
-def about_x(angle: float) -> np.ndarray:
-    """By `angle` radians about +X."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
 def vector_of(matrix: np.ndarray) -> tuple[float, float, float]:
     """The inverse of `matrix_of`, at most pi long, by way of the quaternion (Shepperd's method)."""
     m = matrix.tolist()
@@ -64,13 +58,3 @@ def vector_of(matrix: np.ndarray) -> tuple[float, float, float]:
     sine = math.sqrt(x * x + y * y + z * z)
     scale = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
     return x * scale, y * scale, z * scale
-
-
-def along(direction: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """A rotation that takes +X to a unit vector (3,) and +Y across it and `forward` (3,)."""
-    a, b, c = direction.tolist()
-    d, e, f = forward.tolist()
-    y = (e * c - f * b, f * a - d * c, d * b - e * a)
-    length = math.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
-    p, q, r = y[0] / length, y[1] / length, y[2] / length
-    return np.array([[a, p, b * r - c * q], [b, q, c * p - a * r], [c, r, a * q - b * p]])

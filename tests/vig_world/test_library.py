@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tests.support import TEAPOT
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, rotate_z
 from vig_train.packs.teapot import designs_of_scenes, teapot_families
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
@@ -151,6 +151,12 @@ def test_shapes_beyond_training_scatter_by_half_a_deviation_about_their_design()
     off = np.stack([shape - nearest_shape(teapot, design)[0] for shape, design in drawn])
     inner = off[np.abs(np.stack([shape for shape, _ in drawn])) < 2.9]  # the others are clipped
     assert inner.std() == pytest.approx(0.5, abs=0.03) and abs(inner.mean()) < 0.05
+
+
+def test_light_turns_with_its_panorama(splits: tuple[Library, ...]) -> None:
+    for library, angle in zip(splits, (0.4, 2.9, -1.7), strict=True):
+        still = torch.from_numpy(library.light(3, 0.0, 0.3))
+        np.testing.assert_allclose(library.light(3, angle, 0.3), rotate_z(still, angle).numpy(), atol=1e-14)
 
 
 def test_a_brighter_support_sends_more_light_up(splits: tuple[Library, ...]) -> None:

@@ -82,4 +82,7 @@ _FIELDS = tuple(field.name for field in fields(Footprint))
 
 def _extent(values: np.ndarray) -> np.ndarray:
     """Least and greatest of values (..., P): (..., 2)."""
-    return np.stack([values.min(-1), values.max(-1)], axis=-1)
+    extent = np.empty((*values.shape[:-1], 2))
+    values.min(-1, out=extent[..., 0])
+    values.max(-1, out=extent[..., 1])
+    return extent

@@ -9,9 +9,8 @@ import numpy as np
 
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.furniture import Support
-from vig_world.composition.occluders import draw_prop, placed
+from vig_world.composition.occluders import placed
 from vig_world.composition.stage import MARGIN, StagedRoom
-from vig_world.dataset.spec import Placed
 from vig_world.rotations import about_z, turned_about_z
 
 MOST_COVER = 0.3
@@ -76,17 +75,29 @@ def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]
     return [supports[number] for number in chosen if supports[number].zone != "floor"]
 
 
+def draw_props(stage: StagedRoom, rng: np.random.Generator, zones: list[str]) -> list[tuple[str, int]]:
+    """Family and number of a random prop for each of several zones, which belongs there."""
+    names = []
+    for zone, (family_at, member_at) in zip(zones, rng.random((len(zones), 2)).tolist(), strict=True):
+        families = stage.families(zone)
+        family = families[int(family_at * len(families))]
+        names.append((family, int(member_at * stage.library.members(family))))
+    return names
+
+
 @dataclass(frozen=True)
 class _Proposals:
     """N candidate props.
 
-    parts: the props as plain data. footprints: their bounds. touch: (N, N) bool, whether two touch or nearly
-    so. crosses: (N,) whether the window of one that is before the object's back shows a pixel of it. fit:
-    numbers of those that fit on their supports, are seen, and touch nothing placed before; unfit: counts of
-    the rest.
+    names: the props. positions: (N, 3) metres. angles: (N,) radians about +Z. footprints: their bounds.
+    touch: (N, N) bool, whether two touch or nearly so. crosses: (N,) whether the window of one that is before
+    the object's back shows a pixel of it. fit: numbers of those that fit on their supports, are seen, and
+    touch nothing placed before; unfit: counts of the rest.
     """
 
-    parts: list[Placed]
+    names: list[tuple[str, int]]
+    positions: np.ndarray
+    angles: np.ndarray
     footprints: Footprint
     touch: np.ndarray
     crosses: np.ndarray
@@ -102,7 +113,7 @@ class _Proposals:
         Half of them are square to the support's edges.
         """
         count, view = len(supports), stage.actor.view
-        names = [draw_prop(stage, rng, support.zone) for support in supports]
+        names = draw_props(stage, rng, [support.zone for support in supports])
         square = np.array([support.turn for support in supports]) + stage.room.turn
         square += rng.choice([0.0, np.pi, np.pi / 2], count) + rng.normal(0, 0.08, count)
         angles = np.where(rng.uniform(size=count) < 0.5, square, rng.uniform(0, 2 * np.pi, count))
@@ -138,10 +149,9 @@ class _Proposals:
             unfit[reason] += int((fit & ~passes).sum())
             fit &= passes
         return _Proposals(
-            parts=[
-                placed(name, position, about_z(angle), "clutter")
-                for name, position, angle in zip(names, positions, angles.tolist(), strict=True)
-            ],
+            names=names,
+            positions=positions,
+            angles=angles,
             footprints=footprints,
             touch=pairwise.gap(footprints) < MARGIN,
             crosses=(footprints.depths[:, 0] < stage.actor.body.depths[1]) & (shown > 0),
@@ -153,10 +163,11 @@ class _Proposals:
         """Place one of the props beside others, or return what obstructs it."""
         if self.touch[number, others].any():
             return "collision"
-        depths = None
+        turn = about_z(float(self.angles[number]))
+        part, depths = placed(self.names[number], self.positions[number], turn, "clutter"), None
         if self.crosses[number]:
-            depths = stage.seen_at([self.parts[number]])
+            depths = stage.seen([part])
             if stage.hidden(depths) > stage.hidden():
                 return "hides the object"
-        stage.add([self.parts[number]], [self.footprints[number]], depths)
+        stage.add([part], [self.footprints[number]], depths)
         return ""

@@ -14,8 +14,6 @@ from vig_world.dataset.spec import Placed
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8
 """Number of draws of the last occluder before the room is given up."""
-STEPS = 12
-"""Number of offsets tried."""
 HAND_SHARE = 0.02
 """Least share of the frame that shows the arm of a held prop, so that nothing seems to float."""
 
@@ -62,18 +60,18 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
     """Move a candidate until `level` is hidden and keep it, or return the reason of its rejection."""
     if candidate is None:
         return "no room"
-    clouds = [stage.points(part) for part in candidate.parts]
-    points, forward = np.concatenate(clouds), stage.actor.view.forward
-    if (points @ forward).min() < forward @ stage.actor.view.eye + stage.nearest:
+    forward = stage.actor.view.forward
+    if candidate.front < forward @ stage.actor.view.eye + stage.nearest:
         return "eye"  # at any offset: motions are across the line of sight
-    if stage.hidden_at_most((points + candidate.least * candidate.motion)[None])[0] < level - FIT_TOLERANCE:
+    if candidate.bound < level - FIT_TOLERANCE:
         return "too small"
-    placement = _offset(stage, candidate, level)
+    ends = candidate.least, candidate.most
+    placement = stage.settled(candidate.parts, candidate.motion, ends, level, FIT_TOLERANCE)
     if isinstance(placement, str):
         return placement
     offset, depths = placement
     shift = offset * candidate.motion
-    footprints = [Footprint.of(cloud + shift, forward) for cloud in clouds]
+    footprints = [Footprint.of(stage.points(part) + shift, forward) for part in candidate.parts]
     for footprint in footprints:
         if reason := stage.check(footprint):
             return reason
@@ -83,44 +81,10 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
         return "fills the frame"
     parts = [_moved(part, shift) for part in candidate.parts]
     arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
-    if arms and (stage.seen_at(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
+    if arms and (stage.seen(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
         return "no hand"
     stage.add(parts, footprints, depths)
     return ""
-
-
-def _offset(stage: StagedRoom, candidate: OccluderCandidate, level: float) -> tuple[float, np.ndarray] | str:
-    """The offset at which `level` is hidden, with the depth image (75, 75) there; or why there is none.
-
-    Regula falsi with every other step a bisection, as what is hidden falls with the offset, but not smoothly.
-    """
-
-    def excess(offset: float) -> tuple[float, np.ndarray]:
-        depths = stage.seen_at(candidate.parts, offset * candidate.motion)
-        return stage.hidden(depths) - level, depths
-
-    low, high = candidate.least, candidate.most
-    below, depths = excess(high)
-    if abs(below) <= FIT_TOLERANCE:
-        return high, depths
-    if below > 0:
-        return "not out of the way"
-    above, depths = excess(low)
-    if abs(above) <= FIT_TOLERANCE:
-        return low, depths
-    if above < 0:
-        return "too small"
-    for step in range(STEPS):
-        share = 0.5 if step % 2 else float(np.clip(above / (above - below), 0.05, 0.95))
-        offset = low + share * (high - low)
-        over, depths = excess(offset)
-        if abs(over) <= FIT_TOLERANCE:
-            return offset, depths
-        if over > 0:
-            low, above = offset, over
-        else:
-            high, below = offset, over
-    return "no offset"
 
 
 def _moved(part: Placed, shift: np.ndarray) -> Placed:

@@ -62,8 +62,10 @@ def draw_manner(
         highest = (HIGHEST - object_class.target_height) / (away * math.sin(elevation))
         farther = min(farther, max(0.9, highest))
     roll = rng.uniform(-MOST_ROLL, MOST_ROLL) if rng.random() < ROLLED else rng.normal(0, ROLL)
-    farther += max(0.0, LEAST_GAP - _gap(farther, object_class, vertices, azimuth, float(elevation)))
-    lens = _framed(Lens(farther, float(roll)), object_class, vertices, azimuth, float(elevation))
+    lens, angles = Lens(farther, float(roll)), (azimuth, float(elevation))
+    if (gap := _gap(lens, object_class, vertices, *angles)) < LEAST_GAP:
+        lens = replace(lens, farther=farther + LEAST_GAP - gap)
+    lens = _framed(lens, object_class, vertices, *angles)
     scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)
     moved = (lens.shift[0] * scale + shift[0], lens.shift[1] * scale + shift[1])
     lens = replace(lens, scale=lens.scale * scale, shift=(float(moved[0]), float(moved[1])))
@@ -72,10 +74,10 @@ def draw_manner(
 
 
 def _gap(
-    farther: float, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
+    lens: Lens, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
 ) -> float:
     """Least depth of the vertices (V, 3) over the standard camera's distance."""
-    view = View.through(Lens(farther), object_class, azimuth, elevation)
+    view = View.through(lens, object_class, azimuth, elevation)
     return float((vertices @ view.rotation[2]).min() + view.translation[2]) / object_class.viewing_distance
 
 

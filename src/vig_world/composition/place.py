@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +15,19 @@ from vig_world.assets.props import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
+from vig_world.raster.native import workspace
+from vig_world.raster.records import (
+    PLACE,
+    PLACE_EYE,
+    PLACE_GOOD,
+    PLACE_TOO_SMALL,
+    PLACES,
+    SOLID,
+    SUPPORT,
+    address,
+)  # fmt: skip
 from vig_world.rooms import EMPTY, Layout
+from vig_world.rotations import about_z
 
 ZONE_WEIGHTS = {
     "dining": 3.0, "drinks": 3.0, "cooking": 3.0, "display": 2.0, "desk": 1.5, "storage": 1.5, "reading": 1.0,
@@ -74,16 +86,16 @@ def find_place(
     """
     number = int(rng.choice(layouts)) if layouts.start else int(rng.integers(layouts.stop))
     layout = library.plan(number).layout
-    places = _Places.draw(layout, actor, hidden[0] > 0, rng)
-    for place in places.sifted(layout, actor, hidden[0] > 0, rejected):
-        chosen = int(places.support[place])
+    proposals = _Proposals(layout, actor, hidden[0] > 0, rng)
+    for place in proposals.sifted(rejected):
+        support = int(proposals.support[place])
 
-        def stage_at(slid: float, place: int = place, chosen: int = chosen) -> StagedRoom:
-            origin, turn = places.pose(place, slid)
-            zone = layout.supports[chosen].zone
-            return StagedRoom.empty(library, actor, Room(number, chosen, zone, origin, turn, finishes))
+        def stage_at(slid: float, place: int = place, support: int = support) -> StagedRoom:
+            origin, turn = proposals.pose(place, slid)
+            zone = layout.supports[support].zone
+            return StagedRoom.empty(library, actor, Room(number, support, zone, origin, turn, finishes))
 
-        stage = _hiding(stage_at, hidden)
+        stage, slid = _hiding(stage_at, hidden)
         share = stage.hidden()
         if not hidden[0] <= share <= hidden[1]:
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
@@ -91,20 +103,18 @@ def find_place(
             rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
         elif layout.kind == EMPTY:
             return stage  # what is near its eye is the ground alone
-        elif (stage.behind < actor.nearest).mean() > MOST_NEAR or not _eye_is_free(
-            layout, _eye_of(stage), actor
-        ).all():
+        elif (stage.behind < actor.nearest).mean() > MOST_NEAR or not proposals.is_free(place, slid):
             rejected["place near"] += 1
         else:
             return stage
     return None
 
 
-def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> StagedRoom:
-    """A stage moved out, by 0 to 1, from under what hides more of the object than wanted."""
+def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
+    """A stage moved out, by 0 to 1, from under what hides more of the object than wanted; and by how much."""
     stage = stage_at(0.0)
     if hidden[0] == 0 or stage.hidden() <= hidden[1]:
-        return stage
+        return stage, 0.0
     low, high = 0.0, 1.0
     for _ in range(SLIDES):
         slid = (low + high) / 2
@@ -113,165 +123,89 @@ def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]
         if hidden[0] <= share <= hidden[1]:
             break
         low, high = (slid, high) if share > hidden[1] else (low, slid)
-    return stage
+    return stage, slid
 
 
-def _eye_of(stage: StagedRoom) -> np.ndarray:
-    """The camera's position (1, 3) in the layout."""
-    room = stage.room
-    return (stage.actor.view.eye - np.array(room.origin))[None] @ room.rotation()
+class _Proposals:
+    """Places in a layout: zones as the class wants them, any support in a zone, seen from where people stand.
 
-
-@dataclass(frozen=True)
-class _Places:
-    """Proposals, N of them.
-
-    support: (N,) its number; clearance: (N,) metres above it. turn: (N,) radians, layout to world. spot:
-    (N, 3) of the object in the layout; slide: (N, 3) from there to the support's edge on the side of the
-    people. fits: (N,) whether the object has room there. eye: (N, 3), the camera in the layout.
+    Attributes:
+        support: (N,) number of each one's support.
     """
 
-    support: np.ndarray
-    clearance: np.ndarray
-    turn: np.ndarray
-    spot: np.ndarray
-    slide: np.ndarray
-    fits: np.ndarray
-    eye: np.ndarray
-
-    @staticmethod
-    def draw(layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> _Places:
-        """Zones as the class wants them, any support in a zone; seen from where people stand."""
-        supports, count = layout.supports, PROPOSALS[hiding]
+    def __init__(self, layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> None:
+        """Draw them; `hiding`: only such are good that have something before the object."""
         table = _support_table(layout, zone_weights(actor.object_class))
-        weights = table["weight"]
-        somewhere = layout.kind in ("seamless", EMPTY) or weights.any()  # these are for all things
-        weights = weights if weights.any() else np.ones(len(supports))
+        weights, solids, count = table["weight"], _solid_table(layout), PROPOSALS[hiding]
+        self.fits_any = layout.kind in ("seamless", EMPTY) or bool(weights.any())  # these are for all things
+        weights = weights if weights.any() else np.ones(len(table))
         if hiding:
             weights = weights * np.where(table["clearance"] < LOW_COVER, COVERED, 1.0)
-        chosen = rng.choice(len(supports), count, p=weights / weights.sum())
-        rows = table[chosen]
-        own_turn, half, centre, clearance = rows["turn"], rows["half"], rows["centre"], rows["clearance"]
-        open_all_round = ~np.isfinite(rows["behind"])
+        self.support = rng.choice(len(table), count, p=weights / weights.sum())
+        self._places = np.zeros(count, PLACE)
+        body = np.ascontiguousarray(actor.body.outline)
+        outline = np.ascontiguousarray(layout.outline, np.float64)
+        self._arrays = table, self.support, rng.random((count, 5)), body, outline, solids, self._places
+        clearance = EYE_CLEARANCE * actor.small
+        self._record = np.array(
+            (
+                *map(address, self._arrays), 0, count, len(body), len(layout.outline), len(solids), hiding,
+                actor.body.heights[1], actor.view.eye, math.atan2(actor.ahead[1], actor.ahead[0]), 0.0,
+                # On the ground of an empty hall the camera may lie.
+                clearance, 0.0 if layout.kind == EMPTY else LOWEST_EYE * actor.small,
+                layout.height - clearance, EDGE, NEAR_RAY, WALL_SHARE,
+            ),
+            PLACES,
+        )  # fmt: skip
+        self._run()
 
-        anywhere = open_all_round | (rng.uniform(size=count) > WALL_SHARE) | hiding
-        spread = np.where(anywhere, np.pi, 1.25) * rng.uniform(-1, 1, count)
-        # The camera is towards -`ahead`; people stand at -y of the support's axes.
-        facing = np.arctan2(actor.ahead[1], actor.ahead[0]) - np.pi / 2 + spread
-        c, s = np.cos(facing), np.sin(facing)
-        to_own = np.stack([c, s, -s, c], axis=1).reshape(count, 2, 2)
-        along = to_own @ actor.body.outline.T
-        least, most = EDGE - half - along.min(2), half - EDGE - along.max(2)  # of the object's origin
-        reach = most - least
-        near = np.where(
-            rng.uniform(size=count) < 0.7, np.minimum(1.0, 0.5 / np.maximum(reach[:, 1], 0.01)), 1.0
-        )
-        share = rng.uniform(size=(count, 2)) * np.stack([np.ones(count), near], axis=1)
-        own = least + reach * share  # near the people on deep supports, anywhere along them
-        fits = somewhere & (reach >= 0).all(1) & (actor.body.heights[1] <= clearance - EDGE)
-        turn = facing - own_turn
-        spot = centre + _turned(np.column_stack([own, np.zeros(count)]), own_turn)
-        to_edge = np.column_stack([np.zeros(count), least[:, 1] - own[:, 1], np.zeros(count)])
-        eye = spot + _turned(np.broadcast_to(actor.view.eye, (count, 3)), -turn)
-        return _Places(chosen, clearance, turn, spot, _turned(to_edge, own_turn), fits, eye)
+    def _run(self) -> None:
+        workspace.record("places", PLACES)[0] = self._record
+        workspace.launch("places", "places")
 
-    def sifted(self, layout: Layout, actor: Actor, hiding: bool, rejected: Counter[str]) -> Iterator[int]:
-        """Numbers of places with object and camera free and, if hiding, furniture in the line of sight."""
-        rejected["place too small"] += int((~self.fits).sum())
-        fits = np.flatnonzero(self.fits)
-        order = fits[_eye_is_free(layout, self.eye[fits], actor)]
-        rejected["place eye"] += len(fits) - len(order)
-        if hiding:
-            middle = self.spot[order] + [0.0, 0.0, actor.body.heights[1] / 2]
-            met = _in_sight(layout, self.eye[order], middle)
-            above = self.spot[order, 2] + self.clearance[order]
-            met |= self.eye[order, 2] > above  # the camera looks down past a board
-            order = order[met]
-        yield from order[:MOST_LOOKED_AT].tolist()
+    def sifted(self, rejected: Counter[str]) -> list[int]:
+        """Numbers of the first good places; the others are counted by what they lack."""
+        state = self._places["state"] if self.fits_any else np.full(len(self._places), PLACE_TOO_SMALL)
+        for lack, reason in ((PLACE_TOO_SMALL, "too small"), (PLACE_EYE, "eye")):
+            rejected[f"place {reason}"] += int(np.count_nonzero(state == lack))
+        return np.flatnonzero(state == PLACE_GOOD)[:MOST_LOOKED_AT].tolist()
+
+    def is_free(self, place: int, slid: float) -> bool:
+        """Whether the camera is free at one of the places that was free before it was slid."""
+        if slid == 0:
+            return True
+        self._record["first"], self._record["end"], self._record["slid"] = place, place + 1, slid
+        self._run()
+        return int(self._places["state"][place]) != PLACE_EYE
 
     def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
         """The layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
-        spot = self.spot[place] + slid * self.slide[place]
-        x, y, z = (-_turned(spot[None], self.turn[place : place + 1])[0]).tolist()
-        return (x, y, z), float(self.turn[place])
+        at = self._places[place]
+        turn = float(at["turn"])
+        x, y, z = (-about_z(turn) @ (at["spot"] + slid * at["slide"])).tolist()
+        return (x, y, z), turn
 
 
 @lru_cache(maxsize=256)
 def _support_table(layout: Layout, places: tuple[tuple[str, float], ...]) -> np.ndarray:
     """A layout's supports as records (N,), with the weight of each, see `zone_weights`."""
     zones, wanted = [support.zone for support in layout.supports], dict(places)
-    return np.array(
-        [
-            (wanted.get(each.zone, 0.0) / zones.count(each.zone), each.turn, each.clearance, each.behind,
-             each.half, each.centre)
-            for each in layout.supports
-        ],
-        [("weight", "f8"), ("turn", "f8"), ("clearance", "f8"), ("behind", "f8"),
-         ("half", "f8", 2), ("centre", "f8", 3)],
-    )  # fmt: skip
+    rows = [
+        (wanted.get(each.zone, 0.0) / zones.count(each.zone), each.turn, each.clearance, each.behind,
+         each.half, each.centre)
+        for each in layout.supports
+    ]  # fmt: skip
+    return np.array(rows, SUPPORT)
 
 
-def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Points (N, 3), each turned by its angle (N,) radians about +Z."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = points.T
-    return np.stack([c * x - s * y, s * x + c * y, z], axis=1)
-
-
-def _eye_is_free(layout: Layout, eye: np.ndarray, actor: Actor) -> np.ndarray:
-    """Whether cameras (N, 3) are inside the room and outside its furniture, with some space: (N,) bool.
-
-    On the ground of an empty hall they may lie.
-    """
-    clearance = EYE_CLEARANCE * actor.small
-    lowest = 0.0 if layout.kind == EMPTY else LOWEST_EYE * actor.small
-    free = (eye[:, 2] > lowest) & (eye[:, 2] < layout.height - clearance)
-    start, end = layout.outline, np.roll(layout.outline, -1, axis=0)
-    way, offset = end - start, eye[:, None, :2] - start
-    t = np.clip((offset * way).sum(2) / (way**2).sum(1), 0, 1)
-    free &= (((offset - t[..., None] * way) ** 2).sum(2) > clearance**2).all(1)
-    crosses = (start[:, 1] > eye[:, None, 1]) != (end[:, 1] > eye[:, None, 1])
-    at = start[:, 0] + way[:, 0] * offset[..., 1] / np.where(way[:, 1] == 0, 1.0, way[:, 1])
-    free &= (crosses & (at > eye[:, None, 0])).sum(1) % 2 == 1
-    if len(layout.solids):
-        sides, low, high = _half_spaces(layout, clearance)
-        outside = _along(sides, eye) - sides[..., 2]
-        inside = (outside <= 0).all(2) & (eye[:, 2:] > low) & (eye[:, 2:] < high)
-        free &= ~inside.any(1)
-    return free
-
-
-def _in_sight(layout: Layout, eye: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Whether the lines from cameras to objects (N, 3) pass furniture: (N,) bool."""
-    if not len(layout.solids):
-        return np.zeros(len(eye), bool)
-    sides, low, high = _half_spaces(layout, NEAR_RAY)
-    way = middle - eye
-    # Along the line, height over each of the six planes is a + b t, negative inside.
-    a, b = _along(sides, eye) - sides[..., 2], _along(sides, way)
-    z, up = eye[:, 2:, None], np.broadcast_to(way[:, 2:, None], (*a.shape[:2], 1))
-    a = np.concatenate([a, low[:, None] - z, z - high[:, None]], axis=2)
-    b = np.concatenate([b, -up, up], axis=2)
-    at = -a / np.where(np.abs(b) < 1e-9, 1e-9, b)
-    enters = np.where(b < 0, at, -np.inf).max(2)
-    leaves = np.where(b > 0, at, np.inf).min(2)
-    return ((enters < leaves) & (leaves > 0.1) & (leaves < 0.95) & (enters < 0.9)).any(1)
-
-
-def _along(sides: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (N, 3) along the outward normals of sides (M, 4, 3): (N, M, 4)."""
-    return (vectors[:, :2] @ sides[..., :2].reshape(-1, 2).T).reshape(len(vectors), *sides.shape[:2])
-
-
-@lru_cache(maxsize=512)
-def _half_spaces(layout: Layout, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Furniture grown by `margin`: (M, 4, 3) outward normal and offset of sides; lowest, highest z (M,)."""
-    corners = layout.solids[:, :4]
-    way = np.roll(corners, -1, axis=1) - corners
-    normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)
-    offset = (normal * corners).sum(2, keepdims=True) + margin
-    return (
-        np.concatenate([normal, offset], axis=2),
-        layout.solids[:, 4, 0] - margin,
-        layout.solids[:, 4, 1] + margin,
-    )
+@lru_cache(maxsize=256)
+def _solid_table(layout: Layout) -> np.ndarray:
+    """A layout's furniture as SOLID records (M,)."""
+    table = np.zeros(len(layout.solids), SOLID)
+    if len(table):
+        corners = layout.solids[:, :4]
+        way = np.roll(corners, -1, axis=1) - corners
+        normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)
+        table["sides"] = np.concatenate([normal, (normal * corners).sum(2, keepdims=True)], axis=2)
+        table["low"], table["high"] = layout.solids[:, 4].T
+    return table

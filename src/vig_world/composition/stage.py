@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from vig_world.assets.furniture import Support
 from vig_world.assets.props import is_of_class
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
-from vig_world.raster import Item, Target, depth
+from vig_world.raster import Item, ObjectPixels, Target, depth, settle
+from vig_world.raster.records import STAGE, address
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 
@@ -24,6 +26,10 @@ MARGIN = 0.004
 NEAREST = 0.09
 """Least depth of anything in a scene, metres; less where things smaller than teapots are seen from nearer."""
 
+LEAST_GAP, WIDEST_GAP = 0.002, 0.1
+"""Metres between the object and what stands before it."""
+HAND_INSIDE = 6
+"""Least distance of holding fingertips from the edge of the layout's frame, pixels."""
 SMALL = 0.25
 """Scale of the object below which the camera's distance from ground and furniture is its multiple."""
 
@@ -67,7 +73,10 @@ class Actor:
         dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
         item = Item(dark.packed, np.eye(3), np.zeros(3))
         alone = depth([item], view)[0]
-        rows, columns = np.nonzero(np.isfinite(alone))
+        shown = np.isfinite(alone)
+        rows, columns = np.nonzero(shown)
+        sums = np.zeros((alone.shape[0] + 1, alone.shape[1] + 1), np.int64)
+        np.cumsum(shown.cumsum(0), axis=1, out=sums[1:, 1:])
         return Actor(
             object_class=object_class,
             item=item,
@@ -75,13 +84,18 @@ class Actor:
             view=view,
             body=Footprint.of(extreme_points(vertices), view.forward),
             depth=alone,
-            pixels=np.flatnonzero(np.isfinite(alone)),
-            own=alone[np.isfinite(alone)],
-            sums=np.pad(np.isfinite(alone), ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1),
+            pixels=np.flatnonzero(shown),
+            own=alone[shown],
+            sums=sums,
             middle=(float(rows.mean()) + 0.5, float(columns.mean()) + 0.5),
             ahead=np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]),
             aside=np.array([np.cos(azimuth), np.sin(azimuth), 0.0]),
         )
+
+    @cached_property
+    def front(self) -> float:
+        """Metres from its axis towards the camera that it reaches."""
+        return float((self.body.outline @ -self.ahead[:2]).max())
 
     @property
     def scale(self) -> float:
@@ -124,6 +138,22 @@ class StagedRoom:
     closer: bool = False
     _poses: dict[Support, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     _hidden: np.ndarray | None = None
+    _obstacles: Footprint | None = None
+
+    @cached_property
+    def record(self) -> np.ndarray:
+        """Itself as a STAGE record (1,), when it is first used to hide the object."""
+        actor, view, camera = self.actor, self.actor.view, self.actor.view.camera
+        axes, origin = self.pose(self.support)
+        values = (
+            view.rotation, view.translation, view.eye, camera.focal, camera.cx, camera.cy,
+            camera.width, camera.height, address(actor.sums), len(actor.pixels), self.closer, actor.middle,
+            actor.ahead, actor.aside, actor.front, actor.body.depths[0], actor.scale,
+            self.margin, self.nearest, LEAST_GAP * 0.5**self.halvings,
+            WIDEST_GAP * actor.scale * math.cos(actor.elevation),
+            axes.T, origin @ axes, self.support.half, self.support.clearance, HAND_INSIDE,
+        )  # fmt: skip
+        return np.array([values], STAGE)
 
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> StagedRoom:
@@ -153,27 +183,38 @@ class StagedRoom:
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
         """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
-        pixels, own = self.actor.pixels, self.actor.own
+        hidden, actor = self._hidden_pixels(), self.actor
+        if extra is not None:
+            hidden = hidden | (extra.ravel()[actor.pixels] < actor.own)
+        return np.count_nonzero(hidden) / len(actor.pixels)
+
+    def _hidden_pixels(self) -> np.ndarray:
+        """Whether each of the object's pixels is behind room and props: (N,) bool."""
         if self._hidden is None:
-            self._hidden = self.blockers.ravel()[pixels] < own
-        hidden = self._hidden if extra is None else self._hidden | (extra.ravel()[pixels] < own)
-        return np.count_nonzero(hidden) / len(pixels)
+            self._hidden = self.blockers.ravel()[self.actor.pixels] < self.actor.own
+        return self._hidden
 
-    def hidden_at_most(self, clouds: np.ndarray) -> np.ndarray:
-        """A bound (N,) of `hidden` with each of clouds (N, P, 3) before the object, from their windows."""
-        top, bottom, left, right = self.actor.view.windows(clouds)
-        sums = self.actor.sums
-        inside = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-        return self.hidden() + inside / len(self.actor.pixels)
+    def seen(self, placed: list[Placed]) -> np.ndarray:
+        """Depth (75, 75) of props alone."""
+        return depth(self._items(placed), self.actor.view)[0]
 
-    def seen_at(self, placed: list[Placed], shift: np.ndarray | None = None) -> np.ndarray:
-        """Depth (75, 75) of props alone, all of them moved by `shift` (3,)."""
-        offset = np.zeros(3) if shift is None else shift
-        items = [
-            Item(self.library.packed(p.family, p.asset), p.matrix(), np.array(p.position) + offset)
-            for p in placed
+    def settled(
+        self,
+        placed: list[Placed],
+        motion: np.ndarray,
+        ends: tuple[float, float],
+        level: float,
+        tolerance: float,
+    ) -> tuple[float, np.ndarray] | str:
+        """The offset of props along a motion (3,) at which `level` is hidden, see `raster.settle`."""
+        actor = self.actor
+        pixels = ObjectPixels(actor.pixels, actor.own, self._hidden_pixels())
+        return settle(self._items(placed), actor.view, motion, ends, pixels, level, tolerance)
+
+    def _items(self, placed: list[Placed]) -> list[Item]:
+        return [
+            Item(self.library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in placed
         ]
-        return depth(items, self.actor.view)[0]
 
     def points(self, placed: Placed) -> np.ndarray:
         """Farthest points (N, 3) of a prop in the world."""
@@ -187,24 +228,9 @@ class StagedRoom:
 
     def obstacles(self) -> Footprint:
         """Bounds of the object and of the props so far, as one of shape (N, ...)."""
-        return Footprint.stacked([self.actor.body, *self.solids])
-
-    def carried(
-        self, support: Support, clouds: np.ndarray, motions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The least and greatest offset (N,) along level motions (N, 3) of clouds (N, P, 3) on a support.
-
-        Within these they lie inside its edges and below what is above it; the least exceeds the greatest
-        where they never do.
-        """
-        own = self.on_support(support, clouds)
-        low, high = own.min(axis=1), own.max(axis=1)
-        way, half = (motions @ self.pose(support)[0])[:, :2], np.array(support.half) - self.margin
-        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-        first, last = (-half - low[:, :2]) / way, (half - high[:, :2]) / way
-        least, most = np.where(way > 0, first, last).max(1), np.where(way > 0, last, first).min(1)
-        too_wide = ((high - low)[:, :2] > 2 * half).any(1) | (high[:, 2] > support.clearance - self.margin)
-        return np.where(too_wide, np.inf, least), most
+        if self._obstacles is None:
+            self._obstacles = Footprint.stacked([self.actor.body, *self.solids])
+        return self._obstacles
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:
         """World points (..., 3) along a support's own axes from its centre."""
@@ -223,6 +249,7 @@ class StagedRoom:
         """Keep props, given with their footprints and their common depth image, if they hide anything."""
         self.props += placed
         self.solids += footprints
+        self._obstacles = None
         if depths is not None:
             self.blockers, self._hidden = np.minimum(self.blockers, depths), None
 

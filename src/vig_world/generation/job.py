@@ -18,7 +18,7 @@ from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.format import image_paths
 from vig_world.dataset.spec import SampleError, SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe
-from vig_world.generation.files import png, sidecar_path, write_bytes
+from vig_world.generation.files import png, sidecar_path, write_bytes, write_picture
 from vig_world.library import Library, OwnAssets
 from vig_world.raster.picture import Picture
 from vig_world.renderers.photo import PhotoSettings, photograph
@@ -113,7 +113,8 @@ class Maker:
         Raises UserError for what no other draw would mend.
         """
         try:
-            return self.files(self.sample(index, draw))
+            with one_thread():
+                return self._files(self._sample(index, draw))
         except SampleError as error:
             return Failure(str(error), expected=isinstance(error, CompositionError))
         except UserError:
@@ -124,19 +125,25 @@ class Maker:
 
     def sample(self, index: int, draw: int = 0) -> SceneSpec:
         """A draw of the scene of sample `index`."""
-        job = self.job
         with one_thread():
-            return sample(self.library, job.object_class, job.seed, index, job.world, draw=draw)
+            return self._sample(index, draw)
+
+    def _sample(self, index: int, draw: int) -> SceneSpec:
+        job = self.job
+        return sample(self.library, job.object_class, job.seed, index, job.world, draw=draw)
 
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
         """The files of a scene. Raises UserError when the renderer cannot run here."""
         with one_thread():
-            if self._renderer is None:
-                self._renderer = self._open()
-            picture, settings = self._renderer.render(spec), None
-            if self.job.photo:
-                picture, settings = photographed(picture, spec)
-            return encode(spec, picture, self.job.object_class, settings)
+            return self._files(spec)
+
+    def _files(self, spec: SceneSpec) -> dict[str, bytes]:
+        if self._renderer is None:
+            self._renderer = self._open()
+        picture, settings = self._renderer.render(spec), None
+        if self.job.photo:
+            picture, settings = photographed(picture, spec)
+        return encode(spec, picture, self.job.object_class, settings)
 
     def _open(self) -> Renderer:
         if self.job.tier == "cycles":
@@ -186,6 +193,8 @@ def store(folder: Path, files: dict[str, bytes] | Failure) -> Failure | None:
     """Write the files of a sample into the split's folder, in their order; a failure is returned."""
     if isinstance(files, Failure):
         return files
-    for name, data in files.items():
-        write_bytes(folder / name, data)
+    *pictures, sidecar = files.items()
+    for name, data in pictures:
+        write_picture(folder / name, data)
+    write_bytes(folder / sidecar[0], sidecar[1])
     return None

@@ -14,12 +14,15 @@ from vig_world.raster.draw import depth, draw
 from vig_world.raster.items import Item, Target
 from vig_world.raster.packed import PackedAsset
 from vig_world.raster.pyramid import TextureLevels
+from vig_world.raster.settle import ObjectPixels, settle
 
 __all__ = [
     "Item",
+    "ObjectPixels",
     "PackedAsset",
     "Target",
     "TextureLevels",
     "depth",
     "draw",
+    "settle",
 ]

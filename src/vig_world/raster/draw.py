@@ -50,12 +50,26 @@ def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
 
     One sample in the middle of each pixel of the view's camera. owner is (H, W) int32.
     """
-    table, _ = item_table(items, None)
+    _, _table = scene_of(items, view)
+    workspace.launch("draw", "task")
     camera = view.camera
-    q, ids = _rasterise(table, [item.packed for item in items], view, 1, keep=False)
+    ids = workspace.buffer("ids", 0, np.int32)[: camera.height * camera.width]
+    return depths_of(view), ids.reshape(camera.height, camera.width).copy()
+
+
+def scene_of(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
+    """A TASK record (1,) prepared for drawing the depth of items, and the table that must outlive it."""
+    table, _ = item_table(items, None)
+    return _prepared(table, [item.packed for item in items], view, 1, keep=False), table
+
+
+def depths_of(view: View) -> np.ndarray:
+    """The depth (H, W) that was drawn last, in this view; see `depth`."""
+    camera = view.camera
+    q = workspace.buffer("q", 0, np.float32)[: camera.height * camera.width]
     with np.errstate(divide="ignore"):
-        far = 1 / q
-    return far.reshape(camera.height, camera.width), ids.reshape(camera.height, camera.width).copy()
+        far: np.ndarray = 1 / q
+    return far.reshape(camera.height, camera.width)
 
 
 def draw(
@@ -103,7 +117,7 @@ def draw(
     workspace.launch("collect", "task")
     workspace.launch("shade", "task")
     if colouring is not None:
-        linear.reshape(-1)[: 3 * pixels] += _coloured(record, visible, colouring).ravel()
+        _add_colours(record, colouring)
     workspace.launch("encode", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))
@@ -121,21 +135,20 @@ def draw(
     )
 
 
-def _coloured(record: np.ndarray, visible: np.ndarray, colouring: Colouring) -> np.ndarray:
-    """What the object adds (H W, 3) to the pixels of a TASK that was shaded without it."""
+def _add_colours(record: np.ndarray, colouring: Colouring) -> None:
+    """Add the object to the pixels of a TASK that was shaded without it."""
     size = int(record["width"][0]) * int(record["height"][0])
     surface = workspace.buffer("surface", 7 * size, np.float32)
     places = workspace.buffer("places", 2 * size, np.int32)
     record["surface"], record["places"] = address(surface), address(places)
     workspace.launch("surface", "task")
     count = int(record["surface_count"][0])
-    rows, (pixels, vertices) = (
-        surface[: 7 * size].reshape(7, size)[:, :count],
-        places[: 2 * size].reshape(2, size)[:, :count],
-    )
+    rows = surface[: 7 * size].reshape(7, size)[:, :count]
+    vertices = places[size : size + count]
     colours = colouring(SurfaceSamples(rows[:3], rows[3:6], rows[6], vertices))
-    sums = np.stack([np.bincount(pixels, channel, minlength=visible.size) for channel in colours.T], axis=1)
-    return np.clip(sums, 0, visible.reshape(-1, 1)) / SAMPLES**2
+    channels = np.ascontiguousarray(colours.T, np.float32)
+    record["colours"] = address(channels)
+    workspace.launch("spread", "task")
 
 
 def silhouette(target: Target, view: View) -> np.ndarray:
@@ -153,7 +166,7 @@ def silhouette(target: Target, view: View) -> np.ndarray:
             cy=view.camera.cy - rows.start,
         )
         part = View(camera, view.rotation, view.translation)
-        _, ids = _rasterise(table, [target.packed], part, SAMPLES, keep=False)
+        ids = _rasterise(table, [target.packed], part, SAMPLES, keep=False)
         covered = (ids >= 0).view(np.uint8).reshape(height * SAMPLES, width * SAMPLES)
         offsets = range(SAMPLES)
         count = sum(covered[row::SAMPLES, column::SAMPLES] for row in offsets for column in offsets)
@@ -175,16 +188,23 @@ def _window(target: Target, view: View) -> tuple[slice, slice]:
 
 def _rasterise(
     table: np.ndarray, assets: Sequence[PackedAsset], view: View, samples: int, keep: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """One over depth and owner, or face to be shaded, of each sample; views of the thread's buffers."""
+) -> np.ndarray:
+    """Owner, or face to be shaded, of each sample (N,): a view of the thread's buffer."""
+    _prepared(table, assets, view, samples, keep)
+    workspace.launch("draw", "task")
+    return workspace.buffer("ids", 0, np.int32)[: view.camera.width * view.camera.height * samples**2]
+
+
+def _prepared(
+    table: np.ndarray, assets: Sequence[PackedAsset], view: View, samples: int, keep: bool
+) -> np.ndarray:
+    """The thread's TASK record (1,) with what drawing reads."""
     camera = view.camera
     width, height = camera.width * samples, camera.height * samples
     parts = sum(packed.counts[0] for packed in assets)
     vertices = max((packed.counts[1] for packed in assets), default=0)
     faces = sum(packed.counts[2] for packed in assets)
     size = width * height
-    q = workspace.buffer("q", size + _MARGIN, np.float32)
-    ids = workspace.buffer("ids", size + _MARGIN, np.int32)
     workspace.fields("task", TASK, DRAWN)[0] = (
         view.rotation,
         view.translation,
@@ -204,8 +224,7 @@ def _rasterise(
         workspace.place("faces", 16 * 2 * faces if keep else 0, np.float32),
         workspace.place("clipped", 5 * 4 * faces, np.float32),
     )
-    workspace.launch("draw", "task")
-    return q[:size], ids[:size]
+    return workspace.record("task", TASK)
 
 
 @functools.cache

@@ -127,7 +127,7 @@ def item_table(items: Sequence[Item], target: Target | None) -> tuple[np.ndarray
             finishes = address(arrays[-1])
         pose = (*item.rotation.ravel().tolist(), *item.translation.tolist())
         rows.append(_ROW.pack(*pose, item.packed.address, finishes, item.owner, 0, item.is_support, 0))
-    return np.frombuffer(b"".join(rows), ITEM), arrays
+    return np.frombuffer(bytearray().join(rows), ITEM), arrays
 
 
 def _finishes(item: Item) -> np.ndarray:

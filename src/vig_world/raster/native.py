@@ -1,4 +1,4 @@
-"""The native functions in the `.cc` files beside this one as kernels, and each thread's scratch memory."""
+"""The native functions in the package's `.cc` files as kernels, and each thread's scratch memory."""
 
 from __future__ import annotations
 
@@ -17,43 +17,56 @@ from vig_world.raster.records import address, declarations
 
 MODULE = "vig_world_raster"
 FUNCTIONS = {
-    "draw": "Task",
-    "collect": "Task",
-    "shade": "Task",
-    "surface": "Task",
-    "encode": "Task",
-    "scatter": "Sweep",
-    "sweep": "Sweep",
-    "light": "Target",
+    "raster/draw": "Task",
+    "raster/collect": "Task",
+    "raster/shade": "Task",
+    "raster/surface": "Task",
+    "raster/spread": "Task",
+    "raster/encode": "Task",
+    "raster/scatter": "Sweep",
+    "raster/sweep": "Sweep",
+    "raster/light": "Target",
+    "raster/settle": "Search",
+    "composition/places": "Places",
+    "composition/occluder": "Occluder",
 }
-"""Each native function, with the record that it works on: `NAME.cc` holds its body."""
+"""Each native function, with the record that it works on: `FOLDER/NAME.cc` holds its body."""
 
 
 def source(name: str) -> str:
     """The text of a native function: declarations, `task`, body."""
     record = FUNCTIONS[name]
-    body = resources.files(__package__).joinpath(f"{name}.cc").read_text("utf-8")
     # Contraction: products and sums in one instruction.
     return (
         "#pragma clang fp contract(fast)\n"
         + declarations()
         + f"{record}* const task = ({record}*)address;\n"
-        + body.replace("#include <pixel_box>\n", PIXEL_BOX.read_text("utf-8"))
+        + _body(name)
     )
+
+
+def _body(name: str) -> str:
+    """The text of `FOLDER/NAME.cc` with what it includes."""
+    body = resources.files("vig_world").joinpath(f"{name}.cc").read_text("utf-8")
+    if "#include <draw>\n" in body:
+        body = body.replace("#include <draw>\n", _body("raster/draw"))
+    return body.replace("#include <pixel_box>\n", PIXEL_BOX.read_text("utf-8"))
 
 
 @functools.cache
 def kernels() -> dict[str, wp.Kernel]:
     """The kernels by name, compiled at first use: functions of a record's address that run on one thread."""
     initialise()
-    return {name: _kernel(name) for name in FUNCTIONS}
+    return {path.rpartition("/")[2]: _kernel(path) for path in FUNCTIONS}
 
 
-def _kernel(name: str) -> wp.Kernel:
+def _kernel(path: str) -> wp.Kernel:
+    name = path.rpartition("/")[2]
+
     def function(address: wp.uint64): ...
 
     function.__qualname__ = f"{name}_native"  # Warp identifies functions and kernels of a module by this
-    native = wp.func_native(snippet=source(name))(function)
+    native = wp.func_native(snippet=source(path))(function)
 
     def run(task: wp.uint64):
         native(task)

@@ -30,6 +30,14 @@ SWEEP_LANES = 16
 MOST_DIRECTIONS = 32
 GROUND_DEPTH = 0.02
 """Metres below the ground to which its shadows still reach."""
+STEPS = 12
+"""Offsets that a search tries between two ends."""
+FOUND, NOT_OUT_OF_THE_WAY, TOO_SMALL, NO_OFFSET = range(4)
+"""Outcomes of a search, see `settle.REASONS`."""
+PLACE_GOOD, PLACE_TOO_SMALL, PLACE_EYE, PLACE_OPEN = range(4)
+"""States of a place: the object has no room there, the camera has none, nothing is before the object."""
+STANDING, IN_HAND, ARM, TWIG, BOARD = range(5)
+"""Kinds of things before the object, see `composition.occluders`."""
 # The constants above are declared in C++, too.
 _CONSTANTS = {
     name: value for name, value in globals().items() if name.isupper() and isinstance(value, int | float)
@@ -173,6 +181,7 @@ TASK = np.dtype(
         # Samples that show the target:
         ("surface", "i8"),  # (7, samples) float32: place and normal in the world, irradiance
         ("places", "i8"),  # (2, samples) int32: pixel, and a vertex of the face
+        ("colours", "i8"),  # (3, surface_count) float32: linear RGB
     ],
     align=True,
 )
@@ -207,6 +216,143 @@ TARGET = np.dtype(
     ],
     align=True,
 )
+SEARCH = np.dtype(
+    [
+        ("scene", "i8"),  # TASK, prepared for drawing the depth of the items
+        ("starts", "i8"),  # (items, 3) float64: where the items are at offset 0
+        ("pixels", "i8"),  # (pixel_count,) int64: those that show the object
+        ("own", "i8"),  # (pixel_count,) float32: the object's depths there
+        ("hidden", "i8"),  # (pixel_count,) uint8: what is hidden already
+        ("pixel_count", "i4"),
+        ("outcome", "i4"),  # filled by the search
+        ("motion", "f8", 3),  # metres per unit of offset
+        ("least", "f8"),
+        ("most", "f8"),
+        ("level", "f8"),
+        ("tolerance", "f8"),
+        ("offset", "f8"),  # filled by the search: the last that was tried
+    ],
+    align=True,
+)
+SUPPORT = np.dtype(
+    [
+        ("weight", "f8"),
+        ("turn", "f8"),
+        ("clearance", "f8"),
+        ("behind", "f8"),  # metres to a wall or back, inf none
+        ("half", "f8", 2),
+        ("centre", "f8", 3),
+    ],
+    align=True,
+)
+SOLID = np.dtype(
+    [("sides", "f8", (4, 3)), ("low", "f8"), ("high", "f8")],  # outward normals and offsets of sides
+    align=True,
+)
+PLACE = np.dtype(
+    [
+        ("turn", "f8"),  # radians, layout to world
+        ("spot", "f8", 3),  # of the object in the layout
+        ("slide", "f8", 3),  # from there to the support's edge on the side of the people
+        ("state", "i4"),
+        ("unused", "i4"),
+    ],
+    align=True,
+)
+PLACES = np.dtype(
+    [
+        ("supports", "i8"),  # SUPPORT
+        ("chosen", "i8"),  # (places,) int64: number of each one's support
+        ("draws", "i8"),  # (places, 5) float64 in [0, 1)
+        ("body", "i8"),  # (body_count, 2) float64: outline of the object
+        ("outline", "i8"),  # (corner_count, 2) float64: of the room
+        ("solids", "i8"),  # (solid_count,) SOLID
+        ("places", "i8"),  # PLACE, to be filled from `first` to `end`
+        ("first", "i4"),
+        ("end", "i4"),
+        ("body_count", "i4"),
+        ("corner_count", "i4"),
+        ("solid_count", "i4"),
+        ("hiding", "i4"),  # whether something is to be before the object
+        ("body_height", "f8"),
+        ("eye", "f8", 3),  # in the world
+        ("ahead", "f8"),  # radians, of the direction away from the camera
+        ("slid", "f8"),  # share of the slide
+        ("clearance", "f8"),  # metres, see `place.py`
+        ("lowest", "f8"),
+        ("highest", "f8"),
+        ("edge", "f8"),
+        ("near_ray", "f8"),
+        ("wall_share", "f8"),
+    ],
+    align=True,
+)
+STAGE = np.dtype(
+    [
+        ("rotation", "f8", (3, 3)),  # camera_from_world
+        ("translation", "f8", 3),
+        ("eye", "f8", 3),
+        ("focal", "f8"),
+        ("cx", "f8"),
+        ("cy", "f8"),
+        ("width", "i4"),
+        ("height", "i4"),
+        # The object:
+        ("sums", "i8"),  # (height + 1, width + 1) int64, see `Actor.sums`
+        ("pixel_count", "i4"),
+        ("closer", "i4"),  # whether nearness to the eye is drawn on a log scale
+        ("middle", "f8", 2),  # row and column
+        ("ahead", "f8", 3),
+        ("aside", "f8", 3),
+        ("body_front", "f8"),  # metres from the object's axis towards the camera
+        ("body_depth", "f8"),  # its least coordinate along the direction of view
+        ("scale", "f8"),
+        ("margin", "f8"),
+        ("nearest", "f8"),
+        ("gap", "f8"),  # metres between the object and what stands before it, besides the margin
+        ("widest_gap", "f8"),
+        ("support", "f8", (3, 3)),  # its axes, as rows
+        ("support_origin", "f8", 3),  # along these
+        ("half", "f8", 2),
+        ("clearance", "f8"),
+        ("hand_inside", "f8"),  # pixels
+    ],
+    align=True,
+)
+OCCLUDER = np.dtype(
+    [
+        ("stage", "i8"),  # STAGE
+        ("kind", "i4"),
+        ("draws", "i4"),
+        ("uniform", "i8"),  # (draws, 3) float64 in [0, 1) for what stands, else (draws, 7)
+        ("normal", "i8"),  # (draws, 3) float64
+        ("points", "i8"),  # (props, point_count, 3) float64: farthest points of props
+        ("hands", "i8"),  # (draws, hand_count, 3) float64: of the arms that hold; 0 none
+        ("point_count", "i4"),
+        ("hand_count", "i4"),
+        ("props", "i4"),
+        ("thin", "i4"),  # the prop's axis of least extent
+        ("level", "f8"),
+        ("hidden", "f8"),  # share that is hidden already
+        ("first", "f8"),  # ends of the offset, which may be nearer to each other
+        ("last", "f8"),
+        # Filled:
+        ("drawn", "i4"),  # number of the draw, -1 none
+        ("unused", "i4"),
+        ("turn", "f8", (3, 3)),
+        ("position", "f8", 3),
+        ("hand_turn", "f8", (3, 3)),
+        ("hand_position", "f8", 3),
+        ("motion", "f8", 3),
+        ("least", "f8"),
+        ("most", "f8"),
+        ("front", "f8"),  # least coordinate along the direction of view
+        ("bound", "f8"),  # share hidden at most at the least offset
+    ],
+    align=True,
+)
+OCCLUDER_INPUTS = tuple(list(OCCLUDER.names or ())[: list(OCCLUDER.names or ()).index("drawn")])
+"""The fields of an OCCLUDER that are not filled."""
 
 _NAMES = {"i4": "int", "f4": "float", "f8": "double", "i8": "wp::int64"}
 
@@ -234,6 +380,13 @@ _STRUCTS = {
     "Task": TASK,
     "Sweep": SWEEP,
     "Target": TARGET,
+    "Search": SEARCH,
+    "Support": SUPPORT,
+    "Solid": SOLID,
+    "Place": PLACE,
+    "Places": PLACES,
+    "Stage": STAGE,
+    "Occluder": OCCLUDER,
 }
 
 
@@ -248,4 +401,5 @@ def declarations() -> str:
 
 def address(array: np.ndarray) -> int:
     """Where an array's first element lies in memory."""
-    return array.ctypes.data
+    place: int = array.__array_interface__["data"][0]  # a third of the time of `array.ctypes`
+    return place

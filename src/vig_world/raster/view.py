@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import torch
 
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass
 from vig_world.dataset.spec import Lens, SceneSpec
 from vig_world.raster.rasterize import rasterize
+from vig_world.rotations import about_z
 
 NEAR = 0.02
 """Metres; anything nearer to the camera's plane is clipped."""
@@ -40,6 +41,7 @@ class View:
         return View.through(spec.lens, object_class, spec.azimuth, spec.elevation, size)
 
     @staticmethod
+    @lru_cache(maxsize=64)
     def through(
         lens: Lens, object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE
     ) -> View:
@@ -52,9 +54,8 @@ class View:
             cy=standard.cy + lens.shift[1] * size,
             roll=lens.roll,
         )
-        # Of any image: the pose is found once for all sizes.
-        pointed = replace(camera, width=1, height=1, focal=1.0, cx=0.0, cy=0.0)
-        return View(camera, *_pose(pointed, azimuth, elevation))
+        placed = camera.distance, camera.target_height, camera.roll  # the same for images of all sizes
+        return View(camera, *_pose(*placed, azimuth, elevation))
 
     def widened(self, factor: int) -> View:
         """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
@@ -72,7 +73,7 @@ class View:
         """The camera's centre in the world (3,), metres."""
         return -self.rotation.T @ self.translation
 
-    @property
+    @cached_property
     def near(self) -> float:
         """Depth, metres, up to which things are clipped: less for an eye near the object or the ground."""
         height = max(float(self.eye[2]), LOWEST)
@@ -86,11 +87,6 @@ class View:
     def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         """Depth (H, W) metres of a world mesh wholly in front of the camera; inf where nothing is seen."""
         return rasterize(vertices, faces, self.rotation, self.translation, self.camera, cull=True).depth
-
-    def window(self, vertices: np.ndarray) -> tuple[slice, slice]:
-        """Rows and columns of the frame that can show world points (V, 3), all in front of the camera."""
-        top, bottom, left, right = (int(edge[0]) for edge in self.windows(vertices[None]))
-        return slice(top, bottom), slice(left, right)
 
     def windows(self, clouds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """First and end row, first and end column, (N,) each, of the frame that can show clouds (N, P, 3)."""
@@ -107,12 +103,17 @@ class View:
 
 
 @lru_cache(maxsize=64)
-def _pose(camera: Camera, azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and translation (3,) of a camera, read-only."""
-    rotation, translation = camera.pose(
-        torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
-    )
-    result = rotation[0].numpy(), translation[0].numpy()
-    for array in result:
+def _pose(
+    distance: float, target_height: float, roll: float, azimuth: float, elevation: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) of a camera, read-only.
+
+    As `Camera.pose`, which torch computes for many views at once: for a single one plain numbers take less.
+    """
+    sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
+    level = np.array([[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]])
+    rotation = about_z(roll) @ level if roll else level
+    translation = -target_height * rotation[:, 2] + [0.0, 0.0, distance]
+    for array in (rotation, translation):
         array.setflags(write=False)
-    return result
+    return rotation, translation

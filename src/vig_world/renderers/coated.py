@@ -108,22 +108,22 @@ def coloured(
         Colour (N, 3) linear RGB, unit normal (N, 3) towards the eye, albedo (N, 3).
     """
     normals = normals / (_length(normals) + 1e-9)
-    albedo = albedo_of(coat, points.T, model.parts[vertices], float(model.mean[:, 2].max()))
+    albedo = albedo_of(coat, points.T, model.parts[vertices], float(model.mean[:, 2].max())).T
     towards = eye.astype(points.dtype)[:, None] - points
     towards /= _length(towards)
     facing = _dot(normals, towards)
     normals = np.where(facing < 0, -normals, normals)
-    colour = albedo * np.maximum(irradiance, 0)[:, None]
+    colour = albedo * np.maximum(irradiance, 0)
     if coat.metal or coat.gloss:
         facing = np.abs(facing)
-        radiance = mirrored((2 * facing * normals - towards).T, coat.roughness)
+        radiance = mirrored((2 * facing * normals - towards).T, coat.roughness).T
         if coat.metal:
             # What lights a mirror is about what lights a matt surface.
             colour = reflectance * albedo * radiance
         else:
-            fresnel = fresnel_of(facing)[:, None]
+            fresnel = fresnel_of(facing)
             colour = colour * (1 - 0.5 * fresnel) + coat.gloss * fresnel * radiance
-    return colour, normals.T, albedo
+    return colour.T, normals.T, albedo.T
 
 
 def fresnel_of(facing: np.ndarray) -> np.ndarray:

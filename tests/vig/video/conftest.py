@@ -30,17 +30,17 @@ def explainer() -> vig.Explainer:
 
 @pytest.fixture(scope="session")
 def video(explainer: vig.Explainer) -> Video:
-    """Twelve frames of the middle of a video in which a jug passes before the pot."""
-    return video_of(explainer, slice(None, None, 3))
+    """Twelve frames of a video in which a globe passes before the pot."""
+    return video_of(explainer, slice(None, None, 3), 4)
 
 
 @pytest.fixture(scope="session")
 def quick_video(explainer: vig.Explainer) -> Video:
-    """Ten frames of another, in which the pot turns by some 10 degrees a frame, at last half hidden."""
-    return video_of(explainer, slice(10), 1)
+    """Ten frames of another, in which the pot turns by some 10 degrees a frame, a third to a half hidden."""
+    return video_of(explainer, slice(10), 20)
 
 
-def video_of(explainer: vig.Explainer, chosen: slice, number: int = 2) -> Video:
+def video_of(explainer: vig.Explainer, chosen: slice, number: int) -> Video:
     """Some of the 36 frames of a video."""
     library = Library("validation")
     turning = draw_turning(library, explainer.object_class, 3, number)

@@ -101,7 +101,7 @@ def test_the_window_of_a_place_is_that_of_its_box() -> None:
     assert window_at(np.array([60.0, 50.0, math.log(40)]), 0.0) == Window.round_box((40, 30, 40, 40))
 
 
-def test_a_pot_that_turns_behind_a_jug(video: Video, explainer: vig.Explainer) -> None:
+def test_a_pot_that_turns_behind_a_globe(video: Video, explainer: vig.Explainer) -> None:
     calls: list[int] = []
     found = vig.track(video.frames, explainer, video.box, on_frame=lambda number, _: calls.append(number))
     frames = found.frames

@@ -117,6 +117,15 @@ def test_mean_albedo_is_that_of_the_surface(teapot: ObjectClass) -> None:
     assert ((mean >= low - 1e-6) & (mean <= high + 1e-6)).all()
 
 
+def test_albedo_is_finite_and_in_range_whatever_the_paint(teapot: ObjectClass) -> None:
+    model, rng = teapot.shape_model, np.random.default_rng(0)
+    with np.errstate(all="raise", under="ignore"):
+        for _ in range(150):
+            coat = draw_coat(rng, len(model.part_names), 1.0, 0.0)
+            albedo = albedo_of(coat, model.mean, model.parts, float(model.mean[:, 2].max()))
+            assert albedo.dtype == np.float32 and albedo.min() >= 0 and albedo.max() <= 1
+
+
 def test_a_baked_coat_has_each_face_s_albedo(teapot: ObjectClass) -> None:
     model = teapot.shape_model
     coat = draw_coat(np.random.default_rng(1), len(model.part_names), 1.0, 0.0)

@@ -22,7 +22,7 @@ def library() -> Library:
 
 @pytest.fixture(scope="module")
 def video(library: Library, packaged: ObjectClass) -> Turning:
-    return draw_turning(library, packaged, 3, 2)
+    return draw_turning(library, packaged, 3, 4)
 
 
 def test_what_hides_the_object_passes_and_its_angle_goes_round(
@@ -51,7 +51,7 @@ def test_only_the_object_turns(library: Library, packaged: ObjectClass, video: T
 
 
 def test_a_video_follows_from_its_seed(library: Library, packaged: ObjectClass, video: Turning) -> None:
-    assert draw_turning(library, packaged, 3, 2) == video
+    assert draw_turning(library, packaged, 3, 4) == video
     assert draw_turning(library, packaged, 3, 1) != video
 
 
@@ -61,11 +61,11 @@ def test_a_scene_that_cannot_be_composed_is_passed_over(
     """The next that is fit for a video takes its place; without any there is one line."""
 
     def failing(library: Library, object_class: ObjectClass, seed: int, number: int) -> SceneSpec:
-        if number <= video.scene.index or number >= 210:
+        if number <= video.scene.index or number >= 410:
             raise CompositionError("no room")
         return sample(library, object_class, seed, number)
 
     monkeypatch.setattr(turning, "sample", failing)
-    assert video.scene.index < draw_turning(library, packaged, 3, 2).scene.index < 210
+    assert video.scene.index < draw_turning(library, packaged, 3, 4).scene.index < 410
     with pytest.raises(UserError, match="video 3 of seed 3: .* none of 100 scenes"):
         draw_turning(library, packaged, 3, 3)

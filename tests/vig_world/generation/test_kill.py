@@ -43,20 +43,21 @@ from vig_app.cli.main import main
 from vig.parallel import processes
 from vig_world.generation import job
 
-write_bytes, go, process = job.write_bytes, Path(sys.argv[-1] + ".go"), os.getpid()
+write_picture, go, process = job.write_picture, Path(sys.argv[-1] + ".go"), os.getpid()
 
 def held(path, data):
     if path.parent.name == "mask" and int(path.stem[:6]) >= {HELD}:
         half = path.parent / f".{{process:012x}}.png"
         half.parent.mkdir(parents=True, exist_ok=True)
-        half.write_bytes(data[: len(data) // 2])
+        for begun in (half, path):
+            begun.write_bytes(data[: len(data) // 2])
         while not go.exists():
             time.sleep(0.01)
         half.unlink(missing_ok=True)
         time.sleep(0.5)  # so that what happens as it goes on happens before the run is over
-    write_bytes(path, data)
+    write_picture(path, data)
 
-job.write_bytes, processes.AHEAD = held, int(os.environ["CHUNK"])
+job.write_picture, processes.AHEAD = held, int(os.environ["CHUNK"])
 if __name__ == "__main__":
     settings = ["--count", "{COUNT}", "--seed", "{SEED}", "--workers", "2", "--out", sys.argv[1]]
     sys.argv[1:] = ["dataset", "make", *settings]
