@@ -114,7 +114,7 @@ def compiled_kernels() -> tuple[Path, dict[str, bool]]:
     compiled = {}
     for path in sorted(PACKAGED.glob("*/class.json")):
         modes = ObjectClass.load(path.parent).shape_model.modes
-        module = likelihood_kernels(torch.float32, modes).place.module
+        module = likelihood_kernels(torch.float32, modes, "gaussian").place.module
         folder = Path(str(warp.config.kernel_cache_dir))
         # On a processor blocks have one thread.
         compiled[path.parent.name] = (folder / module.get_module_identifier(1)).is_dir()

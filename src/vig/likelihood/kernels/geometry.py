@@ -67,7 +67,7 @@ class Geometry:
             raise ValueError(f"reflectance must be ({len(model.mean)},); got {known.shape}")
         self.reflectance = torch.from_numpy(known).to(device, dtype).contiguous()
         self.reflectance_wp = warp_array(self.reflectance, wp.dtype_from_torch(dtype))
-        types = likelihood_kernels(dtype, model.modes)
+        types = likelihood_kernels(dtype, model.modes, "gaussian")
         self.basis_wp = warp_array(self.basis, types.shape_row)
         self.transfer_mean_wp = warp_array(self.transfer_mean, types.lobe_vector)
         self.transfer_by_shape_wp = warp_array(self.transfer_by_shape, types.shape_row)

@@ -36,10 +36,11 @@ CUDA_PARTS = 256
 
 
 @functools.cache
-def likelihood_kernels(dtype: torch.dtype, modes: int, density: str = "gaussian") -> Any:
+def likelihood_kernels(dtype: torch.dtype, modes: int, density: str) -> Any:
     """A module with all kernels, types and structs; kernels are compiled at first use.
 
-    density: see `vig.likelihood.densities`.
+    density: see `vig.likelihood.densities`. It has no default: a cached call with it and one without would be
+    two, the second of them in threads, in which kernels must not be made.
 
     One module of Warp holds them all, as most of the time of compiling goes into Warp's own headers.
     """
