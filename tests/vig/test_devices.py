@@ -123,7 +123,7 @@ def test_all_kernels_compile_for_gpus(packaged: vig.ObjectClass, tmp_path: Path)
     real = torch.float32
     step_kernel(real)
     modules = [
-        likelihood_kernels(real, packaged.shape_model.modes).place.module,
+        likelihood_kernels(real, packaged.shape_model.modes, "gaussian").place.module,
         prior_kernel(real).module,
         visibility._draw_layers(real).module,
         crossings._kernels(real).find_silhouette.module,
