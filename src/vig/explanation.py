@@ -329,6 +329,7 @@ class Explanation:
             part=part,
             depth=drawn.depth[0].numpy(),
             visible=upright.paste(self.outlines[1], *everything) < 0,
+            camera=camera,
         )
 
     def _photo_of_window(self, size: int) -> np.ndarray:

@@ -160,7 +160,7 @@ class RefinedStarts:
 
 @dataclass(frozen=True)
 class ExpectedStart:
-    """A start beside those that the network tells: where an object is expected from frames before.
+    """A start beside the network's: where an object is expected from frames before.
 
     Attributes:
         latents: One (B = 1).

@@ -340,19 +340,19 @@ def all_round(settings: FitSettings) -> FitSettings:
     return replace(settings, **ALL_ROUND)
 
 
-FOLLOWED: dict[str, Any] = {
+TRACKING: dict[str, Any] = {
     "stages": (
         Stage(3, 3, sigma=2.0, scale=0.5, tolerance=10.0),
         Stage(2, 4, tolerance=2.0, one_per_view=True),
     ),
     "azimuth_weight": 10.0,
 }
-"""What a search has whose object was seen in the frame before: one start is expected, the
-network's are those of other views."""
+"""Of a search whose object was seen in the frame before: one start is the expected pose, the network's are of
+other views."""
 
 
 def followed(settings: FitSettings) -> FitSettings:
     """The same settings for a frame of a video; its mask is without a minimum cut."""
     model = settings.likelihood
     mask = model.mask and replace(model.mask, exact_start=False)
-    return replace(settings, likelihood=replace(model, mask=mask), **FOLLOWED)
+    return replace(settings, likelihood=replace(model, mask=mask), **TRACKING)

@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from vig.photo import Window
 from vig.photo.outline import FINER
+from vig.scene import Camera
 from vig.scene.light import srgb_from_linear
 
 OUTLINE = np.array([255, 210, 0], np.float32)
@@ -91,6 +92,7 @@ class CloseUp:
         part: (S, S) int, the object's part, -1 where nothing is.
         depth: (S, S) metres along the optical axis, inf where nothing is.
         visible: (S, S) bool, where nothing hides it.
+        camera: That of the rendering.
     """
 
     photo: np.ndarray
@@ -100,6 +102,7 @@ class CloseUp:
     part: np.ndarray
     depth: np.ndarray
     visible: np.ndarray
+    camera: Camera
 
 
 def panels(shown: CloseUp) -> np.ndarray:

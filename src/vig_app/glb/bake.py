@@ -39,7 +39,7 @@ JUMP = 0.03
 NEAR = 0.02
 """How far from the surface that a pixel shows a texel may be to have its colour, over the object's length."""
 LEAST_ALBEDO = 0.01
-"""From which the light is told from the rendering."""
+"""From which the light is taken from the rendering."""
 MIRROR = np.array([1.0, -1.0, 1.0], np.float32)
 LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))
 """8-bit sRGB of linear values in steps."""
@@ -118,7 +118,8 @@ class _Shown:
     @staticmethod
     def of(explanation: Explanation) -> _Shown | None:
         """None where the window shows nothing of it."""
-        shown, latents, camera = explanation.close_up, explanation.latents, _camera(explanation)
+        shown, latents = explanation.close_up, explanation.latents
+        camera = shown.camera
         box = box_of(shown.visible & (shown.part >= 0))
         if box is None:
             return None
@@ -126,7 +127,7 @@ class _Shown:
         part = slice(y, y + height), slice(x, x + width)
         pose = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
         eye, length = -pose[:3, :3].T @ pose[:3, 3], float(np.ptp(explanation.vertices, axis=0).max())
-        light, depth = _light(explanation, camera)[part], shown.depth[part]
+        light, depth = _light(explanation)[part], shown.depth[part]
         layers = np.empty((5, height, width), np.float32)
         layers[:3] = np.moveaxis(shown.photo[part] / np.maximum(light, LEAST_IRRADIANCE[0])[..., None], 2, 0)
         layers[3] = _inside(_visible(explanation, part), depth, JUMP * length)
@@ -169,22 +170,16 @@ class _Shown:
         return sample(self.layers[:, layers], where[None, None], align_corners=False)[0, :, 0].numpy()
 
 
-def _camera(explanation: Explanation) -> Camera:
-    """That of `Explanation.close_up`."""
-    standard = explanation.object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
-    return standard.framed(*explanation.fit.framing.tolist()).scaled(PANEL / standard.width)
-
-
-def _light(explanation: Explanation, camera: Camera) -> np.ndarray:
+def _light(explanation: Explanation) -> np.ndarray:
     """What a white surface in the place of the object's would reflect, (S, S) of the window."""
-    latents, object_class = explanation.latents, explanation.object_class
+    latents, object_class, shown = explanation.latents, explanation.object_class, explanation.close_up
     albedo = latents.albedo[0].numpy()
     channel = int(albedo.argmax())
     if object_class.part_reflectance is None and albedo[channel] > LEAST_ALBEDO:
-        return explanation.close_up.rendering[..., channel] / albedo[channel]
+        return shown.rendering[..., channel] / albedo[channel]
     # Where dark parts meet bright ones the rendering mixes their reflectances.
     white = replace(latents, albedo=torch.ones_like(latents.albedo))
-    drawn = on_one_core(functools.partial(render_latents, white, _uniform(object_class), camera))
+    drawn = on_one_core(functools.partial(render_latents, white, _uniform(object_class), shown.camera))
     return drawn.rgb[0, :, :, 0].numpy()
 
 

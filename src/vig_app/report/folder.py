@@ -28,9 +28,9 @@ FILES = (
     "explanation.json", "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
 )  # fmt: skip
 """What an explanation's folder holds; the first in any case."""
-ASKED_FOR = ("texture_seen.png",)
+OPTIONAL_FILES = ("texture_seen.png",)
 """What it holds only where it is asked for."""
-TEXTURED = {"object.glb", *ASKED_FOR}
+TEXTURED = {"object.glb", *OPTIONAL_FILES}
 """Files that need the texture."""
 PICTURE_SIDE = 2048
 """Pixels of overlay.png's longer side at most, unless its full size is asked for."""
@@ -80,10 +80,8 @@ def save_entry(
     if "texture_seen.png" in files:
         if texture is None:  # nor may that of an earlier object stay
             (folder / "texture_seen.png").unlink(missing_ok=True)
-            note = (
-                f"texture_seen.png is left out: class '{explanation.object_class.name}' is in too many pieces"
-            )
-            print(f"vig: {note} for a texture", file=sys.stderr)
+            note = "texture_seen.png is left out: the class is in too many pieces for a texture"
+            print(f"vig: {note}", file=sys.stderr)
         else:
             write_png(folder / "texture_seen.png", texture.origin_picture)
     write_json(folder, described)
@@ -91,12 +89,12 @@ def save_entry(
 
 
 def check_files(files: Sequence[str]) -> None:
-    """UserError unless all are of `FILES` or `ASKED_FOR`."""
-    wanted = f"expected files of {', '.join(FILES + ASKED_FOR)}"
+    """UserError unless all are of `FILES` or `OPTIONAL_FILES`."""
+    wanted = f"expected files of {', '.join(FILES + OPTIONAL_FILES)}"
     if isinstance(files, str) or not isinstance(files, Sequence):
         raise UserError(f"{wanted}; got {str(files)[:60]!r}. Pass a list of names.")
     for name in files:
-        if name not in FILES + ASKED_FOR:
+        if name not in FILES + OPTIONAL_FILES:
             raise UserError(f"{wanted}; got {name!r}. Leave it out (photos come before --files).")
 
 
@@ -173,5 +171,5 @@ def _remove_stale_files(folder: Path, described: dict[str, Any], files: Sequence
     with suppress(OSError, ValueError):
         if json.loads((folder / "explanation.json").read_text()) != json.loads(json.dumps(described)):
             remove_exports(folder)
-            for name in {*FILES, *ASKED_FOR} - {*files, "explanation.json"}:
+            for name in {*FILES, *OPTIONAL_FILES} - {*files, "explanation.json"}:
                 (folder / name).unlink(missing_ok=True)

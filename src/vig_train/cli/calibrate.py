@@ -75,7 +75,7 @@ def calibrate(settings: Calibrate) -> int:
     shutil.rmtree(fits, ignore_errors=True)
     lines += describe(calibration, samples)
     if settings.json:
-        print(json.dumps({"said": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
+        print(json.dumps({"report": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
     else:
         print("\n".join([*lines, str(folder)]))
     return 0

@@ -11,6 +11,7 @@ from vig.output import CloseUp, overlay, panels, part_colours
 from vig.output.pictures import HIDDEN, LABEL, OUTLINE
 from vig.photo import Window, outline_distance
 from vig.photo.outline import FINER, SMOOTH
+from vig.scene import Camera
 
 
 def half_hidden(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +96,9 @@ def close_up() -> CloseUp:
     photo = np.where(seen[..., None], [0.4, 0.2, 0.1], 0.0)
     normals = np.where(covered[..., None], [0.0, 0.0, -1.0], 0.0)
     depth = np.where(covered, 0.4, np.inf)
-    return CloseUp(photo, rendering, covered.astype(np.float32), normals, part, depth, seen)
+    return CloseUp(
+        photo, rendering, covered.astype(np.float32), normals, part, depth, seen, Camera.standard(len(photo))
+    )
 
 
 def test_a_part_has_the_colour_of_where_it_is_seen() -> None:

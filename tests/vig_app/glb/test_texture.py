@@ -235,3 +235,18 @@ def test_the_file_holds_texture_and_origin(teapot: ObjectClass, tmp_path: Path) 
         assert "baseColorFactor" not in material["pbrMetallicRoughness"], "it would multiply the texture"
     explanation.save(tmp_path / "other")
     assert not (tmp_path / "other" / "texture_seen.png").exists()
+
+
+def test_a_map_that_cannot_be_made_leaves_none_of_before(
+    teapot: ObjectClass,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    explanation = painted(teapot)
+    explanation.save(tmp_path, files=["texture_seen.png"])
+    assert (tmp_path / "texture_seen.png").exists()
+    monkeypatch.setattr("vig_app.report.folder.bake", lambda explanation: None)
+    explanation.save(tmp_path, files=["texture_seen.png"])
+    assert not (tmp_path / "texture_seen.png").exists()
+    assert capsys.readouterr().err.startswith("vig: texture_seen.png is left out")
