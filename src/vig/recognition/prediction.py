@@ -24,6 +24,7 @@ from vig.recognition.network import (
     latents_of,
     layout_of_numbers,
     mask_at_pixels,
+    multiplies_bfloat16,
 )
 from vig.recognition.weights import FORMAT, load_network, whole_tensors
 from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
@@ -236,7 +237,8 @@ class Recognizer:
             )
         recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
         recognizer.device, calibration = device, recognizer.calibration
-        recognizer.network.to(device)
+        own = recognizer.kind == Recognizer.kind and multiplies_bfloat16(torch.device(device))
+        recognizer.network.to(device, torch.bfloat16 if own else None)
         recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
         recognizer.calibration = replace(
             calibration, **{name: held.to(device) for name, held in vars(calibration).items()}
