@@ -53,6 +53,7 @@ class Pass:
         vertices, faces, edges = geometry.vertex_count, len(geometry.faces), len(geometry.edges)
         width, height, stride = camera.width, camera.height, likelihood.stride
         self._shared = {"vertices": vertices, "faces": faces, "edges": edges, "lines": height}
+        self._shared["pixels"] = height * width
         self._down, across = -(-height // stride), -(-width // stride)
         edge_rows = max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (width + height))
         # One thread after the other fills a single segment without gaps. Threads side by side have one each,
@@ -205,17 +206,18 @@ class Pass:
         parts = self.count, self._parts
         line = {"values": "line_values", "on_albedo": "line_albedo"}
         edge = {"values": "edge_values", "on_albedo": "edge_albedo"}
-        flags = {"differentiate": derivatives, "images": int(images)}
+        flags, exact = {"differentiate": derivatives, "images": int(images)}, self.silhouette == "exact"
         steps = [
             self._record("place", parts, "vertices"),
             self._record("rasterize_faces", parts, "faces"),
+            self._record("use_seen", parts, "pixels"),
+            *([self._record("collect_edges", parts, "edges")] if exact else []),
             self._record("shade", parts, "vertices", flags),
             self._record("interior", parts, "lines", flags, line),
         ]
         if derivatives > 1:
             steps.append(self._record("interior_rows", (self.count, self._down)))
-        if self.silhouette == "exact":
-            steps.append(self._record("collect_edges", parts, "edges"))
+        if exact:
             steps.append(self._record("boundary", parts, "edges", flags, edge))
         if derivatives:
             steps.append(self._record("unshade", parts, "vertices"))

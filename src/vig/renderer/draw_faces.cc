@@ -1,5 +1,5 @@
 // Draw the faces from `first` to `end` of a mesh: the least key of each pixel, which faces are turned to the eye
-// (facing), and which vertices these use (used). 16 faces are set up side by side and culled before one is drawn.
+// (facing). 16 faces are set up side by side and culled before one is drawn.
 // A centre that lies beyond a face's edge by rounding only is covered (SLACK), so that no gap opens between two
 // neighbours. Comparisons are put so that NaN draws nothing.
 constexpr int LANES = 16;
@@ -7,7 +7,6 @@ const real* const points = (const real*)screen.data + (size_t)mesh * screen.shap
 const int* const corners = (const int*)faces.data;
 wp::int64* const key = (wp::int64*)keys.data + (size_t)image * keys.shape.dims[1];
 wp::uint8* const front = (wp::uint8*)facing.data + (size_t)mesh * facing.shape.dims[1];
-wp::uint8* const touched = (wp::uint8*)used.data + (size_t)mesh * used.shape.dims[1];
 for (int base = first; base < end; base += LANES) {
     int i[LANES], j[LANES], k[LANES], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
     real ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES];
@@ -42,8 +41,6 @@ for (int base = first; base < end; base += LANES) {
     }
     for (int lane = 0; lane < LANES && base + lane < end; ++lane) {
         front[base + lane] = drawn[lane] & 1;
-        if (drawn[lane] & 1)
-            touched[i[lane]] = touched[j[lane]] = touched[k[lane]] = 1;
         if (drawn[lane] < 2)
             continue;
         const real inverse = 1 / area[lane];

@@ -34,7 +34,7 @@ DEPTH_STEPS = 1 << 27
 def native_draw_faces(dtype: torch.dtype) -> Any:
     """The rasteriser's loop, in C++ for the sake of its speed: see draw_faces.cc.
 
-    It draws faces `first` to `end` of mesh (row of screen, facing and used) into image (row of keys).
+    It draws faces `first` to `end` of mesh (row of screen and facing) into image (row of keys).
     """
     initialise()
     real = scalar_type(dtype)
@@ -61,7 +61,6 @@ def native_draw_faces(dtype: torch.dtype) -> Any:
         cull: wp.int32,
         keys: wp.array2d(dtype=wp.int64),
         facing: wp.array2d(dtype=wp.uint8),
-        used: wp.array2d(dtype=wp.uint8),
     ): ...
 
     return draw_faces
@@ -88,10 +87,9 @@ def rasterize_kernel(dtype: torch.dtype, module: str | None = None) -> Any:
         cull: wp.int32,
         keys: wp.array2d(dtype=wp.int64),
         facing: wp.array2d(dtype=wp.uint8),
-        used: wp.array2d(dtype=wp.uint8),
     ):
         image, part = wp.tid()
         end = wp.min((part + 1) * chunk, faces.shape[0])
-        draw_faces(image, image, part * chunk, end, screen, faces, width, height, cull, keys, facing, used)
+        draw_faces(image, image, part * chunk, end, screen, faces, width, height, cull, keys, facing)
 
     return rasterize_faces

@@ -124,11 +124,11 @@ def rasterize(
     width, size = camera.width, camera.height * camera.width
     screen = torch.empty_like(points)
     keys = torch.full((1, size + KEYS_MARGIN), NOTHING)
-    flags = [torch.empty((1, number), dtype=torch.uint8) for number in (len(faces), len(vertices))]
+    facing = torch.empty((1, len(faces)), dtype=torch.uint8)
     face, depth = torch.empty((1, size), dtype=torch.int32), torch.empty((1, size))
     barycentric = torch.empty((1, size, 3))
     launch(kernels.to_screen, (1, len(vertices)), points, intrinsics, screen)
-    drawn = screen, corners, len(faces), width, camera.height, int(cull), keys, *flags
+    drawn = screen, corners, len(faces), width, camera.height, int(cull), keys, facing
     launch(rasterize_kernel(torch.float32), (1, 1), *drawn)
     launch(kernels.resolve, (1, size), screen, corners, keys, width, face, barycentric, depth)
     shape = camera.height, camera.width

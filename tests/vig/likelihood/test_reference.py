@@ -60,8 +60,9 @@ def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
     run = evaluated(studio.geometry, studio.camera, given)
     expected = shade(studio.geometry, studio.camera, given.point[0])
     torch.testing.assert_close(run.screen[0], expected.screen, rtol=1e-12, atol=1e-10)
-    used = run.used[0].bool()
-    assert 0.4 < used.double().mean() < 0.9  # those of faces turned to the eye
+    used, seen = run.used[0].bool(), faces_seen(run, studio.camera)
+    assert used.sum() > 500
+    assert torch.equal(used.nonzero()[:, 0], studio.geometry.faces[seen[seen >= 0].unique()].unique())
     torch.testing.assert_close(run.normals[0, used], expected.normals[used], rtol=0, atol=1e-10)
     torch.testing.assert_close(run.irradiances[0, used], expected.irradiances[used], rtol=0, atol=1e-10)
 
@@ -75,7 +76,7 @@ def test_no_vertex_is_lit_by_less_than_nothing(studio) -> None:
     run = evaluated(studio.geometry, studio.camera, given)
     used = run.used[0].bool()
     expected = shade(studio.geometry, studio.camera, given.point[0]).irradiances[used]
-    assert (expected == 0).sum() > 50 and (expected > 0).sum() > 50
+    assert (expected == 0).sum() > 20 and (expected > 0).sum() > 20
     torch.testing.assert_close(run.irradiances[0, used], expected, rtol=0, atol=1e-10)
 
 

@@ -38,13 +38,12 @@ def _draw_layers(dtype: torch.dtype) -> Any:
         height: wp.int32,
         keys: wp.array2d(dtype=wp.int64),
         facing: wp.array2d(dtype=wp.uint8),
-        used: wp.array2d(dtype=wp.uint8),
     ):
         """Draw one mesh, faces starts[b] to starts[b + 1] of which are seen in image b."""
         image, part = wp.tid()
         first = starts[image] + part * chunk
         end = wp.min(first + chunk, starts[image + 1])
-        draw_faces(0, image, first, end, screen, faces, width, height, 0, keys, facing, used)
+        draw_faces(0, image, first, end, screen, faces, width, height, 0, keys, facing)
 
     return draw_layers
 
@@ -117,9 +116,9 @@ def _draw(
     depth = points[:, 2:]
     q = torch.where(depth >= NEAR, 1 / depth, 0.0)
     screen = torch.cat([points[:, :2] * q, q], dim=1)[None]
-    facing, used = (keys.new_empty((1, len(of)), dtype=torch.uint8) for of in (corners, points))
+    facing = keys.new_empty((1, len(corners)), dtype=torch.uint8)
     parts = images, -(-most // chunk)
-    arguments = screen, corners, starts, chunk, width, height, keys, facing, used
+    arguments = screen, corners, starts, chunk, width, height, keys, facing
     launch(_draw_layers(points.dtype), parts, *arguments)
     return keys, origin
 

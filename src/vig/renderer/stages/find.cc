@@ -8,7 +8,7 @@ struct View {
 };
 const auto draw = [&](const real* points_, const int* corners_, int end, wp::int64* keys_, wp::uint8* bytes) {
     const int first = 0, mesh = 0, image = 0, cull = 0, width = columns_of_grid, height = rows_of_grid;
-    const View screen = {points_}, faces = {corners_}, keys = {keys_}, facing = {bytes}, used = {bytes + end};
+    const View screen = {points_}, faces = {corners_}, keys = {keys_}, facing = {bytes};
 #include "pixel_box.cc"
 #include "draw_faces.cc"
 };
@@ -107,7 +107,7 @@ const auto find = [&](whole layer, whole& silhouettes, whole& crossings) {
     }
     {
         const Space keys_space(t.fault, (grid + KEYS_MARGIN) * sizeof(wp::int64));
-        const Space bytes(t.fault, part_count + screened);
+        const Space bytes(t.fault, part_count);
         if (*t.fault)
             return;
         wp::int64* const keys = (wp::int64*)keys_space.at;

@@ -8,8 +8,8 @@ least_square = real(LEAST_SQUARE)
 
 
 @wp.kernel(module=module)
-def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):
-    """List the edges between a face turned to the eye and one turned away, or none."""
+def collect_edges(mesh: Mesh, chunk: int, vertices: Vertices, occluding: Occluding):
+    """List the edges between a face turned to the eye and one turned away, or none; their ends are used."""
     image, part = wp.tid()
     first = part * chunk
     edge_count = wp.int32(0)
@@ -21,6 +21,8 @@ def collect_edges(mesh: Mesh, chunk: int, occluding: Occluding):
         # A border edge, which has no face beyond, occludes wherever its one face is turned to the eye.
         if occluding.facing[image, mesh.edges[edge, 2]] != front_beyond:
             occluding.occluding_edges[image, first + edge_count] = edge
+            vertices.used[image, mesh.edges[edge, 0]] = wp.uint8(1)
+            vertices.used[image, mesh.edges[edge, 1]] = wp.uint8(1)
             edge_count += 1
     occluding.counts[image, part] = edge_count
 

@@ -5,12 +5,13 @@ Points are rows of (1, latents in their order, framing).
 
 import warp as wp
 
-from vig.likelihood.kernels.layout import RowLayout, native_file
-from vig.renderer.raster import NEAR
+from vig.likelihood.kernels.layout import LANES, RowLayout, native_file
+from vig.renderer.raster import FACE_MASK, NEAR, NOTHING
 from vig.scene.light import L_COUNT
 
 near = real(NEAR)
-ring = native_file(dtype, "ring.cc", WIDTH=RowLayout(modes).shape)
+widths = {"WIDTH": RowLayout(modes).shape, "REST": RowLayout(modes).rest}
+ring = native_file(dtype, "ring.cc", WIDTH=widths["WIDTH"])
 
 # Places of the blocks in a point, behind its leading 1.
 _point = RowLayout(modes).point
@@ -92,6 +93,20 @@ def place(view: View, target: vec3, chunk: int, vertices: Vertices):
         vertices.screen[image, vertex] = vec3(point[0] * scale + lens[1], point[1] * scale + lens[2], q)
 
 
+@wp.func_native(snippet=native_file(dtype, "use_seen.cc", FACE_MASK=FACE_MASK, NOTHING=NOTHING))
+def use_faces(
+    image: int, first: int, end: int, mesh: Mesh, keys: wp.array2d(dtype=wp.int64), vertices: Vertices
+): ...
+
+
+@wp.kernel(module=module)
+def use_seen(mesh: Mesh, keys: wp.array2d(dtype=wp.int64), chunk: int, vertices: Vertices):
+    """The vertices of the faces that a chunk of an image's pixels shows are used."""
+    image, part = wp.tid()
+    end = wp.min((part + 1) * chunk, keys.shape[1])
+    use_faces(image, part * chunk, end, mesh, keys, vertices)
+
+
 @wp.func
 def write_rows(
     image: int,
@@ -121,22 +136,8 @@ def write_rows(
     vertex_rows.rest_rows[image, vertex] = row
 
 
-@wp.func
-def shadow(image: int, vertex: int, differentiate: int, lighting: Lighting):
-    """Change of a vertex's lobes, c_l = T_0l + sum_k T_kl shape_k; keeps it, and sum_l T_kl light_l."""
-    shape = lighting.coefficients[image]
-    light = lighting.light[image]
-    change = lighting.transfer_mean[vertex]
-    rates = shape_row()
-    for lobe in range(L_COUNT):
-        by_shape = lighting.transfer_by_shape[vertex, lobe]
-        change[lobe] = change[lobe] + wp.dot(by_shape, shape)
-        if differentiate > 0:
-            rates = rates + by_shape * light[light_at + lobe]
-    lighting.lobe_changes[image, vertex] = change
-    if differentiate > 0:
-        lighting.shadow_rates[image, vertex] = rates
-    return change
+@wp.func_native(snippet=native_file(dtype, "shadow.cc", LOBES=L_COUNT, LIGHT=light_at, LANES=LANES, **widths))
+def shadow(image: int, vertex: int, differentiate: int, lighting: Lighting) -> lobe_vector: ...
 
 
 @wp.kernel(module=module)
