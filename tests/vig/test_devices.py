@@ -24,7 +24,7 @@ from vig.likelihood.kernels.load import likelihood_kernels
 from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.renderer.primitives import crossings, texture, visibility
-from vig.search.damped_step import step_kernel
+from vig.search.damped_step import search_kernels
 from vig_app.examples import FOLDER
 from vig_paper.optimizers import OPTIMIZERS
 
@@ -121,7 +121,7 @@ def test_all_kernels_compile_for_gpus(packaged: vig.ObjectClass, tmp_path: Path)
     if wp.get_cuda_toolkit_version() is None:
         pytest.skip("this build of Warp has no CUDA compiler")
     real = torch.float32
-    step_kernel(real)
+    search_kernels(real)
     modules = [
         likelihood_kernels(real, packaged.shape_model.modes, "gaussian").place.module,
         prior_kernel(real).module,

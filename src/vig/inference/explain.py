@@ -19,14 +19,14 @@ from vig.likelihood import load_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
-from vig.search.damped_step import step_kernel
+from vig.search.damped_step import search_kernels
 
 
 @functools.cache
 def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes, device, density)
-    step_kernel(torch.float32)  # in the same module
+    search_kernels(torch.float32)  # in the same module
     wp.force_load(device, modules=[prior_kernel(torch.float32).module])
 
 

@@ -1,6 +1,7 @@
-"""The damped step of Levenberg-Marquardt searches, all of them in one launch."""
+"""Damped steps of Levenberg-Marquardt searches and their acceptance, each of all searches in one launch."""
 
 import functools
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +9,15 @@ import torch
 import warp as wp
 
 from vig.renderer.device import initialise, kernel_module, launch, native_code, scalar_type
-from vig.search.optimizer import Problem
+from vig.search.optimizer import Problem, Valued
 
 ROUNDS = 3
 """How often a step is solved, numbers at a bound held."""
 
 
 @functools.cache
-def step_kernel(dtype: torch.dtype) -> Any:
-    """The kernel for one scalar type; a thread for each search."""
+def search_kernels(dtype: torch.dtype) -> tuple[Any, Any]:
+    """The kernels of a step and of its acceptance for one scalar type; a thread for each search."""
     initialise()
     real = scalar_type(dtype)
 
@@ -50,7 +51,61 @@ def step_kernel(dtype: torch.dtype) -> Any:
     ):
         solve(wp.tid(), points, gradient, normal, damping, lower, upper, scratch, held, step, promised)
 
-    return damped
+    @wp.func_native(snippet=native_code(Path(__file__).parent, "accept.cc", real=real))
+    def accept_one(
+        search: wp.int32,
+        step: wp.array2d(dtype=real),
+        promised: wp.array(dtype=wp.float64),
+        tried_value: wp.array(dtype=wp.float64),
+        tried_gradient: wp.array2d(dtype=real),
+        tried_normal: wp.array3d(dtype=real),
+        tolerance: wp.float64,
+        give_up: real,
+        points: wp.array2d(dtype=real),
+        value: wp.array(dtype=wp.float64),
+        gradient: wp.array2d(dtype=real),
+        normal: wp.array3d(dtype=real),
+        damping: wp.array(dtype=real),
+        growth: wp.array(dtype=real),
+        done: wp.array(dtype=wp.bool),
+    ): ...
+
+    @wp.kernel(module=kernel_module("search", dtype))
+    def accept(
+        step: wp.array2d(dtype=real),
+        promised: wp.array(dtype=wp.float64),
+        tried_value: wp.array(dtype=wp.float64),
+        tried_gradient: wp.array2d(dtype=real),
+        tried_normal: wp.array3d(dtype=real),
+        tolerance: wp.float64,
+        give_up: real,
+        points: wp.array2d(dtype=real),
+        value: wp.array(dtype=wp.float64),
+        gradient: wp.array2d(dtype=real),
+        normal: wp.array3d(dtype=real),
+        damping: wp.array(dtype=real),
+        growth: wp.array(dtype=real),
+        done: wp.array(dtype=wp.bool),
+    ):
+        accept_one(
+            wp.tid(),
+            step,
+            promised,
+            tried_value,
+            tried_gradient,
+            tried_normal,
+            tolerance,
+            give_up,
+            points,
+            value,
+            gradient,
+            normal,
+            damping,
+            growth,
+            done,
+        )
+
+    return damped, accept
 
 
 def damped_step(
@@ -71,5 +126,43 @@ def damped_step(
     held = points.new_empty(count, size, dtype=torch.uint8)
     inputs_of_type = points, gradient, normal, damping, problem.lower, problem.upper
     inputs = [tensor.to(points.dtype).contiguous() for tensor in inputs_of_type]
-    launch(step_kernel(points.dtype), count, *inputs, scratch, held, step, promised)
+    launch(search_kernels(points.dtype)[0], count, *inputs, scratch, held, step, promised)
     return step, promised
+
+
+@dataclass
+class Standing:
+    """Where B searches that go on stand.
+
+    Attributes:
+        points, gradient: (B, P').
+        value: (B,) float64.
+        normal: (B, P', P').
+        damping: (B,) see `damped_step`.
+        growth: (B,) factor by which damping grows when a step fails.
+    """
+
+    points: torch.Tensor
+    value: torch.Tensor
+    gradient: torch.Tensor
+    normal: torch.Tensor
+    damping: torch.Tensor
+    growth: torch.Tensor
+
+    def accept(
+        self, step: torch.Tensor, promised: torch.Tensor, tried: Valued, tolerance: float, give_up: float
+    ) -> torch.Tensor:
+        """Take steps (B, P') that were `tried` and gain, in place; whether searches are done, (B,) bool.
+
+        A search is done that gains less than `tolerance` nats or whose damping is beyond `give_up`.
+        """
+        done = torch.empty(len(step), dtype=torch.bool, device=step.device)
+        assert tried.gradient is not None and tried.normal is not None
+        outcome = (
+            tried.value.double(),
+            *(each.to(step).contiguous() for each in (tried.gradient, tried.normal)),
+        )
+        bounds = float(tolerance), float(give_up)
+        kernel = search_kernels(step.dtype)[1]
+        launch(kernel, len(step), step, promised, *outcome, *bounds, *vars(self).values(), done)
+        return done

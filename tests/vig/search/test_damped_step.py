@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 import torch
 
-from vig.search.damped_step import damped_step
+from vig.inference.objective import ObjectiveValue
+from vig.search.damped_step import Standing, damped_step
 
 
 @dataclass(frozen=True)
@@ -63,3 +65,24 @@ def test_a_step_is_short_where_the_matrix_is_not_positive() -> None:
     normal = torch.tensor([[[4.0, 9.0], [9.0, 4.0]]])
     step, _ = damped_step(torch.zeros(1, 2), torch.tensor([[4.0, 8.0]]), normal, torch.zeros(1), problem)
     torch.testing.assert_close(step, torch.tensor([[0.1, 0.2]]))
+
+
+@pytest.mark.parametrize("gain", [-3.0, 0.05, 2.0, 20.0, math.nan])
+def test_a_step_that_gains_is_taken_and_damping_is_nielsens(gain: float) -> None:
+    """Two searches: of the second the gradient that was tried is not finite, so that it never gains."""
+    points, step = torch.tensor([[1.0, 2.0], [3.0, 4.0]]), torch.tensor([[0.5, -0.5], [0.25, 0.0]])
+    normal = torch.eye(2).repeat(2, 1, 1)
+    gradient, value, damping = torch.ones(2, 2), torch.zeros(2, dtype=torch.float64), torch.full((2,), 8.0)
+    here = Standing(points.clone(), value, gradient, normal, damping, torch.full((2,), 3.0))
+    slopes = torch.tensor([[7.0, 7.0], [7.0, math.nan]])
+    tried = ObjectiveValue(torch.full((2,), gain, dtype=torch.float64), slopes, 2 * normal, cast("Any", None))
+    done = here.accept(step, torch.full((2,), 4.0, dtype=torch.float64), tried, 0.1, 20.0)
+    taken = gain > 0
+    shrink = min(max(1 - (2 * gain / 4 - 1) ** 3, 1 / 3), 2) if taken else 3.0
+    assert here.damping.tolist() == pytest.approx([8 * shrink, 24])
+    assert here.growth.tolist() == [3.0 if taken else 6.0, 6.0]
+    assert done.tolist() == [0 < gain < 0.1 or 8 * shrink > 20, True]
+    assert torch.equal(here.points, torch.stack([(points + step)[0] if taken else points[0], points[1]]))
+    assert here.value.tolist() == [gain if taken else 0.0, 0.0]
+    assert here.gradient[0, 0] == (7 if taken else 1) and here.normal[0, 0, 0] == (2 if taken else 1)
+    assert here.gradient[1, 0] == 1 and here.normal[1, 0, 0] == 1
