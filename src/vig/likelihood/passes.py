@@ -210,8 +210,8 @@ class Pass:
         steps = [
             self._record("place", parts, "vertices"),
             self._record("rasterize_faces", parts, "faces"),
-            self._record("use_seen", parts, "pixels"),
             *([self._record("collect_edges", parts, "edges")] if exact else []),
+            self._record("use_seen", parts, "pixels"),
             self._record("shade", parts, "vertices", flags),
             self._record("interior", parts, "lines", flags, line),
         ]

@@ -31,7 +31,8 @@ class View:
 @wp.struct
 class Vertices:
     """Vertices (B, V): world frame, (x, y, 1 / depth) on the screen, and of those that are used by a face
-    that is seen or an occlusion edge: unit normal (world), one over its length before, irradiance."""
+    that is seen (2) or an occlusion edge (1): unit normal (world), one over its length before,
+    irradiance."""
 
     world: wp.array2d(dtype=vec3)
     screen: wp.array2d(dtype=vec3)

@@ -101,7 +101,7 @@ def use_faces(
 
 @wp.kernel(module=module)
 def use_seen(mesh: Mesh, keys: wp.array2d(dtype=wp.int64), chunk: int, vertices: Vertices):
-    """The vertices of the faces that a chunk of an image's pixels shows are used."""
+    """The vertices of the faces that a chunk of an image's pixels shows are used, and have rows."""
     image, part = wp.tid()
     end = wp.min((part + 1) * chunk, keys.shape[1])
     use_faces(image, part * chunk, end, mesh, keys, vertices)
@@ -149,7 +149,7 @@ def shade(
     vertices: Vertices,
     vertex_rows: VertexRows,
 ):
-    """Normals and irradiance of the vertices in use; with differentiate = 2 its row of derivatives."""
+    """Normals and irradiance of the vertices in use; with differentiate = 2 rows of those that are seen."""
     image, part = wp.tid()
     first = part * chunk
     for vertex in range(first, wp.min(first + chunk, vertices.used.shape[1])):
@@ -168,7 +168,7 @@ def shade(
             vertices.normals[image, vertex] = normal
             vertices.inverse_lengths[image, vertex] = inverse
             vertices.irradiances[image, vertex] = wp.max(total, real(0.0))
-            if differentiate > 1:
+            if differentiate > 1 and vertices.used[image, vertex] == wp.uint8(2):
                 write_rows(image, vertex, row, total, mesh, vertices, lighting, vertex_rows)
 
 
