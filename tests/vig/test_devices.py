@@ -21,6 +21,7 @@ from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.load import likelihood_kernels
+from vig.likelihood.minimum_cut import cut_kernel
 from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.renderer.primitives import crossings, texture, visibility
@@ -121,7 +122,7 @@ def test_all_kernels_compile_for_gpus(packaged: vig.ObjectClass, tmp_path: Path)
     if wp.get_cuda_toolkit_version() is None:
         pytest.skip("this build of Warp has no CUDA compiler")
     real = torch.float32
-    search_kernels(real)
+    search_kernels(real), cut_kernel()
     modules = [
         likelihood_kernels(real, packaged.shape_model.modes, "gaussian").place.module,
         prior_kernel(real).module,

@@ -16,6 +16,7 @@ from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import ExpectedStart, refine, select
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.likelihood import load_kernels
+from vig.likelihood.minimum_cut import cut_kernel
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
@@ -26,7 +27,7 @@ from vig.search.damped_step import search_kernels
 def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes, device, density)
-    search_kernels(torch.float32)  # in the same module
+    search_kernels(torch.float32), cut_kernel()  # in the same module
     wp.force_load(device, modules=[prior_kernel(torch.float32).module])
 
 

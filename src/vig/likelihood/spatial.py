@@ -20,10 +20,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-import scipy  # which loads `sparse` where that is first used: many masks need no cut
 import torch
 
+from vig.likelihood.minimum_cut import minimum_cut
 from vig.scene import srgb_from_linear
 
 NEVER = -1e30
@@ -36,10 +35,10 @@ RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations in sRGB, equally likely, of a visible pixel's distance from a finished fit."""
 
 CAPACITY_PER_NAT = 1000
-"""Units of capacity a nat, as scipy's maximum flow takes integers: rounding costs a thousandth of a nat."""
+"""Units of capacity a nat: rounding costs a thousandth of a nat."""
 
-SETTLING = 6
-"""Rounds of fixing pixels before a cut."""
+MOST_CAPACITY = 1 << 29
+"""Capacity that decides a pixel."""
 
 DAMPING = 0.5
 """Share of the old q that an update keeps: simultaneous updates oscillate without it."""
@@ -139,23 +138,21 @@ def mean_field(
 def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
     """The most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
 
-    Arguments as `mean_field`. Pixels that no choice of their free neighbours could turn are settled first, in
-    `SETTLING` rounds; the cut is of what is left, on the CPU, with capacities in whole numbers of
-    1 / `CAPACITY_PER_NAT` nats.
+    Arguments as `mean_field`, on the CPU. Of several such h it is the one with the fewest visible pixels.
+    Capacities are whole numbers of 1 / `CAPACITY_PER_NAT` nats.
     """
-    spin = torch.where(covered, 0.0, -1.0).to(log_odds)
-    for _ in range(SETTLING):
-        free = spin == 0
-        # A free pixel whose field exceeds all that free neighbours could add keeps its sign in every optimum.
-        field, slack = log_odds + _gather(spin, weights), _gather(free.to(spin), weights)
-        spin = torch.where(free & (field.abs() > slack), field.sign(), spin)
-    free = spin == 0
-    alone = (log_odds + _gather(spin, weights)).double().cpu().numpy()
-    strengths, left = weights.double().cpu().numpy(), free.cpu().numpy()
-    visible = (spin > 0).cpu().numpy()
-    for image in np.flatnonzero(left.any((1, 2))):
-        visible[image][left[image]] = _cut(alone[image], strengths[image], left[image])
-    return torch.from_numpy(visible).to(covered.device)
+    alone = _capacity(log_odds + _gather(torch.where(covered, 0.0, -1.0).to(log_odds), weights))
+    strengths, links = _capacity(weights), alone.new_zeros(len(alone), 2 * len(NEIGHBOURS), *alone.shape[1:])
+    for index, step in enumerate(NEIGHBOURS):
+        here, there = _ends(step, *alone.shape[1:])
+        both = strengths[:, index][:, *here] * (covered[:, *here] & covered[:, *there])
+        links[:, 2 * index][:, *here] = links[:, 2 * index + 1][:, *there] = both
+    return minimum_cut(covered, alone, links)
+
+
+def _capacity(nats: torch.Tensor) -> torch.Tensor:
+    """Whole numbers of capacity, int32."""
+    return (CAPACITY_PER_NAT * nats.double()).round().clamp(-MOST_CAPACITY, MOST_CAPACITY).int().contiguous()
 
 
 def spatial_posterior(
@@ -199,36 +196,6 @@ def _gather(values: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
         total[:, *here].addcmul_(weight, values[:, *there])
         total[:, *there].addcmul_(weight, values[:, *here])
     return total
-
-
-def _cut(log_odds: np.ndarray, weights: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """The minimum cut of an image's M free pixels: (H, W), (4, H, W), (H, W) bool give h (M,) bool."""
-    count = int(free.sum())
-    number = np.full(free.shape, -1, np.int32)
-    number[free] = np.arange(count)
-    source, sink = count, count + 1
-    alone = log_odds[free]
-    everyone = number[free]
-    # Unary nats are edges to the source (visible) and the sink (hidden), pair weights edges both ways.
-    heads, tails = [np.full(count, source), everyone], [everyone, np.full(count, sink)]
-    capacities = [alone.clip(0), (-alone).clip(0)]
-    for step, weight in zip(NEIGHBOURS, weights, strict=True):
-        near, far = _ends(step, *free.shape)
-        here, there, strength = number[near].ravel(), number[far].ravel(), weight[near].ravel()
-        linked = (here >= 0) & (there >= 0) & (strength > 0)
-        heads += [here[linked], there[linked]]
-        tails += [there[linked], here[linked]]
-        capacities += [strength[linked]] * 2
-    capacity = np.rint(np.concatenate(capacities) * CAPACITY_PER_NAT).astype(np.int32)
-    used = capacity > 0
-    ends = np.concatenate(heads)[used], np.concatenate(tails)[used]
-    graph = scipy.sparse.csr_array((capacity[used], ends), shape=(count + 2, count + 2))
-    # Max flow is min cut (Ford and Fulkerson 1956): what the source still reaches is visible.
-    residual = graph - scipy.sparse.csgraph.maximum_flow(graph, source, sink).flow
-    residual.eliminate_zeros()
-    visible = np.zeros(count + 2, bool)
-    visible[scipy.sparse.csgraph.breadth_first_order(residual, source, return_predecessors=False)] = True
-    return visible[:count]
 
 
 def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:

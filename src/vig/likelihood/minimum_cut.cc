@@ -1,0 +1,83 @@
+// The minimum cut of an image's free pixels by preflows (Goldberg and Tarjan 1988). What speaks for hidden flows over
+// the links to where something speaks for visible; a pixel is visible if what it says is not used up, or if from it a
+// link leads on to such a pixel. Heights are distances to these, found anew after every few relabellings.
+const int height = free.shape.dims[1], width = free.shape.dims[2], size = height * width, far = size + 1;
+const wp::uint8* const open = (const wp::uint8*)free.data + (size_t)image * size;
+wp::uint8* const shown = (wp::uint8*)visible.data + (size_t)image * size;
+const int* const own = (const int*)alone.data + (size_t)image * size;
+int* const room = (int*)links.data + (size_t)image * 8 * size;  // of a pixel's link in each direction
+int* const above = (int*)space.data + (size_t)image * 2 * size;  // heights
+int* const queue = above + size;
+wp::int64* const surplus = (wp::int64*)amounts.data + (size_t)image * 2 * size;
+wp::int64* const wanted = surplus + size;
+const int steps[8] = {1, -1, width, -width, width + 1, -width - 1, width - 1, 1 - width};
+for (int p = 0; p < size; ++p) {
+    surplus[p] = open[p] && own[p] < 0 ? -(wp::int64)own[p] : 0;
+    wanted[p] = open[p] && own[p] > 0 ? own[p] : 0;
+}
+// Links lead only from free pixels to free ones: others have no room.
+while (true) {
+    int first = 0, last = 0;
+    for (int p = 0; p < size; ++p) {
+        above[p] = wanted[p] > 0 ? 1 : far;
+        if (wanted[p] > 0)
+            queue[last++] = p;
+    }
+    for (; first < last; ++first) {
+        const int to = queue[first];
+        for (int way = 0; way < 8; ++way) {
+            // The link back of a step is the one that leads here.
+            const int from = to + steps[way];
+            if (from >= 0 && from < size && above[from] == far && room[(way ^ 1) * size + from] > 0) {
+                above[from] = above[to] + 1;
+                queue[last++] = from;
+            }
+        }
+    }
+    // The queue becomes a ring of the pixels that have a surplus and a way on.
+    int count = 0, relabelled = 0;
+    for (int p = 0; p < size; ++p)
+        if (surplus[p] > 0 && above[p] < far)
+            queue[count++] = p;
+    if (count == 0)
+        break;
+    for (int at = 0; count > 0 && relabelled < size; at = at + 1 < size ? at + 1 : 0, --count) {
+        const int p = queue[at];
+        while (surplus[p] > 0 && above[p] < far) {
+            int least = far;
+            if (wanted[p] > 0) {
+                const wp::int64 amount = surplus[p] < wanted[p] ? surplus[p] : wanted[p];
+                surplus[p] -= amount;
+                wanted[p] -= amount;
+                least = wanted[p] > 0 ? 0 : far;
+            }
+            for (int way = 0; way < 8 && surplus[p] > 0; ++way) {
+                int& link = room[way * size + p];
+                if (link <= 0)
+                    continue;
+                const int to = p + steps[way];
+                if (above[to] + 1 != above[p]) {
+                    least = above[to] < least ? above[to] : least;
+                    continue;
+                }
+                const int amount = surplus[p] < link ? (int)surplus[p] : link;
+                if (surplus[to] == 0) {
+                    queue[at + count < size ? at + count : at + count - size] = to;
+                    ++count;
+                }
+                link -= amount;
+                room[(way ^ 1) * size + to] += amount;
+                surplus[p] -= amount;
+                surplus[to] += amount;
+                if (link > 0)
+                    least = above[to] < least ? above[to] : least;
+            }
+            if (surplus[p] > 0) {
+                above[p] = least + 1 < far ? least + 1 : far;
+                ++relabelled;
+            }
+        }
+    }
+}
+for (int p = 0; p < size; ++p)
+    shown[p] = open[p] && above[p] < far;
