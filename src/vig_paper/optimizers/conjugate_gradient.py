@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem, Searches, held_by_bounds, scales
+from vig.search.optimizer import Budget, Descent, Problem
+from vig_paper.optimizers.searching import Searches, held_by_bounds, scales
 
 SUFFICIENT_INCREASE = 1e-4
 """First Wolfe condition: least gain, as a share of the gain that the slope predicts."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem, Searches, bounded_step, newton, scales
+from vig.search.optimizer import Budget, Descent, Problem
+from vig_paper.optimizers.searching import Searches, bounded_step, newton, scales
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem, Searches, scales
+from vig.search.optimizer import Budget, Descent, Problem
+from vig_paper.optimizers.searching import Searches, scales
 
 STALL_STEPS = 10
 """Steps over which the gain is compared with the budget's tolerance: single ones are small."""

@@ -9,7 +9,8 @@ import numpy as np
 import scipy  # which loads `optimize` where that is first used
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem, held_by_bounds, scales
+from vig.search.optimizer import Budget, Descent, Problem
+from vig_paper.optimizers.searching import held_by_bounds, scales
 
 EVALUATIONS_PER_STEP = 20
 """A search may value its problem this often for each iteration of its budget; then it ends."""
