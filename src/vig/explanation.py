@@ -254,6 +254,10 @@ class Explanation:
     @property
     def vertices(self) -> np.ndarray:
         """The object's vertices (V, 3) float32, metres, in its own frame; faces are the class's."""
+        return self._vertices.copy()
+
+    @cached_property
+    def _vertices(self) -> np.ndarray:
         return self.object_class.shape_model.vertices(self.latents.shape)[0].numpy()
 
     def render(

@@ -96,15 +96,12 @@ def select(
         swapped = [1, 0, *range(2, len(candidates))]
         candidates, behind = candidates[swapped], behind[swapped]
     most = OTHER_VIEWS if informed else UNINFORMED_VIEWS
-    azimuths, chosen_azimuths = objective.latents(candidates).azimuth, [objective.latents(point).azimuth]
-    turned = abs(float(symmetry.difference(azimuths[0], chosen_azimuths[0]))) if len(candidates) else 0.0
-    others: list[int] = []
-    for index, angle in enumerate(azimuths):
-        if len(others) < most and all(
-            abs(float(symmetry.difference(angle, each))) > DISTINCT_AZIMUTH for each in chosen_azimuths
-        ):
+    azimuths = objective.latents(torch.cat([candidates, point])).azimuth  # the chosen one's is the last
+    off = symmetry.difference(azimuths, azimuths[:, None]).abs()
+    turned, distinct, others = float(off[-1, 0]), (off > DISTINCT_AZIMUTH).tolist(), list[int]()
+    for index in range(len(candidates)):
+        if len(others) < most and all(distinct[index][other] for other in (-1, *others)):
             others.append(index)
-            chosen_azimuths.append(angle)
     return Selection(
         point,
         point if reverted else ends.paths[:, best],
@@ -236,11 +233,9 @@ def survivors(
     """
     order = scores.argsort(descending=True, stable=True).tolist()
     chosen = order[: 1 if one_per_view else (count + 1) // 2]
+    distinct = (symmetry.difference(azimuth, azimuth[:, None]).abs() > DISTINCT_AZIMUTH).tolist()
     for index in order:
-        if (
-            len(chosen) < count
-            and (symmetry.difference(azimuth[chosen], azimuth[index]).abs() > DISTINCT_AZIMUTH).all()
-        ):
+        if len(chosen) < count and all(distinct[index][other] for other in chosen):
             chosen.append(index)
     if not one_per_view:
         chosen += [index for index in order if index not in chosen][: count - len(chosen)]

@@ -197,19 +197,18 @@ class Likelihood:
         order = int(derivatives) + int(derivatives and curvature)
         pixels = self.camera.height * self.camera.width
         shown = [torch.empty(count, pixels, **place) for _ in range(3)] if images else []
+        given = list(zip(*(each.split(group) for each in (points, photo, sigma)), strict=True))
+        wanted = [each for each in (value, gradient, normal, *shown) if each is not None]
+        outputs = list(zip(*(each.split(group) for each in wanted), strict=True))
 
         def every(start: int) -> None:
             with self._pass(group) as run:
-                for first in range(start * group, count, threads * group):
-                    part = slice(first, first + group)
-                    run(points[part], photo[part], sigma[part], order, images)
-                    value[part] = run.value
-                    if gradient is not None:
-                        gradient[part] = run.gradient
-                    if normal is not None:
-                        normal[part] = run.normal
-                    for images_of_kind, image in zip(shown, run.images, strict=False):
-                        images_of_kind[part] = image
+                results = [run.value, *(run.gradient, run.normal)[:order], *(run.images if images else ())]
+                for part in range(start, len(given), threads):
+                    point, number, noise = given[part]
+                    run(point, number, noise, order, images)
+                    for output, result in zip(outputs[part], results, strict=True):
+                        output.copy_(result)
 
         on_one_core(lambda: run_on_threads(every, threads))
         shape = count, self.camera.height, self.camera.width

@@ -132,10 +132,11 @@ def _smoothed(
         spread = spread - gain[..., None] * spread[..., None, 0, :]
         means.append(mean)
         spreads.append(spread)
+    uncertain = np.array([each for _, each in predicted[1:]]).reshape(-1, *spread.shape)
+    backs = np.array(spreads[:-1]).reshape(uncertain.shape) @ step.T @ np.linalg.inv(uncertain)
     for frame in range(len(means) - 2, -1, -1):
-        ahead, uncertain = predicted[frame + 1]
-        back = spreads[frame] @ step.T @ np.linalg.inv(uncertain)
+        back, (ahead, spread) = backs[frame], predicted[frame + 1]
         means[frame] = means[frame] + (back @ (means[frame + 1] - ahead)[..., None])[..., 0]
-        spreads[frame] = spreads[frame] + back @ (spreads[frame + 1] - uncertain) @ back.swapaxes(-1, -2)
+        spreads[frame] = spreads[frame] + back @ (spreads[frame + 1] - spread) @ back.swapaxes(-1, -2)
     deviations = np.sqrt(np.maximum([each[..., 0, 0] for each in spreads], 0.0))
     return np.stack([np.moveaxis(np.array(each), 0, -1) for each in ([m[..., 0] for m in means], deviations)])
