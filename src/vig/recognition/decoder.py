@@ -71,7 +71,7 @@ class ContextDecoder(nn.Module):
         merged: torch.Tensor = self.enter(torch.cat([*coarse, self.recall(coarse[0])], 1))
         cells = merged.flatten(2).mT + self.place
         with torch.autocast(cells.device.type, enabled=False):  # torch 2.5 mixes its types in such layers
-            cells = cells.to(self.place.dtype)
+            cells = cells.float()
             for layer in self.attention:
                 cells = layer(cells)
         merged = self.mix(cells.mT.unflatten(2, merged.shape[2:]))
@@ -94,4 +94,4 @@ class _Residual(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         change: torch.Tensor = self.second(self.first(x))
-        return torch.relu_(x + change)
+        return torch.relu(x + change)

@@ -298,7 +298,7 @@ class RecognitionNetwork(nn.Module):
 
     def maps(self, image: torch.Tensor) -> list[torch.Tensor]:
         """Of the trunk's stages, for images (B, 3, H, W) of any size, sRGB in [0, 1]."""
-        x, maps = self.stem((image * 2 - 1).to(self.azimuth.weight.dtype)), []
+        x, maps = self.stem(image * 2 - 1), []
         for stage in self.stages:
             x = stage(x)
             maps.append(x)
@@ -323,11 +323,8 @@ class RecognitionNetwork(nn.Module):
         return merged
 
 
-def multiplies_bfloat16(device: torch.device) -> bool:
-    """Whether a device does (AVX-512 BF16, AMX, CUDA)."""
-    return torch.cuda.is_bf16_supported() if device.type == "cuda" else has_bfloat16()
-
-
 def bfloat16(device: torch.device) -> torch.autocast:
-    """Arithmetic in bfloat16 where the device has it, else as it is."""
-    return torch.autocast(device.type, torch.bfloat16, enabled=multiplies_bfloat16(device))
+    """Arithmetic in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
+    if device.type == "cuda":
+        return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
+    return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())

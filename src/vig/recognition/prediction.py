@@ -24,7 +24,6 @@ from vig.recognition.network import (
     latents_of,
     layout_of_numbers,
     mask_at_pixels,
-    multiplies_bfloat16,
 )
 from vig.recognition.weights import FORMAT, load_network, whole_tensors
 from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
@@ -237,8 +236,7 @@ class Recognizer:
             )
         recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
         recognizer.device, calibration = device, recognizer.calibration
-        own = recognizer.kind == Recognizer.kind and multiplies_bfloat16(torch.device(device))
-        recognizer.network.to(device, torch.bfloat16 if own else None)
+        recognizer.network.to(device)
         recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
         recognizer.calibration = replace(
             calibration, **{name: held.to(device) for name, held in vars(calibration).items()}
