@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.network import fold_normalisation, mirrored, multiplies_bfloat16
+from vig.recognition.network import fold_normalisation, mirrored
 from vig.recognition.prediction import BOTH_SIDES
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
@@ -99,16 +99,3 @@ def test_a_class_gives_its_recognizer_its_symmetries() -> None:
     folded = Recognizer.of_class(one)(photo)
     torch.testing.assert_close(folded.azimuth, whole[:, :36] + whole[:, 36:])
     assert folded.symmetry is Symmetry.HALF_TURN
-
-
-def test_a_class_keeps_weights_as_they_are_multiplied() -> None:
-    """Where that is in bfloat16, attention is, too: masks move by a ten-thousandth, no number does."""
-    exact = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")
-    kept = Recognizer.of_class(ObjectClass.load("teapot"))
-    in_bfloat16 = multiplies_bfloat16(torch.device("cpu"))
-    assert kept.network.mask.weight.dtype == (torch.bfloat16 if in_bfloat16 else torch.float32)
-    photo = torch.rand(2, 150, 150, 3, generator=torch.Generator().manual_seed(4))
-    here, there = kept(photo), exact(photo)
-    assert (here.mask - there.mask).abs().mean() < 1e-3
-    assert torch.allclose(here.numbers, there.numbers, atol=1e-3)
-    assert torch.allclose(here.azimuth, there.azimuth, atol=1e-3)
