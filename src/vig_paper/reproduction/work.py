@@ -10,18 +10,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
+from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig_paper.ablation import ablation_markdown, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
 from vig_paper.reproduction.settings import DATASETS, RENDERERS, ReproductionSettings, RunFolder
+from vig_paper.teapot_class import copy_class
 from vig_train.calibration import calibrate_fits, describe, fit_count
 from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
@@ -31,6 +36,7 @@ from vig_train.evaluation.statistics import within_occlusion
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.plots import train_and_plot as train_network
 from vig_train.training.calibration import MIN_IMAGES
+from vig_train.training.checkpoint import save_weights
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import complete_split, read_info
@@ -67,8 +73,10 @@ class Run:
 
     @cached_property
     def object_class(self) -> ObjectClass:
-        """The paper's class."""
-        return ObjectClass.load("teapot")
+        """The paper's class, copied into the run's folder."""
+        if not (self.folder.object_class / "class.json").exists():
+            copy_class(self.folder.object_class, self.settings.objects == "designs")
+        return ObjectClass.load(self.folder.object_class)
 
     def dataset_folder(self, name: str) -> Path:
         """Folder of one of `DATASETS`: the one that the settings name, or the run's own."""
@@ -156,9 +164,21 @@ def train(run: Run) -> None:
             run.report,
         )
     else:
-        vig_settings = TrainingSettings(**chosen)
+        vig_settings = TrainingSettings(**chosen, start=write_start(run), trunk_only=True)
         vig_settings = replace(vig_settings, batch=min(vig_settings.batch, batch))
         train_network([dataset], run.folder.recognition, vig_settings, run.report)
+
+
+def write_start(run: Run) -> Path:
+    """Write the weights with which training begins: three stages trained on ImageNet, the rest random."""
+    path = run.folder.recognition / "start.safetensors"
+    torch.manual_seed(run.settings.seed)
+    network = RecognitionNetwork(NetworkSettings(modes=run.object_class.shape_model.modes))
+    frozen = ("stem.", *(f"stages.{number}." for number in range(TrainingSettings.frozen)))
+    trained = {name: value for name, value in shared_trunk()[0].items() if name.startswith(frozen)}
+    network.load_state_dict({name: value.float() for name, value in trained.items()}, strict=False)
+    save_weights(network, {}, path)
+    return path
 
 
 def take_weights(run: Run) -> None:
