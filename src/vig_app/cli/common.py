@@ -186,7 +186,7 @@ class SchemaCommand:
 
 
 class ExitCode(IntEnum):
-    """How a command ended; docs/automation.md has the table."""
+    """How a command ended; docs/api.md has the table."""
 
     DONE = 0
     INCOMPLETE = 1
