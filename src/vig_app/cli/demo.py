@@ -46,7 +46,7 @@ COMMANDS_TO_TRY = (
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
 )
 """Commands to try after the demo."""
-DEMO_NOTE = "Path-traced photos as people take them; vig was not told where the object is."
+DEMO_NOTE = "Path-traced photos as people take them, explained without a box."
 
 
 def demo(settings: Demo) -> int:
