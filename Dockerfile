@@ -15,8 +15,7 @@ WORKDIR /source
 COPY constraints.txt ./
 RUN python -m venv /opt/vig \
     && /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt --index-url "$TORCH_INDEX" torch
-COPY pyproject.toml LICENSE ./
-COPY docs/package.md docs/
+COPY pyproject.toml README.md LICENSE ./
 COPY src src
 RUN /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic,viewer]' \
     && rm -rf /opt/vig/lib/python*/site-packages/torch/include /opt/vig/lib/python*/site-packages/torch/test

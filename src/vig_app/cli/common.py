@@ -153,6 +153,21 @@ class Demo:
 
 
 @dataclass(frozen=True)
+class Gallery:
+    """Make a page of photos and what vig explains in them, to slide and to turn: one file, offline."""
+
+    results: tyro.conf.Positional[Path | None] = None
+    """Folder of results of `vig fit` or `vig demo`, with report.html for each photo; without it, the packaged
+    photos are explained."""
+    out: Path = Path("vig-gallery")
+    """Folder of the page, index.html."""
+    no_open: bool = False
+    """Do not open it in a browser, where there is a screen."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+@dataclass(frozen=True)
 class Doctor:
     """Versions, devices, a check of the kernels, and what is slow here and why: what a bug report needs."""
 
@@ -171,7 +186,7 @@ class SchemaCommand:
 
 
 class ExitCode(IntEnum):
-    """How a command ended; docs/automation.md has the table."""
+    """How a command ended; docs/api.md has the table."""
 
     DONE = 0
     INCOMPLETE = 1

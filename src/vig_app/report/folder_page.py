@@ -41,7 +41,6 @@ class Entry:
         described: What explanation.json or results.csv holds.
         picture: (H, W, 3) uint8.
         has_page: Whether report.html is among its files.
-        note: One line under what was found.
     """
 
     name: str
@@ -49,7 +48,6 @@ class Entry:
     described: Mapping[str, Any]
     picture: np.ndarray
     has_page: bool = True
-    note: str = ""
 
     @property
     def link(self) -> str:
@@ -64,9 +62,8 @@ def folder_html(
     title: str | None = None,
     picture: np.ndarray | None = None,
     note: str = "",
-    gallery: bool = False,
 ) -> str:
-    """The page; entries are in the order of `review_order`.
+    """The page, in the order of `review_order`.
 
     Args:
         entries: The photos that are shown.
@@ -75,11 +72,8 @@ def folder_html(
         title: In place of their number.
         picture: (H, W, 3) uint8, of all of them.
         note: Under the title.
-        gallery: Whether it opens on larger pictures, in the order of `entries`.
     """
-    reviewed = sorted(entries, key=lambda entry: review_order(entry.described))
-    ranks = {id(entry): rank for rank, entry in enumerate(reviewed)}
-    entries = entries if gallery else reviewed
+    entries = sorted(entries, key=lambda entry: review_order(entry.described))
     total = len(entries) if total is None else total
     verdicts = Counter(entry.described["verdict"] for entry in entries)
     return filled(
@@ -92,12 +86,8 @@ def folder_html(
         errors=errors,
         most_errors=MOST_ERRORS,
         picture=None if picture is None else reduced(picture, WHOLE),
-        gallery=gallery,
         columns=COLUMNS,
-        data=[
-            [entry.name, *(entry.described[key] for key in COLUMNS.values()), ranks[id(entry)]]
-            for entry in entries
-        ],
+        data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
     )
 
 
