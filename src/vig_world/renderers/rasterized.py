@@ -16,13 +16,19 @@ from vig_world.raster.view import View
 from vig_world.renderers.coated import coloured
 
 
-def render(library: Library, spec: SceneSpec, object_class: ObjectClass, view: View | None = None) -> Picture:
+def render(
+    library: Library,
+    spec: SceneSpec,
+    object_class: ObjectClass,
+    view: View | None = None,
+    normals: bool = False,
+) -> Picture:
     """Render a scene with the rasteriser, 150 x 150 or as another view of the object's frame; see `draw`."""
     vertices = target_vertices(spec, object_class)
     target = Target.of(object_class, vertices, spec.shape, spec.albedo, spec.light)
     view = View.of_scene(spec, object_class) if view is None else view
     colouring = None if spec.coat is None else _coated(library, spec, spec.coat, object_class, view)
-    return draw(items_of(library, spec), target, view, spec.light, colouring)
+    return draw(items_of(library, spec), target, view, spec.light, colouring, normals)
 
 
 def _coated(

@@ -186,7 +186,9 @@ def test_the_message_holds_the_object_whole_whatever_its_finish(
 def test_a_larger_picture_is_the_same_view_of_rounder_things(library: Library, teapot: ObjectClass) -> None:
     spec = sample(library, teapot, 5, 8)
     assert spec.coat is not None
-    (small, coarse), (large, fine) = (compose(library, spec, teapot, "diffuse", size) for size in (150, 300))
+    (small, coarse), (large, fine) = (
+        compose(library, spec, teapot, "diffuse", (size, size)) for size in (150, 300)
+    )
     assert large["camera"]["width"] == 2 * small["camera"]["width"] == 300
     for name in ("focal", "cx", "cy"):
         assert large["camera"][name] == pytest.approx(2 * small["camera"][name])
