@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from vig_world.library import OwnAssets
 
 
-MOST_SIDE = 4096
-"""Pixels of a photo of a group."""
-
-
 def make(settings: Make) -> int:
     """`vig dataset make`."""
     from vig.scene import ObjectClass
@@ -73,6 +69,7 @@ def _size(text: str) -> tuple[int, int]:
 def groups(settings: Groups) -> int:
     """`vig dataset groups`."""
     from vig.scene import ObjectClass
+    from vig_world.dataset.format import MOST_SIDE
     from vig_world.generation.groups import write_groups
 
     if settings.count < 1 or not all(16 <= side <= MOST_SIDE for side in (settings.width, settings.height)):

@@ -68,7 +68,7 @@ def label_problems(
     if inner.any() and inside.mean() < WITHIN:
         yield f"depth: only {inside.mean():.0%} of the visible pixels are within the object's depth"
     if "normal" in pictures:
-        yield from _normal_problems(pictures["normal"], pictures["depth"], view)
+        yield from normal_problems(pictures["normal"], pictures["depth"], view)
 
 
 def silhouette(
@@ -140,7 +140,8 @@ def _visibility_problems(
             yield f"{name} is {info[name]}; masks, depth and mesh give {value}"
 
 
-def _normal_problems(normal: np.ndarray, depth: np.ndarray, view: View) -> Iterator[str]:
+def normal_problems(normal: np.ndarray, depth: np.ndarray, view: View) -> Iterator[str]:
+    """Problems of a picture of normals (H, W, 3), with the depth image (H, W)."""
     known = normal.any(-1)
     if (known != (depth > 0)).any():
         yield "normal: it is not known where depth is"

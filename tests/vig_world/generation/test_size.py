@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -15,9 +16,12 @@ from vig.scene import ObjectClass
 from vig_train.evaluation import framing
 from vig_train.training.examples import Examples
 from vig_world.dataset import Dataset, read_dataset
+from vig_world.dataset.format import image_paths
 from vig_world.generation.check import check_dataset
 from vig_world.generation.describe import normal_units
+from vig_world.generation.labels import normal_problems
 from vig_world.generation.write import make_dataset
+from vig_world.raster.view import View
 
 COUNT, SEED = 4, 5  # the scenes of the fixture `made`
 SIZES = [(240, 180), (120, 200)]
@@ -123,6 +127,34 @@ def test_normals_are_those_of_the_depth_image(other: Path) -> None:
         angles.append(np.degrees(np.arccos(cosine.clip(-1, 1))))
     angle = np.concatenate(angles)
     assert len(angle) > 20_000 and np.median(angle) < 3 and (angle < 20).mean() > 0.9
+
+
+def test_normals_that_cannot_be_are_found(other: Path, teapot: ObjectClass) -> None:
+    dataset = read_dataset(other)
+    view = View.of_scene(dataset.specs()[1], teapot, dataset.size)
+    path = image_paths(dataset.folder, 1, normals=True)
+    normal, depth = (np.asarray(Image.open(path[kind])) for kind in ("normal", "depth"))
+    assert list(normal_problems(normal, depth, view)) == []
+    for damaged, expected in (
+        (np.where(normal > 0, 255 - normal, 0), "too many are turned away from the camera"),
+        (normal // 2, "some are not of unit length"),
+        (np.zeros_like(normal), "it is not known where depth is"),
+    ):
+        assert f"normal: {expected}" in list(normal_problems(damaged, depth, view))
+
+
+def test_opencv_reads_depth_and_normals(other: Path) -> None:
+    """16 bits, in millimetres by the scale of the metadata; normals in the order of the file's channels."""
+    dataset = read_dataset(other)
+    scale = cameras(other)[2]["depth_scale"]
+    path = image_paths(dataset.folder, 2, normals=True)
+    depth = cv2.imread(str(path["depth"]), cv2.IMREAD_UNCHANGED)
+    metres = dataset.read("depth", [2])[0]
+    assert depth.dtype == np.uint16
+    np.testing.assert_allclose(depth[depth > 0] * scale / 1000, metres[depth > 0], rtol=1e-6)
+    blue_first = cv2.imread(str(path["normal"]), cv2.IMREAD_UNCHANGED)
+    read = blue_first[..., ::-1] / 127.5 - 1
+    np.testing.assert_allclose(read[depth > 0], dataset.read("normal", [2])[0][depth > 0], atol=1e-6)
 
 
 def test_normals_are_stored_to_less_than_half_a_degree() -> None:
