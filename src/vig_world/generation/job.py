@@ -23,7 +23,7 @@ from vig_world.library import Library, OwnAssets
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
 from vig_world.renderers.photo import PhotoSettings, photograph
-from vig_world.renderers.rasterized import render
+from vig_world.renderers.rasterized import render, with_surroundings
 from vig_world.streams import stream
 from vig_world.threads import one_thread
 
@@ -55,7 +55,10 @@ class _Raster:
 
     def render(self, spec: SceneSpec) -> Picture:
         view = View.of_scene(spec, self.object_class, self.size)
-        return render(self.library, spec, self.object_class, view, self.normals)
+        picture = render(self.library, spec, self.object_class, view, self.normals)
+        if self.size == STANDARD_SIZE:
+            return picture
+        return with_surroundings(picture, self.library, spec, view)
 
     def close(self) -> None:
         pass

@@ -23,7 +23,7 @@ EDGES = tuple((i, i | bit) for i in range(8) for bit in (4, 2, 1) if not i & bit
 """Pairs of corners."""
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2
 """COCO's numbers of visibility."""
-SLACK = 0.01
+SLACK = 0.02
 """Of the diagonal of the object's box, by which a point may lie behind what is seen at its pixel."""
 MIRROR_SLACK = 0.02
 """Of the length of the mean shape's box, by which a class's point may be off its mirror image."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,16 +14,19 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, srgb8_from_linear
 from vig_train.evaluation import framing
 from vig_train.training.examples import Examples
+from vig_world.composition.sampling import sample
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import image_paths
 from vig_world.generation.check import check_dataset
 from vig_world.generation.describe import normal_units
 from vig_world.generation.labels import normal_problems
 from vig_world.generation.write import make_dataset
+from vig_world.library import Library
 from vig_world.raster.view import View
+from vig_world.renderers.rasterized import render, with_surroundings
 
 COUNT, SEED = 4, 5  # the scenes of the fixture `made`
 SIZES = [(240, 180), (120, 200)]
@@ -97,6 +102,29 @@ def test_networks_train_and_are_evaluated_on_the_middle(other: Path) -> None:
     images, visible = framing.frame_images(plain, None)  # type: ignore[arg-type]
     np.testing.assert_array_equal(images, examples.images.numpy())
     np.testing.assert_array_equal(visible, examples.visible.numpy() > 127)
+
+
+def test_beyond_the_room_lies_the_panorama(teapot: ObjectClass) -> None:
+    """Where depth is unknown, by a look-up of one direction after the other; elsewhere nothing changes."""
+    library = Library("train")
+    spec = sample(library, teapot, SEED, 1)
+    view = View.of_scene(spec, teapot, (96, 64))
+    picture = render(library, spec, teapot, view)
+    depth = picture.depth.copy()
+    depth[:20, 70:] = np.inf
+    shown = with_surroundings(replace(picture, depth=depth), library, spec, view).image
+    changed = (shown != picture.image).any(-1)
+    assert not changed[np.isfinite(depth)].any() and changed[~np.isfinite(depth)].mean() > 0.9
+    radiance, camera = library.radiance(spec.panorama), view.camera
+    for row, column in ((0, 70), (19, 95), (7, 81)):
+        inside = np.array([column + 0.5 - camera.cx, row + 0.5 - camera.cy, camera.focal])
+        x, y, z = view.rotation.T @ inside / np.linalg.norm(inside)
+        expected = library.ground_albedo(spec.room) * radiance[: len(radiance) // 2].mean((0, 1))
+        if z >= 0:
+            down = math.acos(z) / math.pi * len(radiance)
+            along = (math.atan2(y, x) - spec.panorama_angle) / (2 * math.pi) % 1 * radiance.shape[1]
+            expected = radiance[int(down), int(along)]
+        np.testing.assert_allclose(shown[row, column], srgb8_from_linear(expected), atol=1)
 
 
 def test_normals_are_those_of_the_depth_image(other: Path) -> None:
