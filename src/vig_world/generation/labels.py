@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,10 +79,18 @@ def silhouette(
 
     By the differentiable renderer, which shares no code with those that make pictures.
     """
-    view = View.of_scene(spec, object_class, size).scaled(SAMPLES).widened(CANVAS)
-    depth = view.depth(vertices, object_class.shape_model.faces)
-    samples = np.isfinite(depth).reshape(CANVAS * size[1], SAMPLES, CANVAS * size[0], SAMPLES)
-    return samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
+    view = View.of_scene(spec, object_class, size).widened(CANVAS)
+    canvas = np.zeros((CANVAS * size[1], CANVAS * size[0]), bool)
+    top, bottom, left, right = (int(edge[0]) for edge in view.windows(vertices[None].astype(np.float64)))
+    height, width = bottom - top, right - left
+    if height > 0 and width > 0:
+        whole = view.camera
+        camera = replace(whole, width=width, height=height, cx=whole.cx - left, cy=whole.cy - top)
+        window = View(camera, view.rotation, view.translation).scaled(SAMPLES)
+        depth = window.depth(vertices, object_class.shape_model.faces)
+        samples = np.isfinite(depth).reshape(height, SAMPLES, width, SAMPLES)
+        canvas[top:bottom, left:right] = samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
+    return canvas
 
 
 def _latent_problems(row: dict[str, Any], spec: SceneSpec) -> Iterator[str]:
