@@ -84,7 +84,7 @@ class Run:
 
     def dataset(self, name: str) -> Dataset:
         """One of `DATASETS`. Raises UserError when it is missing, incomplete or damaged."""
-        return read_dataset(self.dataset_folder(name), DATASETS[name][0])
+        return read_dataset(self.dataset_folder(name), DATASETS[name][0]).at_network_size()
 
     def recognizer(self) -> Recognizer:
         """The run's recognition model. Raises UserError when its weights are missing or invalid."""
