@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
@@ -37,14 +37,11 @@ from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_one_line, listed, note
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
-from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
-from vig_app.report.html import write_page
+from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
 
-MOST_ENTRIES = 200
-"""Photos on a run's page, at most."""
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
@@ -140,7 +137,7 @@ def fit(settings: FitCommand) -> int:
                 for name in run_files():  # of the results before
                     (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
-            _write_page(settings.out, rows)
+            write_run_page(settings.out, rows)
             write_sheets(settings.out, rows)
     if settings.track and not settings.json and not settings.quiet:
         lost = sum(frame.lost for frame in frames)
@@ -203,24 +200,6 @@ def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
             else:
                 results[row["photo"]] = result
     return results
-
-
-def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
-    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
-    explained = sorted((row for row in rows if row["error"] is None), key=review_order)
-    entries = []
-    for row in explained[:MOST_ENTRIES]:
-        folder = row["folder"].split("/")[0]  # of several objects the page of all
-        picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
-        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
-            picture = np.asarray(thumbnail)
-        has_page = (out / folder / "report.html").exists()
-        entries.append(Entry(name_of(row), folder, row, picture, has_page))
-    if entries:
-        errors = [row["error"] for row in rows if row["error"] is not None]
-        photos = len({row["photo"] for row in explained})
-        title = None if photos == len(explained) else f"{photos} photos, {len(explained)} objects explained"
-        write_page(out / "report.html", folder_html(entries, len(explained), errors, title))
 
 
 def _add_line(log: Path | None, words: str) -> None:
