@@ -35,6 +35,7 @@ from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_one_line, listed, note
+from vig_app.corrections import CORRECTIONS, State, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
 from vig_app.report.folder_page import write_run_page
@@ -49,6 +50,11 @@ TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
+HINTS = (
+    "box", "boxes", "mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose", "focal",
+    "intrinsics", "cameras",
+)  # fmt: skip
+"""Options that say something of a photo."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 """Of `--framing`, as `ExplainSettings.free_framing`."""
 WITHOUT_TRACK = (
@@ -105,8 +111,20 @@ def fit(settings: FitCommand) -> int:
         _with_mask(settings),
         settings.full_size,
     )
+    by_hand = _corrected(settings, folders, object_class)
     tasks = (
-        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
+        Task(
+            photo,
+            folder,
+            box,
+            settings.focal,
+            hints,
+            mask(photo),
+            objects,
+            settings.objects or 0,
+            camera,
+            by_hand.get(folder, ()),
+        )
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )
     rows_of_photo: dict[str, dict[str, dict[str, Any]]] = {}
@@ -156,6 +174,22 @@ def fit(settings: FitCommand) -> int:
                 print(f"to look at: {page}")
         print(settings.out)
     return 0 if not failed else 1 if failed < len(rows) else 2
+
+
+def _corrected(
+    settings: FitCommand, folders: Sequence[Path], object_class: str
+) -> dict[Path, tuple[tuple[str, State], ...]]:
+    """What was corrected by hand of each photo of an earlier run, with a line on it; of a single photo only
+    where no hint is given.
+    """
+    hinted = any(getattr(settings, name) not in (None, (), False) for name in HINTS)
+    if settings.track or (len(folders) == 1 and hinted):
+        return {}
+    found = {folder: states for folder in folders if (states := corrected_in(folder, object_class))}
+    if found and not settings.quiet:
+        names = listed(folder.name for folder in found)
+        note(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {names}")
+    return found
 
 
 def is_quick(pack: Path) -> bool:
