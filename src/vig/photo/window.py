@@ -242,14 +242,6 @@ class Window:
         """Its middle in the photo's pixels."""
         return self.left + self.side / 2, self.top + self.side / 2
 
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """The square box (x, y, w, h) whose window it is; see `round_box`."""
-        side, (x, y) = self.side / WINDOW_OVER_BOX, self.centre
-        below = BOX_BELOW_CENTRE * self.side
-        x, y = x - below * math.sin(self.roll), y + below * math.cos(self.roll)
-        return x - side / 2, y - side / 2, side, side
-
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
         """A point of the photo from where it is in the window: pixels of the photo from its middle."""
         if self.lens is not None:

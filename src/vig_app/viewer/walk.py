@@ -105,7 +105,7 @@ class Walk:
         if not paths:
             raise UserError(
                 f"expected a photo, a result or a run of `vig fit`; '{folder}' holds no {CORRECTIONS} or"
-                f" {TABLES[0]}. Name the photo itself."
+                f" {TABLES[0]}. Name a photo, or run `vig fit` on it first."
             )
         return Walk(sorted(map(_of_result, sorted(paths)), key=lambda item: review_order(item.found)))
 
