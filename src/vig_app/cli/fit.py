@@ -111,20 +111,9 @@ def fit(settings: FitCommand) -> int:
         _with_mask(settings),
         settings.full_size,
     )
-    by_hand = _corrected(settings, folders, object_class)
+    by_hand, most = _corrected(settings, folders, object_class), settings.objects or 0
     tasks = (
-        Task(
-            photo,
-            folder,
-            box,
-            settings.focal,
-            hints,
-            mask(photo),
-            objects,
-            settings.objects or 0,
-            camera,
-            by_hand.get(folder, ()),
-        )
+        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, most, camera, by_hand[folder])
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )
     rows_of_photo: dict[str, dict[str, dict[str, Any]]] = {}
@@ -184,12 +173,12 @@ def _corrected(
     """
     hinted = any(getattr(settings, name) not in (None, (), False) for name in HINTS)
     if settings.track or (len(folders) == 1 and hinted):
-        return {}
-    found = {folder: states for folder in folders if (states := corrected_in(folder, object_class))}
-    if found and not settings.quiet:
-        names = listed(folder.name for folder in found)
+        return dict.fromkeys(folders, ())
+    by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
+    if any(by_hand.values()) and not settings.quiet:
+        names = listed(folder.name for folder, states in by_hand.items() if states)
         note(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {names}")
-    return found
+    return by_hand
 
 
 def is_quick(pack: Path) -> bool:

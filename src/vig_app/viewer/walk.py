@@ -131,7 +131,8 @@ class Walk:
         return Session(self._explainers[object_class], photo, state, item.others())
 
     def step(self, by: int) -> str:
-        """Open the next one in a direction, +1 or -1, that can be; returns why others could not be.
+        """Open the next one in a direction, +1 or -1, that can be; returns why others could not be, and what
+        is not as it was fitted.
 
         Raises:
             UserError: There is none.
@@ -141,6 +142,8 @@ class Walk:
         while 0 <= place < len(self.items):
             try:
                 self.open(place)
+                if self.run is not None and self.items[place].photo is not None:
+                    failures.append("It was fitted with a mask, marks or a pose, which are left out here.")
                 return " ".join(failures)
             except UserError as error:
                 if self.place < 0 and place == len(self.items) - 1:  # of several the last one's tells enough

@@ -367,6 +367,20 @@ def test_a_photo_that_is_gone_is_left_out(run: Path) -> None:
         Walk.of_folder(run).step(1)
 
 
+def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "masks").mkdir()
+    for number in range(2):
+        large_photo(tmp_path / "photos" / f"{number}.png", number)
+        mask = np.zeros((300, 400), np.uint8)
+        mask[90:200, 140:260] = 255
+        Image.fromarray(mask).save(tmp_path / "masks" / f"{number}.png")
+    fit(tmp_path / "photos", "--mask", tmp_path / "masks", "--quiet", "--out", tmp_path / "run")
+    walk = Walk.of_folder(tmp_path / "run")
+    assert "fitted with a mask, marks or a pose, which are left out" in walk.step(1)
+    assert walk.session.state == State() and not walk.session.unsaved
+
+
 def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> None:
     photo = Image.new("RGB", (560, 300), (120, 120, 120))
     for number, left in ((3, 60), (0, 330)):
