@@ -294,7 +294,7 @@ class _Handler(BaseHTTPRequestHandler):
             case "/photo":
                 self._answer(viewer.photo, "image/jpeg")
             case "/state":
-                self._answer(lambda: _json(viewer.state()), "application/json")
+                self._answer(lambda: _json(viewer.on_thread(viewer.state)), "application/json")
             case _:
                 self._send(404, b"expected / of vig view", "text/plain")
 
@@ -308,7 +308,8 @@ class _Handler(BaseHTTPRequestHandler):
         except (TypeError, ValueError) as error:
             self._send(400, _json({"error": str(error)}), "application/json")
             return
-        self._answer(lambda: _json(self.viewer.act(request)), "application/json")
+        act = partial(self.viewer.act, request)
+        self._answer(lambda: _json(self.viewer.on_thread(act)), "application/json")
 
     def _answer(self, work: Callable[[], bytes], kind: str) -> None:
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
@@ -316,7 +317,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(403, b"expected the page of vig view, by address or as localhost", "text/plain")
             return
         try:
-            self._send(200, self.viewer.on_thread(work), kind)
+            self._send(200, work(), kind)
         except ConnectionError:
             raise
         except ValueError as error:  # of an action that our page does not send

@@ -86,23 +86,25 @@ const pixelsOf = image => {
 const drawOutlines = (drawn, whole, maps, { size, line, step, map: [[a, b, c], [d, e, f], [g, h, i]] }) => {
   const { width, height } = drawn.canvas, levels = pixelsOf(maps), border = Math.max(1, line / 2), share = distance => Math.min(1, Math.max(0, 0.5 + distance));
   const lines = drawn.createImageData(width, height), hidden = drawn.createImageData(width, height);
+  const distance = (first, across, down) => {
+    const second = first + 4 * size, upper = levels[first] + across * (levels[first + 4] - levels[first]);
+    return step * (upper + down * (levels[second] + across * (levels[second + 4] - levels[second]) - upper) - 128);
+  };
   for (let y = 0, pixel = 0; y < height; y++) for (let x = 0; x < width; x++, pixel += 4) {
     const X = x + 0.5, Y = y + 0.5, w = g * X + h * Y + i, u = (a * X + b * Y + c) / w - 0.5, v = (d * X + e * Y + f) / w - 0.5;
     const column = Math.floor(u), row = Math.floor(v);
     if (!(column >= 0 && row >= 0 && column < size - 1 && row < size - 1)) continue;
-    const across = u - column, down = v - row;
-    const distance = which => {
-      const first = 4 * ((row + which * size) * size + column), second = first + 4 * size;
-      const upper = levels[first] + across * (levels[first + 4] - levels[first]), lower = levels[second] + across * (levels[second + 4] - levels[second]);
-      return step * (upper + down * (lower - upper) - 128);
-    };
-    const outer = distance(0), middle = Math.abs(outer - border - line / 2), isHidden = share(-outer) && share(-outer) * share(distance(1));
+    const first = 4 * (row * size + column), outer = distance(first, u - column, v - row);
+    if (outer > 2 * border + line + 1) continue;
+    const isHidden = outer < 0.5 ? share(-outer) * share(distance(first + 4 * size * size, u - column, v - row)) : 0;
+    const middle = Math.abs(outer - border - line / 2), dark = share(line / 2 + border - middle), bright = share(line / 2 - middle);
     hidden.data[pixel + 3] = 255 * isHidden;
-    let [red, green, blue, alpha] = [0, 0, 0, 0];
-    for (const [colour, part] of [[HIDDEN, isHidden / 2], [BORDER, share(line / 2 + border - middle)], [OUTLINE, share(line / 2 - middle)]]) if (part) {
-      red += part * (colour[0] - red); green += part * (colour[1] - green); blue += part * (colour[2] - blue); alpha += part * (1 - alpha);
+    const alpha = 1 - (1 - isHidden / 2) * (1 - dark) * (1 - bright);
+    for (let k = 0; alpha && k < 3; k++) {
+      const tinted = HIDDEN[k] * isHidden / 2, bordered = tinted + dark * (BORDER[k] - tinted);
+      lines.data[pixel + k] = (bordered + bright * (OUTLINE[k] - bordered)) / alpha;
     }
-    if (alpha) lines.data.set([red / alpha, green / alpha, blue / alpha, 255 * alpha], pixel);
+    lines.data[pixel + 3] = 255 * alpha;
   }
   drawn.putImageData(lines, 0, 0); whole?.putImageData(hidden, 0, 0);
 };
