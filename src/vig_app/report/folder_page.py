@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,11 @@ from PIL import Image
 
 from vig.io.files import atomic_write
 from vig.output.pictures import THUMBNAIL
-from vig_app.report.html import QUALITY, filled
+from vig_app.report.html import QUALITY, filled, write_page
+from vig_app.results import name_of
 
+MOST_ENTRIES = 200
+"""Photos on a run's page, at most."""
 MOST_ERRORS = 200
 """Photos that are listed as not explained."""
 WHOLE = 1200
@@ -89,6 +93,24 @@ def folder_html(
         columns=COLUMNS,
         data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
     )
+
+
+def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
+    explained = sorted((row for row in rows if row["error"] is None), key=review_order)
+    entries = []
+    for row in explained[:MOST_ENTRIES]:
+        folder = row["folder"].split("/")[0]  # of several objects the page of all
+        picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
+        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
+            picture = np.asarray(thumbnail)
+        has_page = (out / folder / "report.html").exists()
+        entries.append(Entry(name_of(row), folder, row, picture, has_page))
+    if entries:
+        errors = [row["error"] for row in rows if row["error"] is not None]
+        photos = len({row["photo"] for row in explained})
+        title = None if photos == len(explained) else f"{photos} photos, {len(explained)} objects explained"
+        write_page(out / "report.html", folder_html(entries, len(explained), errors, title))
 
 
 def review_order(row: Mapping[str, Any]) -> tuple[int, float]:

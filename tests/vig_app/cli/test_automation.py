@@ -176,7 +176,6 @@ def test_an_interruption(told: Callable[..., Any], monkeypatch: pytest.MonkeyPat
 
 
 def test_the_address_of_a_page_in_a_container(tmp_path: Path) -> None:
-    pytest.importorskip("viser")
     photo = tmp_path / "photo.png"
     Image.open(example_photos()[0].photo).save(photo)
     command = [*VIG, "view", str(photo), "--no-open", "--port", "8533", "--host", "0.0.0.0", "--json"]

@@ -375,7 +375,7 @@ def test_a_gallery_slides_turns_and_says_what_is_not_there(
     first = picture()
     shown.wait_for_function("first => document.querySelector('.model').toDataURL() !== first", arg=first)
     shown.locator("#turn").uncheck()
-    shown.wait_for_timeout(200)
+    shown.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     still = picture()
     shown.wait_for_timeout(200)
     assert picture() == still

@@ -26,7 +26,7 @@ const normalsOf = (faces, place) => {
 
 const glCanvas = document.createElement("canvas");
 const gl = glCanvas.getContext("webgl", { antialias: true, preserveDrawingBuffer: true });
-let draw = null; // a pose of a mesh by a matrix to clip space, width x height; own colours of parts or one; the light turned
+let draw = null, forget = () => {}; // a pose of a mesh by a matrix to clip space, width x height; own colours of parts or one; the light turned
 if (gl) {
   const program = gl.createProgram();
   const compile = (kind, source) => { const shader = gl.createShader(kind); gl.shaderSource(shader, source); gl.compileShader(shader); gl.attachShader(program, shader); };
@@ -64,6 +64,10 @@ if (gl) {
       surface: atCorners(2, (vertex, k) => k ? mesh.reflectance?.[parts[vertex]] ?? 1 : shadow[vertex]),
       colour: atCorners(3, (vertex, k, corner) => mesh.colours[parts[faces[corner - corner % 3]]][k]),
     };
+  };
+  forget = () => { // frees what drawn poses hold on the device
+    for (const arrays of loaded.values()) for (const { buffer } of Object.values(arrays)) gl.deleteBuffer(buffer);
+    loaded.clear();
   };
   draw = (mesh, pose, clip, width, height, own, light) => {
     if (!loaded.has(pose)) loaded.set(pose, arraysOf(mesh, pose));
@@ -114,7 +118,9 @@ const outlined = (maps, { size, line, step, map: [[a, b, c], [d, e, f], [g, h, i
       const upper = levels[first] + across * (levels[first + 4] - levels[first]), lower = levels[second] + across * (levels[second + 4] - levels[second]);
       return step * (upper + down * (lower - upper) - 128);
     };
-    const outer = distance(0), middle = Math.abs(outer - border - line / 2), isHidden = share(-outer) && share(-outer) * share(distance(1));
+    const outer = distance(0);
+    if (outer > 2 * border + line + 1) continue;
+    const middle = Math.abs(outer - border - line / 2), isHidden = share(-outer) && share(-outer) * share(distance(1));
     hidden.data[pixel + 3] = 255 * isHidden;
     let [red, green, blue, alpha] = [0, 0, 0, 0];
     for (const [colour, part] of [[HIDDEN, isHidden / 2], [BORDER, share(line / 2 + border - middle)], [OUTLINE, share(line / 2 - middle)]]) if (part) {
