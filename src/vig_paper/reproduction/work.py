@@ -10,16 +10,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
-from vig.recognition.network import NetworkSettings, RecognitionNetwork
-from vig.recognition.weights import shared_trunk
+from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
 from vig_paper.ablation import ablation_markdown, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
@@ -36,7 +33,6 @@ from vig_train.evaluation.statistics import within_occlusion
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.plots import train_and_plot as train_network
 from vig_train.training.calibration import MIN_IMAGES
-from vig_train.training.checkpoint import save_weights
 from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import complete_split, read_info
@@ -164,21 +160,9 @@ def train(run: Run) -> None:
             run.report,
         )
     else:
-        vig_settings = TrainingSettings(**chosen, start=write_start(run), trunk_only=True)
+        vig_settings = TrainingSettings(**chosen, start=TRUNK_FILE, trunk_only=True)
         vig_settings = replace(vig_settings, batch=min(vig_settings.batch, batch))
         train_network([dataset], run.folder.recognition, vig_settings, run.report)
-
-
-def write_start(run: Run) -> Path:
-    """Write the weights with which training begins: three stages trained on ImageNet, the rest random."""
-    path = run.folder.recognition / "start.safetensors"
-    torch.manual_seed(run.settings.seed)
-    network = RecognitionNetwork(NetworkSettings(modes=run.object_class.shape_model.modes))
-    frozen = ("stem.", *(f"stages.{number}." for number in range(TrainingSettings.frozen)))
-    trained = {name: value for name, value in shared_trunk()[0].items() if name.startswith(frozen)}
-    network.load_state_dict({name: value.float() for name, value in trained.items()}, strict=False)
-    save_weights(network, {}, path)
-    return path
 
 
 def take_weights(run: Run) -> None:
