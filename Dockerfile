@@ -1,4 +1,4 @@
-# vig on the CPU: `vig demo` by default, the viewer, any other verb.
+# vig on the CPU: `vig demo` by default, any other verb.
 #
 #     docker build --tag vig .
 #     docker run --rm --volume "$PWD:/work" vig                                # the demo, into vig-demo/
@@ -15,10 +15,9 @@ WORKDIR /source
 COPY constraints.txt ./
 RUN python -m venv /opt/vig \
     && /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt --index-url "$TORCH_INDEX" torch
-COPY pyproject.toml LICENSE ./
-COPY docs/package.md docs/
+COPY pyproject.toml README.md LICENSE ./
 COPY src src
-RUN /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic,viewer]' \
+RUN /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic]' \
     && rm -rf /opt/vig/lib/python*/site-packages/torch/include /opt/vig/lib/python*/site-packages/torch/test
 
 FROM ${PYTHON}

@@ -42,5 +42,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist vig-demo .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) build dist vig-demo vig-gallery .mypy_cache .pytest_cache .ruff_cache
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

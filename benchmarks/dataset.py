@@ -44,6 +44,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=RUNS, help="raster runs; the median counts, 0: none")
     parser.add_argument("--images", type=int, default=IMAGES, help="made in one process; 0 for none")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--size", default="150x150", help="of images made in one process")
     parser.add_argument("--world", choices=WORLDS, default="paper", help="what scenes are like")
     arguments = parser.parse_args()
     if arguments.cycles:
@@ -62,7 +63,9 @@ def main() -> None:
         metrics.append(metric("raster_memory_mib", [run.late for run in runs], "MiB"))
         metrics.append(metric("raster_memory_growth_mib", [run.growth for run in runs], "MiB"))
     if arguments.images:
-        metrics.append(metric("raster_image_ms", image_ms(arguments.images, world), "ms"))
+        metrics.append(
+            metric("raster_image_ms", image_ms(arguments.images, world, _size(arguments.size)), "ms")
+        )
     if arguments.cycles:
         run = Run.of("cycles", arguments.cycles, arguments.workers, 0, world)
         metrics.append(metric("cycles_s_per_image", [1 / run.steady], "s"))
@@ -114,9 +117,14 @@ class Run:
         return float(np.median(self.memory[-2 * tenth : -tenth]))
 
 
-def image_ms(count: int, world: World) -> list[float]:
+def _size(text: str) -> tuple[int, int]:
+    width, height = map(int, text.split("x"))
+    return width, height
+
+
+def image_ms(count: int, world: World, size: tuple[int, int]) -> list[float]:
     """Milliseconds of processor time of an image in each block of images, made in this process."""
-    job, blocks = Job(0, "train", "raster", ObjectClass.load("teapot"), world=world), []
+    job, blocks = Job(0, "train", "raster", ObjectClass.load("teapot"), world=world, size=size), []
     maker = Maker(job)
     with tempfile.TemporaryDirectory() as folder:
         for name in ("first", "second"):

@@ -41,7 +41,7 @@ def test_what_is_copied_is_there_and_let_through() -> None:
         if stage is None
         for source in sources
     ]
-    assert {"src", "pyproject.toml", "docs/package.md", "LICENSE", "constraints.txt"} <= set(sources)
+    assert {"src", "pyproject.toml", "README.md", "LICENSE", "constraints.txt"} <= set(sources)
     for source in sources:
         assert (ROOT / source).exists() and dockerfile.let_through(source), source
     ignored = (ROOT / ".dockerignore").read_text().splitlines()

@@ -295,7 +295,7 @@ def test_numbers_of_latents_are_those_of_the_packaged_classes() -> None:
     for name, number in components.items():
         assert vig.ObjectClass.load(name).shape_model.modes == number
         assert latent_layout(number).size == number + 14
-        assert name in (ROOT / "docs/package.md").read_text()
+        assert name in (ROOT / "README.md").read_text()
     dataset = (ROOT / "docs/dataset.md").read_text()
     assert f"`shape_{components['teapot'] - 1}` (of teapots)" in dataset
 
@@ -341,10 +341,3 @@ def test_examples_answer_to_help(name: str, tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "usage" in done.stdout
-
-
-def test_what_a_package_index_shows_needs_no_other_file() -> None:
-    """The long description has no relative link or picture, which a package index cannot show."""
-    text = (ROOT / "docs" / "package.md").read_text()
-    assert 'readme = "docs/package.md"' in (ROOT / "pyproject.toml").read_text()
-    assert re.findall(r"\]\(", text) == []

@@ -35,7 +35,7 @@ ORDER = {
         "record", "packs", "building", "training", "plots", "evaluation", "calibration", "class_training",
         "cli",
     ),
-    "vig_paper": ("network", "optimizers", "ablation", "figures", "reproduction", "cli"),
+    "vig_paper": ("teapot_class", "network", "optimizers", "ablation", "figures", "reproduction", "cli"),
 }  # fmt: skip
 LATE = {
     ("vig.explanation", "vig_app.report"),

@@ -2,9 +2,8 @@
 
 `python tools/release.py v0.3.0 https://github.com/OWNER/vig` refuses a tag that is not the version of
 pyproject.toml, of CITATION.cff and of a section of CHANGELOG.md. It then adds the links of the repository to
-pyproject.toml, CITATION.cff and the package's description, whose pictures and links are full addresses of
-that tag: relative ones lead nowhere on a package index. The files are those of a checkout that is built and
-thrown away.
+pyproject.toml and CITATION.cff, and makes pictures and links of README.md, the package's description, full
+addresses of that tag: relative ones lead nowhere on a package index. The checkout is built and thrown away.
 """
 
 from __future__ import annotations
@@ -15,13 +14,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-WHERE = "Pictures, results and the full documentation are in the source distribution: README.md and docs/."
-"""The description's last line, in whose place the links go."""
-MORE = """\
-![Photos and what vig makes of them: outline in yellow, hidden pixels in pink]({raw}/docs/demo.jpg)
-
-[Documentation]({tree}/docs/index.md), [results]({tree}/docs/results.md), [photographs that work and that do
-not]({tree}/docs/photographs.md), [a notebook]({tree}/examples/vig.ipynb), [changes]({tree}/CHANGELOG.md)."""
+LINK = re.compile(r"(!?)(\[[^\]]*\])\((?![a-z]+:|#)([^)\s]+)\)")
+"""A relative link of Markdown, or a picture."""
 
 
 def faults(root: Path, version: str) -> list[str]:
@@ -46,12 +40,13 @@ def changes(root: Path) -> str:
 def write_links(root: Path, tag: str, repository: str) -> None:
     """Put the links of a repository into the files of which the package's page is made."""
     tree = f"{repository}/blob/{tag}"
-    raw = f"{repository}/raw/{tag}"
-    description = root / "docs" / "package.md"
-    text = description.read_text()
-    if text.count(WHERE) != 1:
-        raise ValueError(f"expected the line '{WHERE}' in {description}")
-    description.write_text(text.replace(WHERE, MORE.format(raw=raw, tree=tree)))
+    description = root / "README.md"
+
+    def full(link: re.Match[str]) -> str:
+        kind = "raw" if link[1] else "blob"
+        return f"{link[1]}{link[2]}({repository}/{kind}/{tag}/{link[3]})"
+
+    description.write_text(LINK.sub(full, description.read_text()))
     project = root / "pyproject.toml"
     urls = {
         "Homepage": repository,

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A dataset, BOP, and a network of your own
 #
-# The generator needs no download: rooms, things, light and the object with all
-# that is known of it. A small dataset, read back in BOP's format, and a network
-# trained on it: which pixels of a picture show the teapot?
+# The generator needs no download: it makes rooms, objects and light, and every
+# label is known exactly. This tutorial makes a small dataset, reads it in BOP's
+# format, and trains a network on it: which pixels of a picture show the teapot?
 
 # %%
 import json
@@ -33,8 +33,8 @@ run(f"dataset make --out {folder}/pots --count 40 --split test --seed 5")
 run(f"dataset export {folder}/pots --split test --to coco --out {folder}/coco")
 
 # %% [markdown]
-# Everything of each image is a row of a table; pictures, masks and poses lie
-# where BOP's tools look for them.
+# All labels of an image are a row of a table; pictures, masks and poses are
+# where BOP's tools expect them.
 
 # %%
 table = parquet.read_table(folder / "pots" / "train" / "latents.parquet")
@@ -65,8 +65,8 @@ Image.fromarray(sheet.transpose(0, 2, 1, 3, 4).reshape(300, 1200, 3))
 
 
 # %% [markdown]
-# The splits share no asset: rooms, things and designs of the test are others than
-# those of the training.
+# The splits share no asset: rooms, objects and designs of the test split are not
+# in the training split.
 
 
 # %%
@@ -146,7 +146,7 @@ print(f"IoU of unseen pictures by the usual place: {overlap(usual, truth):.2f}")
 print(f"IoU of unseen pictures by the network: {overlap(guessed, truth):.2f}")
 
 # %% [markdown]
-# With 240 images and half a minute it is a beginning; it grows with both. More
-# images, path-traced ones (`--tier cycles`) and your own panoramas and things:
-# [datasets](../../dataset/), [the world](../../world/). vig's own network is
-# trained by `vig train`.
+# This took 240 images and half a minute; accuracy grows with both. More images,
+# path-traced ones (`--tier cycles`) and your own panoramas and objects:
+# [datasets](../../dataset/), [the generated scenes](../../world/). vig's network
+# is trained by `vig train`.

@@ -2,7 +2,7 @@
 # # Fit a photo
 #
 # One photo, its explanation, and what a robot and an augmented-reality
-# application make of it. Each tutorial is a Python file that also runs as a
+# application do with it. Each tutorial is a Python file that also runs as a
 # notebook (Jupyter with jupytext, VS Code) and as a script.
 
 # %%
@@ -27,7 +27,7 @@ print(
 print(f"{found.hidden_fraction:.0%} of the object's pixels are hidden")
 
 # %% [markdown]
-# The outline is that of the whole object; pink is what something else covers.
+# The outline is that of the whole object; hidden pixels are pink.
 # `panels` puts photo, rendering, residual, normals and mask side by side.
 
 # %%
@@ -37,7 +37,7 @@ Image.fromarray(found.overlay()).resize((450, 450))
 Image.fromarray(found.panels())
 
 # %% [markdown]
-# ## What else it may be
+# ## Other explanations
 #
 # A photo can have more than one explanation. The others come with their
 # probabilities, and one can be chosen ([correcting a fit](../../hints/)).
@@ -53,12 +53,12 @@ chosen = explainer.explain(
 print("by choice:", chosen.verdict, f"{chosen.azimuth_deg:.1f}")
 
 # %% [markdown]
-# ## A robot takes it by the handle
+# ## A grasp pose for a robot
 #
 # `pinhole_pose` gives the camera's intrinsics, `camera_from_object` (metres,
-# OpenCV axes) and its covariance: x, y, z, then turns about these axes. A grasp
-# that is fixed to the object moves with it; the adjoint carries the covariance
-# into the grasp's frame.
+# OpenCV axes) and its covariance: x, y, z, then rotations about these axes. A
+# grasp is fixed to the object; the adjoint transforms the covariance into the
+# grasp's frame.
 
 # %%
 intrinsics, camera_from_object, covariance = found.pinhole_pose()
@@ -69,7 +69,7 @@ object_from_grasp[:3, :3] = Rotation.from_euler("y", 90, degrees=True).as_matrix
 object_from_grasp[:3, 3] = handle
 camera_from_grasp = camera_from_object @ object_from_grasp
 
-# A turn about the object's origin shifts the grasp: by the lever, in camera axes.
+# A rotation about the object's origin shifts the grasp by the lever, camera axes.
 x, y, z = camera_from_object[:3, :3] @ handle
 moved = np.eye(6)
 moved[:3, 3:] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -81,16 +81,16 @@ print("standard deviations in mm:", (1000 * of_grasp[:3]).round(1))
 print("and in degrees:", np.degrees(of_grasp[3:]).round(1))
 
 # %% [markdown]
-# Distances are as true as the class's usual size: a teapot half as large and half
-# as far looks the same. The covariance does not count that; a table's plane or a
-# depth pixel settles it.
+# Distances are as accurate as the class's usual size: a teapot half as large and
+# half as far looks the same. The covariance does not include that; a table's plane
+# or a depth pixel resolves it.
 #
-# ## Something put beside it, in the same light
+# ## Insert an object in the same light
 #
-# The light on the object is nine coefficients of spherical harmonics. A thing
-# that is not there takes them over, and the camera, and is pasted in: a ball on
-# the table of another photo, beside its pot. The table darkens where the ball
-# keeps the light from above away.
+# The light on the object is nine coefficients of spherical harmonics. A virtual
+# object is rendered with this light and the photo's camera, and composited: a ball
+# on the table of another photo, beside its teapot. The table darkens where the
+# ball occludes light from above.
 
 # %%
 photo = example_photos()[0].photo
@@ -132,8 +132,8 @@ cover = seen.coverage[0].numpy()[..., None]
 Image.fromarray(srgb8_from_linear(seen.rgb[0].numpy() + (1 - cover) * picture))
 
 # %% [markdown]
-# ## Kept
+# ## Save it
 #
 # `found.save("result")` writes `report.html` for people, `explanation.json`,
 # pictures and `object.glb` ([file by file](../../explanation/));
-# `found.export("result", ["bop", "ros"])` what other tools read.
+# `found.export("result", ["bop", "ros"])` the formats of other tools.

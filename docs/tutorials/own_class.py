@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A class of your own
 #
-# A folder of meshes becomes a class: each is turned upright, a template is
-# carried onto it, and what varies among them becomes the shape model. Here a few
-# jars, made by revolving outlines; yours come as `.glb`, `.obj`, `.ply`, `.stl`.
+# A folder of meshes becomes a class: each mesh is rotated upright, a template is
+# registered to it, and their variation becomes the shape model. The meshes here
+# are jars, surfaces of revolution; yours may be `.glb`, `.obj`, `.ply`, `.stl`.
 
 # %%
 import subprocess
@@ -47,7 +47,7 @@ done = subprocess.run(
 print(done.stdout.replace(str(folder), "FOLDER"))
 
 # %% [markdown]
-# The pack tells how well it went: `card.md` with the numbers, and a picture of
+# The pack documents the result: `card.md` with the numbers, and a picture of
 # each stage. The shapes of the class from its mean along the first three
 # components, two standard deviations to either side:
 
@@ -86,9 +86,9 @@ for component in range(min(3, model.modes)):
 Image.fromarray(np.concatenate(rows))
 
 # %% [markdown]
-# What is left is its network, a quarter of an hour on two cores (without
-# `--no-recognizer` there is a quick one at once), and then the class fits photos
-# like any other:
+# Its network remains to be trained, a quarter of an hour on two cores (without
+# `--no-recognizer` there is a quick one at once); then the class fits photos like
+# any other:
 #
 #     vig class train jar --minutes 15
 #     vig fit photo.jpg --class jar --out result

@@ -2,9 +2,9 @@
 # # A pixel model of your own
 #
 # `vig.renderer` is differentiable in everything continuous, silhouettes included,
-# so that another likelihood is a few lines of PyTorch. Here: the pose of a known
-# teapot, half hidden, by a plain square error and by Geman and McClure's robust
-# one.
+# so that another likelihood is a few lines of PyTorch. This tutorial estimates the
+# pose of a known teapot, half hidden, with the squared error and with Geman and
+# McClure's robust loss.
 
 # %%
 import math
@@ -45,9 +45,9 @@ photo[:, : SIZE * 2 // 5] = torch.tensor(
 )  # something green stands before its left
 
 # %% [markdown]
-# The loss is all there is to write. Geman and McClure's grows like the square for
-# small errors and stops at one for large ones: a pixel that something else covers
-# no longer pulls.
+# Only the loss has to be written. Geman and McClure's grows like the square for
+# small errors and saturates at one for large ones, so that an occluded pixel has
+# hardly any gradient.
 
 
 # %%
@@ -81,8 +81,8 @@ strip = np.concatenate([srgb8_from_linear(row.numpy()) for row in rows], axis=1)
 Image.fromarray(strip).resize((9 * SIZE, 3 * SIZE))
 
 # %% [markdown]
-# Left to right: the photo, the square error's fit, the robust one's. The fit of
-# `vig.Explainer` goes farther: a mixture with a colour histogram of what else is
-# in the photo, masks whose neighbouring pixels agree, Levenberg-Marquardt with
+# Left to right: the photo, the fit by the squared error, the fit by the robust
+# loss. `vig.Explainer` does more: a mixture with a colour histogram of the rest of
+# the photo, masks that couple neighbouring pixels, Levenberg-Marquardt with
 # exact Jacobians from several starts ([the objective](../../objective/),
 # [rendering](../../rendering/)).

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import asdict, dataclass, field
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vig.explainer import Explainer
+from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import PixelLabel
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.output import write_json
-from vig.photo import Intrinsics, Window
+from vig.photo import Intrinsics, Window, focal_of
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 
@@ -26,20 +29,30 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mark:
-    """A disc that a user painted: its middle and radius in pixels of the photo, and a `PixelLabel`."""
+    """A stroke that a user painted with a `PixelLabel`: of a brush of a radius, set down at x, y and moved on
+    along a path of further places; all in pixels of the photo.
+    """
 
     x: float
     y: float
     radius: float
     said: int
+    path: tuple[tuple[float, float], ...] = ()
 
     def paint(self, marks: np.ndarray) -> None:
         """Set the pixels of marks (H, W) uint8 whose centres lie within."""
-        left, top = (max(math.floor(centre - self.radius), 0) for centre in (self.x, self.y))
-        right, bottom = (max(math.ceil(centre + self.radius), 0) for centre in (self.x, self.y))
-        part = marks[top:bottom, left:right]
-        rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
-        part[np.hypot(columns + left + 0.5 - self.x, rows + top + 0.5 - self.y) <= self.radius] = self.said
+        places = [(self.x, self.y), *self.path]
+        for start, end in zip(places, places[1:] or places, strict=False):
+            (left, right), (top, bottom) = (
+                (max(math.floor(min(pair) - self.radius), 0), max(math.ceil(max(pair) + self.radius), 0))
+                for pair in zip(start, end, strict=True)
+            )
+            part = marks[top:bottom, left:right]
+            rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
+            x, y = columns + left + 0.5 - start[0], rows + top + 0.5 - start[1]
+            across, down = end[0] - start[0], end[1] - start[1]
+            along = ((x * across + y * down) / max(across**2 + down**2, 1e-9)).clip(0, 1)
+            part[np.hypot(x - along * across, y - along * down) <= self.radius] = self.said
 
 
 @dataclass(frozen=True)
@@ -73,11 +86,13 @@ class State:
         angles = hints.azimuth_deg, hints.elevation_deg, hints.roll_deg
         return State(box, dict(hints.points), (), hints.visible, *angles, focal, camera)
 
-    def hints(self, width: int, height: int) -> Hints:
-        """The same as the library takes it."""
+    def hints(self, width: int, height: int, others: np.ndarray | None = None) -> Hints:
+        """The same as the library takes it; in the pixels `others` (H, W) bool other objects are seen."""
         marks = None
-        if self.marks:
+        if self.marks or others is not None:
             marks = np.zeros((height, width), np.uint8)
+            if others is not None:
+                marks[others] = PixelLabel.IN_FRONT
             for mark in self.marks:
                 mark.paint(marks)
         return Hints(
@@ -95,7 +110,10 @@ class State:
             Window.of(width, height, self.box)
         for mark in self.marks:
             reach = mark.radius if 0 < mark.radius <= width + height else math.nan
-            inside = -reach < mark.x < width + reach and -reach < mark.y < height + reach
+            inside = all(
+                -reach < x < width + reach and -reach < y < height + reach
+                for x, y in [(mark.x, mark.y), *mark.path]
+            )
             if not inside or mark.said not in list(PixelLabel):
                 raise UserError(
                     f"expected marks on the photo, 0 to {width}, 0 to {height}; got one at {mark.x:g},"
@@ -107,8 +125,34 @@ class State:
             Intrinsics.of(self.camera, width, height)
         self.hints(width, height).checked(width, height, object_class)
 
-    def write(self, folder: Path, photo: Path, object_class: ObjectClass) -> None:
+    def explained(
+        self, explainer: Explainer, path: Path, photo: np.ndarray, others: np.ndarray | None = None
+    ) -> Explanation:
+        """Explain the photo (H, W, 3) of a file with these hints; `others` as of `hints`.
+
+        Raises:
+            UserError: As `Explainer.explain`.
+        """
+        height, width = photo.shape[:2]
+        given = self.focal is not None or self.camera is not None
+        focal = self.focal if given else focal_of(path)
+        hints = self.hints(width, height, others)
+        try:
+            explanation = explainer.explain(photo, self.box, focal=focal, hints=hints, camera=self.camera)
+        except UserError as error:
+            raise UserError(str(error).replace("the photo", path.name, 1)) from None
+        exif = not given and focal is not None and explainer.settings.camera_distance_ratio is None
+        explanation = replace(explanation, focal_from="exif") if exif else explanation
+        return explanation if others is None else replace(explanation, others=others)
+
+    def write(self, folder: Path, photo: Path, object_class: ObjectClass, corrected: bool = False) -> None:
         """Write what `read` reads into a folder of results, from which the photo is named.
+
+        Args:
+            folder: Of the results.
+            photo: Its file.
+            object_class: What it was explained as.
+            corrected: By hand, so that `vig fit` takes it in place of its own hints.
 
         Raises:
             UserError: It cannot be written.
@@ -119,6 +163,7 @@ class State:
             "format": FORMAT,
             "photo": os.path.relpath(photo.resolve(), folder.resolve()),
             "class": object_class.name if packaged else str(pack and pack.resolve()),
+            "corrected": corrected,
             "state": asdict(self),
         }
         write_json(folder, content, CORRECTIONS)
@@ -127,10 +172,6 @@ class State:
     def read(folder: Path) -> tuple[Path, str, State]:
         """Photo, class and state that `write` wrote; UserError where they cannot be read."""
         path = folder / CORRECTIONS
-        if not path.exists():
-            inner = sorted(file.parent for file in folder.glob(f"*/{CORRECTIONS}"))
-            remedy = f"Name one in it, such as '{inner[0]}'." if inner else "Name the photo itself."
-            raise UserError(f"expected a photo or a result; '{folder}' holds no {CORRECTIONS}. {remedy}")
         with reading(path, "corrections of a photo", "Name the photo itself."):
             content = decode(dict[str, Any], read_json(path))
             if content["format"] != FORMAT:
@@ -139,7 +180,17 @@ class State:
             return folder / photo, object_class, decode(State, content["state"])
 
 
-def result_in(folder: Path) -> Path:
-    """The one folder of a result in that of a run; the folder itself where it is one or holds several."""
-    inner = [] if (folder / CORRECTIONS).exists() else list(folder.glob(f"*/{CORRECTIONS}"))
-    return inner[0].parent if len(inner) == 1 else folder
+def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[tuple[str, State], ...]:
+    """What was corrected by hand in the folder of a photo's results: of its one object, which is of a class,
+    by the name "", or of several by those of their folders. Files that cannot be read are passed over.
+    """
+    names = {str(object_class), str(Path(object_class or "").resolve())}
+    states = []
+    for path in [folder / CORRECTIONS, *sorted(folder.glob(f"[0-9]*-*/{CORRECTIONS}"))]:
+        with suppress(OSError, ValueError, KeyError, TypeError):  # older files do not say
+            if read_json(path)["corrected"]:
+                name = "" if path.parent == folder else path.parent.name
+                _, of_class, state = State.read(path.parent)
+                if name or object_class is None or of_class in names:
+                    states.append((name, state))
+    return tuple(states)

@@ -34,6 +34,8 @@ TRACK_COLUMNS = (
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
 TRUTHS = {"view_trusted", "mask_trusted", "distance_known", "lost", "refitted"}
 """Columns of text and of truth values; all others hold numbers."""
+WHOLE = {"object", "box_x", "box_y", "box_width", "box_height", "width", "height"}
+"""Columns of whole numbers."""
 
 
 def name_of(row: Mapping[str, Any]) -> str:
@@ -86,7 +88,9 @@ def _value(name: str, text: str) -> Any:
     """What a cell of results.csv stands for."""
     if text == "" or name in TEXTS:
         return text or None
-    return text == "True" if name in TRUTHS else float(text)
+    if name in TRUTHS:
+        return text == "True"
+    return int(float(text)) if name in WHOLE else float(text)
 
 
 def _text(value: Any) -> Any:

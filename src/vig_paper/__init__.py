@@ -8,6 +8,9 @@ from typing import Literal, get_args
 Network = Literal["vig", "paper"]
 """The recognition model: vig's one network, or the paper's four."""
 
+Objects = Literal["model", "designs"]
+"""What test photos show: shapes drawn from the shape model, or designs that it was not made of."""
+
 Scale = Literal["tiny", "small", "paper"]
 """How large a reproduction is."""
 

@@ -65,7 +65,7 @@ def explain_found(
 ) -> SceneExplanation:
     """Find objects of one or more classes in a photo, and explain them together.
 
-    Less reliable than boxes: each network that is asked knows one class (docs/many.md has numbers).
+    Less reliable than boxes: each network that is asked knows one class (docs/photographs.md has numbers).
 
     Args:
         photo: As `Explainer.explain` takes it.

@@ -101,7 +101,7 @@ class SceneExplanation:
         """Write each object's results into a folder of its `names`, and what they have in common.
 
         Args:
-            folder: Is made when it is missing; docs/many.md describes its files.
+            folder: Is made when it is missing; docs/photographs.md describes its files.
             photo: What the photo is called in the reports.
             export: Formats that are written of each object, too; see `Explanation.export`.
             files: Which files are written of each object; see `Explanation.save`, as for full_size.

@@ -119,10 +119,11 @@ class ExportCommand:
 
 @dataclass(frozen=True)
 class ViewCommand:
-    """Open a photo on a page: draw a box, click points, mark what is in front, choose a view, save."""
+    """Open a photo, or those of a run, on a page: draw a box, paint what is in front, choose a view, save."""
 
     photo: tyro.conf.Positional[Path]
-    """A photo, or a folder of its results, to resume work on it; also that of a run of one photo."""
+    """A photo; or a folder of its results, to resume work on it; or that of a run, whose photos come the
+    strangest first."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object; without it the object is sought in the photo."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
@@ -153,6 +154,21 @@ class Demo:
 
 
 @dataclass(frozen=True)
+class Gallery:
+    """Make a page of photos and what vig explains in them, to slide and to turn: one file, offline."""
+
+    results: tyro.conf.Positional[Path | None] = None
+    """Folder of results of `vig fit` or `vig demo`, with report.html for each photo; without it, the packaged
+    photos are explained."""
+    out: Path = Path("vig-gallery")
+    """Folder of the page, index.html."""
+    no_open: bool = False
+    """Do not open it in a browser, where there is a screen."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+@dataclass(frozen=True)
 class Doctor:
     """Versions, devices, a check of the kernels, and what is slow here and why: what a bug report needs."""
 
@@ -171,7 +187,7 @@ class SchemaCommand:
 
 
 class ExitCode(IntEnum):
-    """How a command ended; docs/automation.md has the table."""
+    """How a command ended; docs/api.md has the table."""
 
     DONE = 0
     INCOMPLETE = 1

@@ -9,7 +9,7 @@ import shlex
 import sys
 import time
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import which
@@ -27,12 +27,13 @@ from vig.photo.images import coded
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
 from vig_app.demo import DemoPhoto, demo_photos
-from vig_app.report.folder import outlined, save_entry
-from vig_app.report.folder_page import Entry, folder_html, reduced
+from vig_app.report.folder import FILES, outlined, save_entry
+from vig_app.report.folder_page import Entry, reduced
+from vig_app.report.gallery import Card, card_of, gallery_html
 from vig_app.report.html import QUALITY, write_page
 
 CARD = 480
-"""Pixels of a photo's longer side on the page."""
+"""Pixels of a photo's longer side from which overview.jpg is made."""
 CELL, GAP, CAPTION, COLUMNS = 396, 5, 24, 4
 """Pixels of a photo's side in overview.jpg, between photos, and of a caption's height; photos in a row."""
 NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")
@@ -45,6 +46,7 @@ COMMANDS_TO_TRY = (
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
 )
 """Commands to try after the demo."""
+DEMO_NOTE = "Path-traced photos as people take them, explained without a box."
 
 
 def demo(settings: Demo) -> int:
@@ -53,20 +55,17 @@ def demo(settings: Demo) -> int:
     console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
     photos = demo_photos()
-    explainers = {name: Explainer(name) for name in dict.fromkeys(photo.class_name for photo in photos)}
-    rows, entries = [], []
-    for photo in photos:
-        explanation = explainers[photo.class_name].explain(photo.photo)
-        entry = save_entry(explanation, out / photo.name, photo.photo.name, photo.photo.name)[0]
+    rows, entries, cards = [], [], []
+    for photo, explanation, entry in explained_demo(photos, out):
         rows.append(_compared(photo, explanation, entry.described))
-        entries.append(_card(entry, photo, explanation))
+        entries.append(_enlarged(entry, explanation))
+        cards.append(demo_card(photo, out, entry.link))
         if not as_json:
             console.print(f"explained {photo.name}: {rows[-1]['verdict']}", highlight=False)
     seconds = time.monotonic() - started
     write_overview(out / "overview.jpg", entries)
     page = out / "report.html"
-    note = "found without a box. A click on a photo shows all that vig makes of it, in 3-D."
-    write_page(page, folder_html(entries, title="vig's demo", note=note, gallery=True))
+    write_page(page, gallery_html(cards, "vig's demo", f"{DEMO_NOTE} A photo's name leads to its own page."))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
@@ -92,6 +91,25 @@ def demo(settings: Demo) -> int:
         webbrowser.open(page.resolve().as_uri())
     print(out)
     return 0
+
+
+def explained_demo(
+    photos: Sequence[DemoPhoto], out: Path, files: Sequence[str] = FILES
+) -> Iterator[tuple[DemoPhoto, Explanation, Entry]]:
+    """Explain the packaged photos, found without a box, each into a folder of its name."""
+    explainers = {name: Explainer(name) for name in dict.fromkeys(photo.class_name for photo in photos)}
+    for photo in photos:
+        explanation = explainers[photo.class_name].explain(photo.photo)
+        name = photo.photo.name
+        yield photo, explanation, save_entry(explanation, out / photo.name, name, name, files)[0]
+
+
+def demo_card(photo: DemoPhoto, out: Path, link: str = "") -> Card:
+    """What a gallery shows of a packaged photo that was explained into `out`, with the truth."""
+    truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
+    if not photo.present:
+        truth = f"truth: a {photo.shows}, no {photo.class_name}"
+    return card_of(out / photo.name, photo.title, truth, link)
 
 
 def has_screen() -> bool:
@@ -126,18 +144,12 @@ def _caption(described: Mapping[str, Any]) -> str:
     return f"{name}: {verdict}, azimuth {described['azimuth_deg']:.0f}°, {hidden:.0%} hidden"
 
 
-def _card(entry: Entry, photo: DemoPhoto, explanation: Explanation) -> Entry:
-    """What the page shows of a photo: a larger picture, and the truth."""
+def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
+    """With a larger picture than that of many photos."""
     picture = reduced(coded(explanation.picture), CARD)
     if entry.described["verdict"] != "absent":
         picture = outlined(explanation, picture)
-    truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
-    if not photo.present:
-        truth = f"truth: a {photo.shows}, no {photo.class_name}"
-    if entry.described["verdict"] == "ambiguous":
-        others = [f"{other['azimuth_deg']:.0f}°" for other in entry.described["alternatives"]]
-        truth = f"or azimuth {', '.join(others)}; {truth}" if others else truth
-    return replace(entry, name=photo.title, picture=picture, note=truth)
+    return replace(entry, picture=picture)
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:

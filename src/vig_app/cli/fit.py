@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
@@ -35,16 +35,14 @@ from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_one_line, listed, note
+from vig_app.corrections import CORRECTIONS, State, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
-from vig_app.report.folder_page import THUMBNAIL_FILE, Entry, folder_html, review_order
-from vig_app.report.html import write_page
+from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
 
-MOST_ENTRIES = 200
-"""Photos on a run's page, at most."""
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
@@ -52,6 +50,11 @@ TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
+HINTS = (
+    "box", "boxes", "mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose", "focal",
+    "intrinsics", "cameras",
+)  # fmt: skip
+"""Options that say something of a photo."""
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 """Of `--framing`, as `ExplainSettings.free_framing`."""
 WITHOUT_TRACK = (
@@ -108,8 +111,9 @@ def fit(settings: FitCommand) -> int:
         _with_mask(settings),
         settings.full_size,
     )
+    by_hand, most = _corrected(settings, folders, object_class), settings.objects or 0
     tasks = (
-        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, settings.objects or 0, camera)
+        Task(photo, folder, box, settings.focal, hints, mask(photo), objects, most, camera, by_hand[folder])
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )
     rows_of_photo: dict[str, dict[str, dict[str, Any]]] = {}
@@ -140,7 +144,7 @@ def fit(settings: FitCommand) -> int:
                 for name in run_files():  # of the results before
                     (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
-            _write_page(settings.out, rows)
+            write_run_page(settings.out, rows)
             write_sheets(settings.out, rows)
     if settings.track and not settings.json and not settings.quiet:
         lost = sum(frame.lost for frame in frames)
@@ -159,6 +163,22 @@ def fit(settings: FitCommand) -> int:
                 print(f"to look at: {page}")
         print(settings.out)
     return 0 if not failed else 1 if failed < len(rows) else 2
+
+
+def _corrected(
+    settings: FitCommand, folders: Sequence[Path], object_class: str
+) -> dict[Path, tuple[tuple[str, State], ...]]:
+    """What was corrected by hand of each photo of an earlier run, with a line on it; of a single photo only
+    where no hint is given.
+    """
+    hinted = any(getattr(settings, name) not in (None, (), False) for name in HINTS)
+    if settings.track or (len(folders) == 1 and hinted):
+        return dict.fromkeys(folders, ())
+    by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
+    if any(by_hand.values()) and not settings.quiet:
+        names = listed(folder.name for folder, states in by_hand.items() if states)
+        note(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {names}")
+    return by_hand
 
 
 def is_quick(pack: Path) -> bool:
@@ -203,24 +223,6 @@ def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
             else:
                 results[row["photo"]] = result
     return results
-
-
-def _write_page(out: Path, rows: list[dict[str, Any]]) -> None:
-    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
-    explained = sorted((row for row in rows if row["error"] is None), key=review_order)
-    entries = []
-    for row in explained[:MOST_ENTRIES]:
-        folder = row["folder"].split("/")[0]  # of several objects the page of all
-        picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
-        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
-            picture = np.asarray(thumbnail)
-        has_page = (out / folder / "report.html").exists()
-        entries.append(Entry(name_of(row), folder, row, picture, has_page))
-    if entries:
-        errors = [row["error"] for row in rows if row["error"] is not None]
-        photos = len({row["photo"] for row in explained})
-        title = None if photos == len(explained) else f"{photos} photos, {len(explained)} objects explained"
-        write_page(out / "report.html", folder_html(entries, len(explained), errors, title))
 
 
 def _add_line(log: Path | None, words: str) -> None:

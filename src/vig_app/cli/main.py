@@ -18,6 +18,7 @@ from vig_app.cli.common import (
     ExitCode,
     ExportCommand,
     FitCommand,
+    Gallery,
     SchemaCommand,
     Verb,
     ViewCommand,
@@ -29,6 +30,7 @@ VERBS = (
     Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
     Verb("export", ExportCommand, "vig_app.cli.export:export"),
     Verb("view", ViewCommand, "vig_app.cli.view:view"),
+    Verb("gallery", Gallery, "vig_app.cli.gallery:gallery"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
     Verb("schema", SchemaCommand, "vig_app.cli.schema:print_schema"),
 )

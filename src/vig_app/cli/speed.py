@@ -38,7 +38,6 @@ class Extra:
 
 
 EXTRAS = {
-    "viewer": Extra(("viser",), "vig view: corrections on a page"),
     "heic": Extra(("pillow_heif",), "photos of iPhones"),
     "video": Extra(("av",), "videos, cameras and streams"),
     "world": Extra(

@@ -1,52 +1,40 @@
-"""`vig view`: a photo on a page on which its explanation is put right by hand."""
+"""`vig view`: photos on a page on which their explanations are put right by hand."""
 
 from __future__ import annotations
 
 import json
 import signal
-import sys
 import threading
 import webbrowser
-from contextlib import nullcontext, redirect_stdout
-from dataclasses import replace
 from pathlib import Path
-from typing import TextIO
 
-from vig.explainer import Explainer
 from vig.io.errors import UserError
 from vig_app.cli.boxes import parse_box
 from vig_app.cli.common import ViewCommand
-from vig_app.corrections import State, result_in
-from vig_app.viewer import Session
-from vig_app.viewer.server import HOST, Viewer, free_port
+from vig_app.viewer.server import HOST, Viewer
+from vig_app.viewer.walk import Walk
 
 
 def view(settings: ViewCommand) -> int:
     """Serve the page until interrupted; returns the exit code."""
-    out = sys.stdout
-    with redirect_stdout(sys.stderr) if settings.json else nullcontext():  # viser prints lines of its own
-        return _view(settings, out)
-
-
-def _view(settings: ViewCommand, out: TextIO) -> int:
-    photo, object_class, folder = settings.photo, settings.object_class, settings.out
-    state = State()
+    photo = settings.photo
     if photo.is_dir():
-        for name, option in (("class", object_class), ("out", folder)):
+        for name, option in (("class", settings.object_class), ("out", settings.out)):
             if option is not None:
                 raise UserError(f"expected a photo with --{name}; got a result, which has one. Leave it out.")
-        folder = result_in(photo)
-        photo, object_class, state = State.read(folder)
+        walk = Walk.of_folder(photo)
     else:
-        folder = (folder or Path("vig-fit")) / photo.stem
+        folder = (settings.out or Path("vig-fit")) / photo.stem
+        walk = Walk.of_photo(photo, settings.object_class or "teapot", folder)
     if settings.box is not None:
-        state = replace(state, box=parse_box(settings.box))
-    port = free_port(settings.port, settings.host)
-    session = Session(Explainer(object_class or "teapot"), photo, state)
-    viewer = Viewer(session, folder, port, settings.host)
+        if len(walk.items) > 1:
+            raise UserError(f"expected --box with one photo; got {len(walk.items)}. Draw it on the page.")
+        walk.items[0].box = parse_box(settings.box)
+    viewer = Viewer(walk, settings.port, settings.host)
+    folder = walk.run or walk.items[0].folder
     address = f"{HOST}:{viewer.port}"
     if settings.json:
-        print(json.dumps({"address": f"http://{address}", "folder": str(folder)}), file=out, flush=True)
+        print(json.dumps({"address": f"http://{address}", "folder": str(folder)}), flush=True)
     else:
         if viewer.port != settings.port:
             print(f"port {settings.port} is taken; this page has another:", flush=True)
@@ -60,6 +48,6 @@ def _view(settings: ViewCommand, out: TextIO) -> int:
         threading.Event().wait()
     except KeyboardInterrupt:
         viewer.stop()
-    if viewer.saved and not settings.json:
+    if walk.saved and not settings.json:
         print(folder)
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from vig.explanation import Explanation
 from vig.output.pictures import LABEL, PANEL, line_width
 from vig.photo.outline import FINER, REACH
 from vig_app.report import words
-from vig_app.report.drawing import clip_matrix, mesh_data, pose_data, steps_of, views_of
+from vig_app.report.drawing import Pose, clip_matrix, mesh_data, pose_data, steps_of, views_of
 from vig_app.report.html import filled, png_url
 
 PAGE_SIDE = 768
@@ -29,12 +30,9 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         described: What explanation.json holds.
         reduced: Its `page_photo`.
     """
-    height, width = reduced.shape[:2]
-    scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
-    camera = explanation.camera
     part_names = explanation.object_class.shape_model.part_names
     views, steps = views_of(explanation), list(steps_of(explanation))
-    poses = pose_data(explanation, views + steps)
+    data = drawing_data(explanation, views, steps, reduced.shape[1], reduced.shape[0])
     return filled(
         "page.html",
         name=photo,
@@ -42,7 +40,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         badge=words.badge(described),
         summary=words.summary(described),
         photo=reduced,
-        outlines=png_url(_outline_maps(explanation)),
+        outlines=data.pop("outlines"),
         panels=explanation.panels(),
         rows=words.table_rows(described),
         colours=[
@@ -51,15 +49,25 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         ],
         views=[view.words for view in views],
         views_note=words.views_note(described),
-        data={
-            "mesh": mesh_data(explanation),
-            "views": poses[: len(views)],
-            "steps": poses[len(views) :],
-            "clip": clip_matrix(camera, explanation.camera_from_object, explanation.vertices),
-            "window": [0, LABEL, PANEL, PANEL],
-            "outline": _outline_data(explanation, scale, line_width(height, width)),
-        },
+        data=data,
     )
+
+
+def drawing_data(
+    explanation: Explanation, views: Sequence[Pose], steps: Sequence[Pose], width: int, height: int
+) -> dict[str, Any]:
+    """What templates/drawing.js draws: the object in its poses, and outlines on a photo of width x height."""
+    poses = pose_data(explanation, [*views, *steps])
+    scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
+    return {
+        "mesh": mesh_data(explanation),
+        "views": poses[: len(views)],
+        "steps": poses[len(views) :],
+        "clip": clip_matrix(explanation.camera, explanation.camera_from_object, explanation.vertices),
+        "window": [0, LABEL, PANEL, PANEL],
+        "outline": _outline_data(explanation, scale, line_width(height, width)),
+        "outlines": png_url(_outline_maps(explanation)),
+    }
 
 
 def page_photo(photo: np.ndarray) -> np.ndarray:

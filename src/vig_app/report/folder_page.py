@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,11 @@ from PIL import Image
 
 from vig.io.files import atomic_write
 from vig.output.pictures import THUMBNAIL
-from vig_app.report.html import QUALITY, filled
+from vig_app.report.html import QUALITY, filled, write_page
+from vig_app.results import name_of
 
+MOST_ENTRIES = 200
+"""Photos on a run's page, at most."""
 MOST_ERRORS = 200
 """Photos that are listed as not explained."""
 WHOLE = 1200
@@ -41,7 +45,6 @@ class Entry:
         described: What explanation.json or results.csv holds.
         picture: (H, W, 3) uint8.
         has_page: Whether report.html is among its files.
-        note: One line under what was found.
     """
 
     name: str
@@ -49,7 +52,6 @@ class Entry:
     described: Mapping[str, Any]
     picture: np.ndarray
     has_page: bool = True
-    note: str = ""
 
     @property
     def link(self) -> str:
@@ -64,9 +66,8 @@ def folder_html(
     title: str | None = None,
     picture: np.ndarray | None = None,
     note: str = "",
-    gallery: bool = False,
 ) -> str:
-    """The page; entries are in the order of `review_order`.
+    """The page, in the order of `review_order`.
 
     Args:
         entries: The photos that are shown.
@@ -75,11 +76,8 @@ def folder_html(
         title: In place of their number.
         picture: (H, W, 3) uint8, of all of them.
         note: Under the title.
-        gallery: Whether it opens on larger pictures, in the order of `entries`.
     """
-    reviewed = sorted(entries, key=lambda entry: review_order(entry.described))
-    ranks = {id(entry): rank for rank, entry in enumerate(reviewed)}
-    entries = entries if gallery else reviewed
+    entries = sorted(entries, key=lambda entry: review_order(entry.described))
     total = len(entries) if total is None else total
     verdicts = Counter(entry.described["verdict"] for entry in entries)
     return filled(
@@ -92,13 +90,27 @@ def folder_html(
         errors=errors,
         most_errors=MOST_ERRORS,
         picture=None if picture is None else reduced(picture, WHOLE),
-        gallery=gallery,
         columns=COLUMNS,
-        data=[
-            [entry.name, *(entry.described[key] for key in COLUMNS.values()), ranks[id(entry)]]
-            for entry in entries
-        ],
+        data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
     )
+
+
+def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
+    explained = sorted((row for row in rows if row["error"] is None), key=review_order)
+    entries = []
+    for row in explained[:MOST_ENTRIES]:
+        folder = row["folder"].split("/")[0]  # of several objects the page of all
+        picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
+        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
+            picture = np.asarray(thumbnail)
+        has_page = (out / folder / "report.html").exists()
+        entries.append(Entry(name_of(row), folder, row, picture, has_page))
+    if entries:
+        errors = [row["error"] for row in rows if row["error"] is not None]
+        photos = len({row["photo"] for row in explained})
+        title = None if photos == len(explained) else f"{photos} photos, {len(explained)} objects explained"
+        write_page(out / "report.html", folder_html(entries, len(explained), errors, title))
 
 
 def review_order(row: Mapping[str, Any]) -> tuple[int, float]:

@@ -78,6 +78,18 @@ def summary(described: dict[str, Any]) -> str:
     return f"{described['class']}: {trusted} ({confidences}){hidden_share}"
 
 
+def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
+    """What the answer's probabilities are of, as far as they were learned; then those of other views."""
+    named = (("in the photo", "present"), ("view right", "confidence"), ("mask right", "mask_confidence"))
+    known = [(name, described[key]) for name, key in named if described[key] is not None]
+    if described["verdict"] == "absent":
+        return known[:1]
+    others = [
+        (f"or azimuth {view['azimuth_deg']:.0f}°", view["probability"]) for view in described["alternatives"]
+    ]
+    return known + [(name, probability) for name, probability in others if probability is not None]
+
+
 def views_note(described: dict[str, Any]) -> str:
     """What to do with the views."""
     if described["alternatives"]:

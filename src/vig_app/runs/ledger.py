@@ -86,6 +86,8 @@ def key_of(task: Task, settings: str) -> str:
     options = task.box, task.focal, task.objects, task.most, task.camera
     packs = [_pack_state(name) for name in sorted({name for name, _ in task.objects})]
     digest = hashlib.sha256(repr((settings, _file_state(task.photo), options, packs)).encode())
+    if task.corrected:
+        digest.update(repr(task.corrected).encode())
     if task.mask is not None:
         digest.update(repr(_file_state(task.mask)).encode())
     if task.hints is not None:

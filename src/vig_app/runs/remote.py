@@ -97,11 +97,10 @@ def _store(task: Task, files: dict[str, bytes]) -> None:
             path = beside / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
-        corrections = beside / CORRECTIONS
-        if corrections.exists():
+        for corrections in beside.rglob(CORRECTIONS):
             content = json.loads(corrections.read_text())
-            content["photo"] = os.path.relpath(task.photo.resolve(), beside.resolve())
-            write_json(beside, content, CORRECTIONS)
+            content["photo"] = os.path.relpath(task.photo.resolve(), corrections.parent.resolve())
+            write_json(corrections.parent, content, CORRECTIONS)
 
 
 def taken(waiting: deque[Item]) -> Iterator[Item]:

@@ -12,14 +12,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vig.explainer import Box, Explainer
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExplainSettings
 from vig.io.errors import UserError
 from vig.parallel import Lost
+from vig.photo.images import coded_photo
 from vig.photo.masks import read_mask
 from vig.several import explain_found, explain_together
+from vig.several.scene import SceneExplanation
 from vig_app.corrections import CORRECTIONS, State
 from vig_app.exports import remove_exports
 from vig_app.results import COLUMNS, POSE
@@ -49,6 +53,8 @@ class Task:
         objects: Class and box of each of several objects, which are explained together.
         most: So many objects, of any of the run's classes, are to be found and explained together.
         camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
+        corrected: By hand, see `vig_app.corrections.corrected_in`; in place of box, focal length, camera and
+            hints of the one object, or of that of several.
         key: Of all that the results depend on, written beside them; see `vig_app.runs.ledger.key_of`.
     """
 
@@ -61,6 +67,7 @@ class Task:
     objects: tuple[tuple[str, Box], ...] = ()
     most: int = 0
     camera: Any = None
+    corrected: tuple[tuple[str, State], ...] = ()
     key: str = ""
 
 
@@ -114,6 +121,11 @@ class Work:
 
     def one(self, task: Task) -> dict[str, Any]:
         """The row of a photo of one object."""
+        for name, state in task.corrected:
+            if not name:
+                explanation = state.explained(self.explainer, task.photo, coded_photo(task.photo))
+                self.write(task, explanation, state)
+                return row_of(task, explanation)
         hints = task.hints
         if task.mask is not None:
             hints = replace(hints or Hints(), mask=read_mask(task.mask))
@@ -139,24 +151,40 @@ class Work:
             names = (str(self.settings.object_class), *self.settings.others)
             explainers = [self.of_class(name) for name in names]
             scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
+        states = dict(task.corrected)
+        for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True)):
+            if name in states:  # of the class that its name has
+                others = np.any(np.delete(scene.masks, number, axis=0), axis=0, keepdims=True)[0]
+                explainer = next(each for each in explainers if each.object_class is explanation.object_class)
+                again = states[name].explained(explainer, task.photo, explanation.picture, others)
+                objects = (*scene.objects[:number], again, *scene.objects[number + 1 :])
+                scene = SceneExplanation(objects, scene.occludes)
         with beside_folder(task) as beside:
             settings = self.settings
             scene.save(beside, task.photo.name, settings.export, settings.files, settings.full_size)
+            for name, explanation in zip(scene.names, scene.objects, strict=True):
+                box: Any = explanation.box and tuple(map(float, explanation.box))
+                state = states.get(name, State(box, focal=task.focal, camera=_lens(task, explanation)))
+                state.write(beside / name, task.photo, explanation.object_class, name in states)
         return [
             row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}
             for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
         ]
 
-    def write(self, task: Task, explanation: Explanation) -> None:
+    def write(self, task: Task, explanation: Explanation, corrected: State | None = None) -> None:
         """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
             explanation.save(beside, task.photo.name, self.settings.files, self.settings.full_size)
             explanation.export(beside, self.settings.export, task.photo.name)
-            lens = None if task.camera is None else explanation.window.lens
-            camera = None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)
-            state = State.of(task.box, task.focal, explanation.hints, camera)
+            state = corrected or State.of(task.box, task.focal, explanation.hints, _lens(task, explanation))
             if state is not None:  # named from where it will be, which is as deep
-                state.write(beside, task.photo, explanation.object_class)
+                state.write(beside, task.photo, explanation.object_class, corrected is not None)
+
+
+def _lens(task: Task, explanation: Explanation) -> tuple[float, float, float, float] | None:
+    """fx, fy, cx, cy of the camera that was given."""
+    lens = None if task.camera is None else explanation.window.lens
+    return None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)
 
 
 @contextmanager

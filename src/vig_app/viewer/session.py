@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
-from vig.photo import focal_of
+from vig.parallel import on_one_core
 from vig.photo.images import coded_photo
+from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
+from vig.several import MOST_OBJECTS
+from vig.several.explain import find_together
 from vig_app.corrections import Mark, State
 
 MOST_UNDO = 200
 """States that can be gone back to, at most."""
 Change = Callable[[State], State]
 """What one correction makes of a state."""
+Places = Sequence[tuple[float, float]]
 
 
 class Session:
@@ -27,8 +34,20 @@ class Session:
     cannot be done it raises UserError and leaves all as it was.
     """
 
-    def __init__(self, explainer: Explainer, photo: str | Path, state: State | None = None) -> None:
+    def __init__(
+        self,
+        explainer: Explainer,
+        photo: str | Path,
+        state: State | None = None,
+        others: np.ndarray | None = None,
+    ) -> None:
         """Open a photo and explain it with the hints of a state.
+
+        Args:
+            explainer: Of the object's class.
+            photo: A file.
+            state: What is known already.
+            others: (H, W) bool, pixels in which other objects are seen, where these were explained.
 
         Raises:
             UserError: As `Explainer.explain` does.
@@ -36,8 +55,11 @@ class Session:
         self.explainer = explainer
         self.path = Path(photo)
         self.photo = coded_photo(photo)
-        self.exif_focal = focal_of(photo)
-        self.states = [state or State()]
+        self.others = others
+        if others is not None and others.shape != self.photo.shape[:2]:
+            raise UserError(f"expected '{photo}' as it was explained; got one of another size. Fit it anew.")
+        self.saved = state or State()
+        self.states = [self.saved]
         self._check(self.state)
         self.explanation = self._explained(self.state)
 
@@ -45,6 +67,11 @@ class Session:
     def state(self) -> State:
         """The hints now."""
         return self.states[-1]
+
+    @property
+    def unsaved(self) -> bool:
+        """Whether there are corrections that were not saved."""
+        return self.state != self.saved
 
     def correct(self, *changes: Change | None) -> Explanation:
         """Make corrections in their order and fit once; None takes the last one back, where there is one.
@@ -80,9 +107,9 @@ class Session:
         """Where a named point of the class is."""
         return self.correct(placed(name, x, y))
 
-    def mark(self, label: PixelLabel, x: float, y: float, radius: float) -> Explanation:
-        """What a disc of the photo shows."""
-        return self.correct(marked(label, x, y, radius))
+    def mark(self, label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Explanation:
+        """What the photo shows under a stroke of a brush, set down at a place and moved along a path."""
+        return self.correct(marked(label, x, y, radius, path))
 
     def choose(self, azimuth_deg: float | None) -> Explanation:
         """Which view it is, to some 8 degrees; None leaves it open again."""
@@ -104,29 +131,32 @@ class Session:
         """Take the last correction back; nothing happens where there is none."""
         return self.correct(None)
 
-    def save(self, folder: str | Path) -> Path:
-        """Write what `vig fit` writes; returns the folder."""
-        folder = self.explanation.save(folder, self.path.name)
-        self.state.write(folder, self.path, self.explainer.object_class)
+    def save(self, folder: str | Path, files: Sequence[str] | None = None) -> Path:
+        """Write what `vig fit` writes, see `Explanation.save`; returns the folder."""
+        folder = self.explanation.save(folder, self.path.name, files)
+        self.state.write(folder, self.path, self.explainer.object_class, corrected=True)
+        self.saved = self.state
         return folder
+
+    def places(self) -> list[tuple[float, float, float, float]]:
+        """Boxes of the places at which objects of the class are found, the surest first.
+
+        Raises:
+            UserError: The class's network does not find objects.
+        """
+        found = on_one_core(partial(find_together, self.photo, [self.explainer], MOST_OBJECTS))
+        boxes = []
+        for _, window in found:  # the inverse of `Window.round_box`
+            side, (x, y) = window.side / WINDOW_OVER_BOX, window.centre
+            boxes.append((x - side / 2, y + BOX_BELOW_CENTRE * window.side - side / 2, side, side))
+        return boxes
 
     def _check(self, state: State) -> None:
         height, width = self.photo.shape[:2]
         state.check(width, height, self.explainer.object_class)
 
     def _explained(self, state: State) -> Explanation:
-        height, width = self.photo.shape[:2]
-        given = state.focal is not None or state.camera is not None
-        focal = state.focal if given else self.exif_focal
-        hints = state.hints(width, height)
-        try:
-            explanation = self.explainer.explain(
-                self.photo, state.box, focal=focal, hints=hints, camera=state.camera
-            )
-            exif = not given and focal is not None and self.explainer.settings.camera_distance_ratio is None
-            return replace(explanation, focal_from="exif") if exif else explanation
-        except UserError as error:
-            raise UserError(str(error).replace("the photo", self.path.name, 1)) from None
+        return state.explained(self.explainer, self.path, self.photo, self.others)
 
 
 def placed(name: str, x: float, y: float) -> Change:
@@ -134,9 +164,9 @@ def placed(name: str, x: float, y: float) -> Change:
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
-def marked(label: PixelLabel, x: float, y: float, radius: float) -> Change:
+def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
     """The change that `Session.mark` makes."""
-    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, label)))
+    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, label, tuple(path))))
 
 
 def cleared(state: State) -> State:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from vig_paper import STEP_KINDS, Network, Scale, StepKind
+from vig_paper import STEP_KINDS, Network, Objects, Scale, StepKind
 from vig_train import Method
 
 
@@ -30,6 +30,9 @@ class Reproduce:
     """Passes of the training over them, at most; at the paper's scale as many as `vig train` does."""
     net: Network | None = None
     """The recognition model: vig's, or the paper's own."""
+    objects: Objects | None = None
+    """What test photos show: `model`, shapes drawn from the shape model as in the paper; or `designs`, which
+    the model was not made of, the default. Training photos show the model's."""
     weights: Path | None = None
     """Recognition weights to use in place of training."""
     validation_images: int | None = None

@@ -9,7 +9,7 @@ from typing import Any
 
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
-from vig_paper import Network, Scale
+from vig_paper import Network, Objects, Scale
 from vig_train import METHODS, Method
 
 DATASETS = {
@@ -50,6 +50,9 @@ class ReproductionSettings:
     """Rasterised test photos that are fitted once for each ablation."""
     seed: int = 0
     net: Network = "vig"
+    objects: Objects = "designs"
+    """What test and validation photos show: shapes N(0, 1) of the model as in the paper, or near designs that
+    it was not made of."""
     methods: tuple[Method, ...] = METHODS
     weights: Path | None = None
     """Recognition weights to use in place of training."""
@@ -106,6 +109,11 @@ class RunFolder:
     def page(self) -> Path:
         """The page of results."""
         return self.root / "index.html"
+
+    @property
+    def object_class(self) -> Path:
+        """The class pack of the run's objects."""
+        return self.root / "class"
 
     @property
     def recognition(self) -> Path:

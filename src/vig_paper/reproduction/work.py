@@ -16,12 +16,14 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
+from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
 from vig_paper.ablation import ablation_markdown, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
 from vig_paper.reproduction.settings import DATASETS, RENDERERS, ReproductionSettings, RunFolder
+from vig_paper.teapot_class import copy_class
 from vig_train.calibration import calibrate_fits, describe, fit_count
 from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
@@ -67,8 +69,10 @@ class Run:
 
     @cached_property
     def object_class(self) -> ObjectClass:
-        """The paper's class."""
-        return ObjectClass.load("teapot")
+        """The paper's class, copied into the run's folder."""
+        if not (self.folder.object_class / "class.json").exists():
+            copy_class(self.folder.object_class, self.settings.objects == "designs")
+        return ObjectClass.load(self.folder.object_class)
 
     def dataset_folder(self, name: str) -> Path:
         """Folder of one of `DATASETS`: the one that the settings name, or the run's own."""
@@ -76,7 +80,7 @@ class Run:
 
     def dataset(self, name: str) -> Dataset:
         """One of `DATASETS`. Raises UserError when it is missing, incomplete or damaged."""
-        return read_dataset(self.dataset_folder(name), DATASETS[name][0])
+        return read_dataset(self.dataset_folder(name), DATASETS[name][0]).at_network_size()
 
     def recognizer(self) -> Recognizer:
         """The run's recognition model. Raises UserError when its weights are missing or invalid."""
@@ -156,7 +160,7 @@ def train(run: Run) -> None:
             run.report,
         )
     else:
-        vig_settings = TrainingSettings(**chosen)
+        vig_settings = TrainingSettings(**chosen, start=TRUNK_FILE, trunk_only=True)
         vig_settings = replace(vig_settings, batch=min(vig_settings.batch, batch))
         train_network([dataset], run.folder.recognition, vig_settings, run.report)
 

@@ -35,7 +35,7 @@ def calibrate(settings: Calibrate) -> int:
         if getattr(settings, name) < 0:
             raise UserError(f"expected --{name} of at least 0; got {getattr(settings, name)}.")
     object_class = ObjectClass.load(settings.object_class)
-    datasets = [read_dataset(path, settings.split) for path in settings.datasets]
+    datasets = [read_dataset(path, settings.split).at_network_size() for path in settings.datasets]
     for dataset in datasets:
         check_class(dataset, object_class)
     check_count(sum(map(len, datasets)) + settings.studio)

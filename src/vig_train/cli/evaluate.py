@@ -32,7 +32,7 @@ def evaluate(settings: Evaluate) -> int:
     """Run the methods, write and print their results; returns the exit code."""
     _check(settings)
     object_class = ObjectClass.load(settings.object_class)
-    dataset = read_dataset(settings.dataset, settings.split)
+    dataset = read_dataset(settings.dataset, settings.split).at_network_size()
     if settings.limit is not None:
         dataset = dataset.first(settings.limit)
     check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)

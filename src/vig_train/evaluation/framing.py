@@ -22,6 +22,7 @@ def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, 
     Those of the paper's world are as they are. Of photographs the box of the object's whole silhouette is
     given, as to `vig fit --boxes`, and the window is turned as the network sees the object rolled.
     """
+    dataset = dataset.at_network_size()
     if dataset.world == "paper":
         return dataset.images, dataset.visible
     images, visible = np.empty_like(dataset.images), np.empty_like(dataset.visible)

@@ -18,6 +18,7 @@ from vig_train.evaluation.table import METRICS, OTHER_METRICS
 MIN_P = 1e-4
 """Smaller p values are printed as "p < MIN_P"."""
 GROUPS = ("azimuth", "elevation", "shape", "albedo", "light")
+POSE = GROUPS[:2]
 VERDICTS = ("trusted", "ambiguous", "reverted", "failed")
 
 
@@ -50,7 +51,7 @@ def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     candidates = [
         _medians(table, "rows", METRICS, "Table 1"),
         _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
-        _finishes(table),
+        _kinds(table),
         _fits(table),
         _coverage(table),
         _tests(table),
@@ -96,12 +97,12 @@ def _fits(table: Mapping[str, Any]) -> TableBlock:
     return TableBlock("Failures and verdicts; degrees; within: of the trusted", header, lines)
 
 
-def _finishes(table: Mapping[str, Any]) -> TableBlock:
-    """Photographs by what the object is covered with."""
+def _kinds(table: Mapping[str, Any]) -> TableBlock:
+    """Images by how much of the object is hidden, photographs by what the object is covered with, too."""
     lines = []
-    for finish, methods in table.get("finishes", {}).items():
+    for kind, methods in table.get("kinds", {}).items():
         for method, summary in methods.items():
-            verdicts = summary["verdicts"]
+            verdicts, held = summary["verdicts"], summary["coverage"]
             near = None if verdicts is None else verdicts["trusted_within_15_deg"]
             trusted = "-" if verdicts is None else f"{verdicts['trusted_share']:.0%}"
             values = [
@@ -110,11 +111,14 @@ def _finishes(table: Mapping[str, Any]) -> TableBlock:
                 f"{summary['within_15_deg']:.0%}",
             ]
             lines.append(
-                [f"{finish}: {method}", *values, _digits(summary["segmentation_iou"]), trusted]
+                [f"{kind}: {method}", *values, _digits(summary["segmentation_iou"]), trusted]
                 + ["-" if near is None else f"{near:.0%}"]
+                + [f"{held[name]:.0%}" if name in held else "-" for name in POSE]
             )
-    header = ["", "images", "azimuth (degrees)", f"within {NEAR_DEG:.0f}", "IoU", "trusted", "of them right"]
-    return TableBlock("By what covers the object; medians", header, lines)
+    header = ["", "images", "azimuth", f"within {NEAR_DEG:.0f}", "IoU", "trusted", "right"]
+    header += [f"{name}\n90 %" for name in POSE]
+    title = "By how much is hidden and what covers the object; medians, degrees; right: of the trusted; 90 %:"
+    return TableBlock(f"{title} truths within that interval", header, lines)
 
 
 def _coverage(table: Mapping[str, Any]) -> TableBlock:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -157,29 +158,44 @@ def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]
     }
 
 
-def by_finish(
-    results: Mapping[str, MethodResult], finish: Sequence[str], chosen: np.ndarray
+def by_kind(
+    results: Mapping[str, MethodResult], kinds: Mapping[str, np.ndarray], truth: np.ndarray
 ) -> dict[str, dict[str, Any]]:
-    """What the object is covered with to method to what counts of photographs, of images `chosen` (N,) bool.
+    """Kind of image to method to what counts of it; kinds: the images (N,) bool of each; truth (N, P).
 
     That is the number of images, the azimuth's median error and its share within 15 degrees, the median IoU
-    of the visible pixels, and of fits the `verdicts`.
+    of the visible pixels, the `coverage` of azimuth and elevation, and of fits the `verdicts`.
     """
-    names, summaries = np.array(finish), {}
-    for name in sorted(set(names[chosen].tolist())):
-        of_finish = chosen & (names == name)
-        summaries[name] = {
-            method: {
-                "count": int(of_finish.sum()),
-                "azimuth_deg": float(np.median(result.errors["azimuth_deg"][of_finish])),
-                "within_15_deg": float((result.errors["azimuth_deg"][of_finish] <= NEAR_DEG).mean()),
-                "segmentation_iou": float(np.median(result.errors["segmentation_iou"][of_finish])),
-                "verdicts": verdicts(result, of_finish) if any(result.verdicts) else None,
+    posed = {method: result for method, result in results.items() if "segmentation_iou" in result.errors}
+    standard = {m: standardised_errors(r, truth) for m, r in posed.items() if r.deviation is not None}
+    summaries: dict[str, dict[str, Any]] = {}
+    for kind, of_kind in kinds.items():
+        for method, result in posed.items():
+            azimuth = result.errors["azimuth_deg"][of_kind]
+            held = coverage(standard[method][of_kind]) if method in standard else {}
+            summaries.setdefault(kind, {})[method] = {
+                "count": int(of_kind.sum()),
+                "azimuth_deg": float(np.median(azimuth)),
+                "within_15_deg": float((azimuth <= NEAR_DEG).mean()),
+                "segmentation_iou": float(np.median(result.errors["segmentation_iou"][of_kind])),
+                "coverage": {name: held[name] for name in ("azimuth", "elevation") if name in held},
+                "verdicts": verdicts(result, of_kind) if any(result.verdicts) else None,
             }
-            for method, result in results.items()
-            if "segmentation_iou" in result.errors
-        }
     return summaries
+
+
+def quarters_hidden(occlusion: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
+    """Name to images (N,) bool of quarters of those `chosen` (N,) bool, by how much of the object is hidden.
+
+    Ends of equal share go to the lower quarter; a quarter without images is left out.
+    """
+    ends = np.quantile(occlusion[chosen], [0.0, 0.25, 0.5, 0.75, 1.0])
+    quarters = {}
+    for number, (least, most) in enumerate(pairwise(ends.tolist())):
+        within = chosen & (occlusion <= most) & ((occlusion > least) | (number == 0))
+        if within.any():
+            quarters[f"{least:.0%} to {most:.0%} hidden"] = within
+    return quarters
 
 
 def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:

@@ -17,12 +17,13 @@ from vig_train.evaluation.statistics import (
     OCCLUSION_BINS,
     OCCLUSION_LEVELS,
     bootstrap_indices,
-    by_finish,
+    by_kind,
     by_occlusion,
     coverage,
     failure_rate,
     interval,
     paired_tests,
+    quarters_hidden,
     standardised_errors,
     summary,
     verdicts,
@@ -141,7 +142,8 @@ def summarise(
     Returns:
         The table, with "failures": method to `statistics.failure_rate`; "verdicts": method to
         `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
-        predicted 90 % interval; "finishes": of photographs, see `statistics.by_finish`; "tests": a list from
+        predicted 90 % interval; "kinds": see `statistics.by_kind`, by quarters of what is hidden and, of
+        photographs, by what covers the object; "tests": a list from
         `statistics.paired_tests`, without the baseline; "levels", "bins": of all images whatever the limits,
         {"ranges": [[least, most], ...], "counts", "rows": {metric: {method: [summary or None, ...]}}}.
 
@@ -162,10 +164,14 @@ def summarise(
     }
     posed = {method: result for method, result in results.items() if "azimuth_deg" in result.errors}
     uncertain = {method: result for method, result in results.items() if result.deviation is not None}
+    kinds = quarters_hidden(dataset.occlusion, chosen)
+    if dataset.world == "photo":
+        finish = np.array(dataset.finish)
+        kinds |= {name: chosen & (finish == name) for name in sorted(set(finish[chosen].tolist()))}
     return table | {
         "failures": {m: failure_rate(r.errors["azimuth_deg"][chosen], samples) for m, r in posed.items()},
         "verdicts": {m: verdicts(r, chosen) for m, r in posed.items() if any(r.verdicts)},
-        "finishes": by_finish(posed, dataset.finish, chosen) if dataset.world == "photo" else {},
+        "kinds": by_kind(posed, kinds, dataset.latents),
         "coverage": {
             m: coverage(standardised_errors(r, dataset.latents)[chosen]) for m, r in uncertain.items()
         },

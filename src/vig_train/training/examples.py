@@ -38,7 +38,8 @@ class Examples:
 
     @staticmethod
     def of(dataset: Dataset) -> Examples:
-        """Read a dataset, a few hundred images at a time."""
+        """Read a dataset, a few hundred images at a time, cut to the size of networks' inputs."""
+        dataset = dataset.at_network_size()
         latents = Latents.from_vector(torch.from_numpy(dataset.latents))
         images, visible, hidden = [], [], []
         for chunk in np.array_split(np.arange(len(dataset)), max(1, len(dataset) // 256)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -11,11 +12,8 @@ from vig.io.errors import UserError
 from vig_world.cli.settings import Check, ExportDataset, Groups, Make, Show
 
 if TYPE_CHECKING:
+    from vig.scene import ObjectClass
     from vig_world.library import OwnAssets
-
-
-MOST_SIDE = 4096
-"""Pixels of a photo of a group."""
 
 
 def make(settings: Make) -> int:
@@ -45,6 +43,8 @@ def make(settings: Make) -> int:
         photo=settings.photo,
         world=settings.world,
         ray=settings.ray,
+        size=_size(settings.size),
+        normals=settings.normals,
     )
     described = describe_split(folder, settings.split)
     if settings.json:
@@ -58,9 +58,18 @@ def make(settings: Make) -> int:
     return 0
 
 
+def _size(text: str) -> tuple[int, int]:
+    """Width and height as --size states them."""
+    match = re.fullmatch(r"([0-9]{1,9})[xX]([0-9]{1,9})", text)
+    if match is None:
+        raise UserError(f"expected --size WIDTHxHEIGHT in pixels, such as 640x480; got '{text[:40]}'.")
+    return int(match[1]), int(match[2])
+
+
 def groups(settings: Groups) -> int:
     """`vig dataset groups`."""
     from vig.scene import ObjectClass
+    from vig_world.dataset.format import MOST_SIDE
     from vig_world.generation.groups import write_groups
 
     if settings.count < 1 or not all(16 <= side <= MOST_SIDE for side in (settings.width, settings.height)):
@@ -89,13 +98,19 @@ def _own(settings: Make | Check) -> OwnAssets:
     return own
 
 
+def _class(name: str | None) -> ObjectClass | None:
+    """The class that --class names."""
+    from vig.scene import ObjectClass
+
+    return None if name is None else ObjectClass.load(name)
+
+
 def check(settings: Check) -> int:
     """`vig dataset check`."""
-    from vig.scene import ObjectClass
     from vig_world.dataset.format import complete_split, read_info
     from vig_world.generation.check import check_dataset
 
-    object_class = None if settings.object_class is None else ObjectClass.load(settings.object_class)
+    object_class = _class(settings.object_class)
     splits = [name for name, held in read_info(settings.dataset)["splits"].items() if held["complete"]]
     if settings.split is not None or not splits:
         splits = [complete_split(settings.dataset, settings.split)]
@@ -124,13 +139,22 @@ def show(settings: Show) -> int:
     """`vig dataset show`."""
     from vig_world.dataset import read_dataset
     from vig_world.generation.describe import describe_split
+    from vig_world.generation.keypoints import dataset_class
     from vig_world.generation.show import contact_sheet, histograms
 
     dataset = read_dataset(settings.dataset, settings.split)
     split = dataset.folder.name
     out = settings.out or settings.dataset
     sheet = out / f"contact-sheet-{split}.png"
-    contact_sheet(dataset, sheet, settings.count, tint=not settings.plain)
+    object_class = None
+    if not settings.plain:
+        try:
+            object_class = dataset_class(dataset, _class(settings.object_class))
+        except UserError as error:
+            if settings.object_class is not None:
+                raise
+            print(f"vig: {error} The sheet has no keypoints.", file=sys.stderr)
+    contact_sheet(dataset, sheet, settings.count, not settings.plain, object_class)
     distributions = histograms(settings.dataset, split, out / f"histograms-{split}.png")
     if settings.json:
         described = {"sheet": str(sheet), "histograms": str(distributions), "split": split}
@@ -144,12 +168,17 @@ def show(settings: Show) -> int:
 
 def export(settings: ExportDataset) -> int:
     """`vig dataset export`."""
-    from vig_world.generation.coco import export_coco
+    from vig_world.generation.coco import export_coco, export_coco_keypoints
     from vig_world.generation.webdataset import export_webdataset
+    from vig_world.generation.yolo import export_yolo_pose
 
+    where = settings.dataset, settings.out, settings.split
     if settings.to == "coco":
-        export_coco(settings.dataset, settings.out, settings.split)
+        export_coco(*where)
+    elif settings.to == "webdataset":
+        export_webdataset(*where, settings.shard)
     else:
-        export_webdataset(settings.dataset, settings.out, settings.split, settings.shard)
+        exporters = {"coco-keypoints": export_coco_keypoints, "yolo-pose": export_yolo_pose}
+        exporters[settings.to](*where, _class(settings.object_class))
     print(json.dumps({"folder": str(settings.out)}) if settings.json else settings.out)
     return 0

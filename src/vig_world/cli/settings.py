@@ -33,6 +33,11 @@ class Make:
     finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
     """With --world paper, finish of the path-traced object: matt as in the model, glazed, or glazed over a
     painted decoration."""
+    size: str = "150x150"
+    """Width x height of the pictures, pixels. Scenes are the same at any size: the square that they are
+    composed for lies in the middle; a wide picture shows more at its sides, a tall one above and below."""
+    normals: bool = False
+    """Write pictures of surface normals, too."""
     photo: bool = False
     """Pass the pictures through a camera model: exposure, white balance, blur, noise, JPEG."""
     envmaps: str | None = None
@@ -99,7 +104,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Show:
-    """Write a contact sheet and histograms of a dataset."""
+    """Write a contact sheet, with outlines, boxes and keypoints, and histograms of a dataset."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
@@ -108,7 +113,9 @@ class Show:
     count: int = 48
     """Number of samples on the sheet, evenly spaced from unoccluded to hidden."""
     plain: bool = False
-    """Leave the hidden part of the object untinted."""
+    """Show the photos alone, without labels."""
+    object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
+    """The folder of the class pack it was made with, when that is not a packaged class: for keypoints."""
     out: Path | None = None
     """Folder for the pictures; the dataset's by default."""
     json: bool = False
@@ -117,16 +124,19 @@ class Show:
 
 @dataclass(frozen=True)
 class ExportDataset:
-    """Write a dataset in another format: COCO annotations, visible and amodal, or WebDataset shards."""
+    """Write a dataset in another format: COCO annotations, visible and amodal, or with keypoints; labels of
+    Ultralytics' pose networks; WebDataset shards."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
-    to: Literal["coco", "webdataset"]
-    """Which format; docs/dataset.md describes both."""
+    to: Literal["coco", "coco-keypoints", "yolo-pose", "webdataset"]
+    """Which format; docs/dataset.md describes them."""
     out: Path
     """Folder for the result."""
     split: Split | None = None
     """Which split; by default the only one, or train."""
+    object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
+    """Of keypoints: the folder of the class pack it was made with, when that is not a packaged class."""
     shard: int = 1000
     """webdataset: samples in a tar file."""
     json: bool = False

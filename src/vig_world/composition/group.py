@@ -75,9 +75,8 @@ class GroupSpec:
     def views(self, classes: Sequence[ObjectClass], width: int, height: int) -> list[View]:
         """The camera in each member's frame, for an image of width x height pixels."""
         scene, first = self.members[0].scene, _class_of(self.members[0], classes)
-        view = View.of_scene(scene, first, height)
-        camera = replace(view.camera, width=width, cx=view.camera.cx + (width - height) / 2)
-        return [member.view(View(camera, view.rotation, view.translation)) for member in self.members]
+        view = View.of_scene(scene, first, height).framed(width, height)
+        return [member.view(view) for member in self.members]
 
 
 def sample_group(
@@ -129,10 +128,8 @@ class _GroupBuilder:
     ):
         self.library, self.classes, self.scene = library, classes, scene
         self.members = [Member(first.name, scene, 0.0, (0.0, 0.0))]
-        narrow = View.of_scene(scene, first, 2 * LAYOUT_SIZE)
-        width = round(aspect * narrow.camera.height)
-        wide = replace(narrow.camera, width=width, cx=narrow.camera.cx + (width - narrow.camera.height) / 2)
-        self.view = View(wide, narrow.rotation, narrow.translation)
+        height = 2 * LAYOUT_SIZE
+        self.view = View.of_scene(scene, first, height).framed(round(aspect * height), height)
         vertices = target_vertices(scene, first)
         actor = Actor.of(
             View.through(scene.lens, first, scene.azimuth, scene.elevation, LAYOUT_SIZE),

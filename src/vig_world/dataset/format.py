@@ -3,7 +3,8 @@
 A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D/<split>/` with
 `latents.parquet`, `specs.jsonl` (one SceneSpec a line), `files.sha256` and the BOP scene `000000/`: `rgb/`,
 `depth/` (16 bits, times depth_scale in mm; 0 unknown), `mask/` (the object alone), `mask_visib/`,
-`scene_gt.json`, `scene_camera.json`, `scene_gt_info.json`. docs/dataset.md describes every field.
+`normal/` where it was asked for, `scene_gt.json`, `scene_camera.json`, `scene_gt_info.json`. docs/dataset.md
+describes every field.
 """
 
 from __future__ import annotations
@@ -14,19 +15,25 @@ from typing import Any
 
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
+from vig.scene import IMAGE_SIZE
 from vig_world import World
 from vig_world.dataset.spec import SPLITS
 
 FORMAT_VERSION = 3
 DEPTH_SCALE = 0.1
 """Millimetres per unit of the depth images."""
+MOST_DEPTH = 65535
+"""Units of what is as far or farther."""
 OBJECT_ID = 1
 """Of the one object, in BOP's and COCO's files."""
 MOST_SAMPLES = 1_000_000
 """Files are numbered with six digits."""
-MOST_PICTURE = 1 << 20
-"""Bytes of an image file; one that cannot be compressed at all has less."""
-PICTURE_MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L"}
+Size = tuple[int, int]
+"""Width and height of pictures, pixels."""
+STANDARD_SIZE: Size = (IMAGE_SIZE, IMAGE_SIZE)
+LEAST_SIDE, MOST_SIDE, MOST_ASPECT = 32, 4096, 4.0
+"""Pixels of a side of pictures; the longer side over the shorter one."""
+PICTURE_MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L", "normal": "RGB"}
 REMEDY = "Make the dataset again."
 INFO = "info.json"
 SCENE = "000000"
@@ -37,15 +44,31 @@ PARTIAL = "partial"
 """Folder of a split that is not complete: one JSON file per finished sample."""
 
 
-def image_paths(folder: Path, index: int) -> dict[str, Path]:
-    """The image files of sample `index` in the split folder: rgb, depth, mask, mask_visib."""
+def image_paths(folder: Path, index: int, normals: bool = False) -> dict[str, Path]:
+    """The image files of sample `index` in the split folder: rgb, depth, mask, mask_visib; normal, if any."""
     scene = folder / SCENE
-    return {
+    paths = {
         "rgb": scene / "rgb" / f"{index:06d}.png",
         "depth": scene / "depth" / f"{index:06d}.png",
         "mask": scene / "mask" / f"{index:06d}_000000.png",
         "mask_visib": scene / "mask_visib" / f"{index:06d}_000000.png",
     }
+    return paths | ({"normal": scene / "normal" / f"{index:06d}.png"} if normals else {})
+
+
+def most_bytes(size: Size) -> int:
+    """Bytes of an image file of that size; one that cannot be compressed at all has less."""
+    return max(1 << 20, 4 * size[0] * size[1])
+
+
+def check_size(size: Size) -> None:
+    """Raise UserError for a size of pictures that no dataset has."""
+    shorter, longer = sorted(size)
+    if not (LEAST_SIDE <= shorter and longer <= min(MOST_SIDE, MOST_ASPECT * shorter)):
+        raise UserError(
+            f"expected a size of {LEAST_SIDE} to {MOST_SIDE} pixels a side, at most {MOST_ASPECT:g} times as"
+            f" long as wide; got {size[0]}x{size[1]}. Choose another, such as 640x480."
+        )
 
 
 COLUMNS = (
@@ -82,7 +105,10 @@ def read_info(root: Path) -> dict[str, Any]:
             splits = decode(dict[str, dict[str, Any]], info["splits"])
             if not splits.keys() <= set(SPLITS):
                 raise ValueError(f"splits are {', '.join(SPLITS)}; it has others")
+            info["splits"] = splits
             for settings in splits.values():
+                settings.setdefault("size", list(STANDARD_SIZE))  # splits of before there were others
+                settings.setdefault("normals", False)
                 _check_settings(settings)
     if version != FORMAT_VERSION:
         raise UserError(
@@ -102,6 +128,8 @@ _SETTINGS = {
     "world": World,
     "own_assets": dict[str, str],
     "world_version": int,
+    "size": Size,
+    "normals": bool,
     "complete": bool,
 }
 _COMPLETE = {"rejections": dict[str, int], "rejections_per_sample": float, "manifest_sha256": str}
@@ -117,6 +145,7 @@ def _check_settings(settings: dict[str, Any]) -> None:
             raise ValueError(f"{name}: {error}") from None
     if not 1 <= settings["count"] <= MOST_SAMPLES:
         raise ValueError(f"count must be from 1 to {MOST_SAMPLES}; it is {settings['count']}")
+    check_size(tuple(settings["size"]))
     if not settings["class"].isprintable() or set(settings["class"]) & set("/\\"):
         raise ValueError("class must be a name without slashes")
 

@@ -13,18 +13,22 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from vig.io.checks import read_bytes, reading
-from vig.scene import IMAGE_SIZE
+from vig.photo import Window
+from vig.scene import IMAGE_SIZE, srgb8_from_linear
 from vig_world import World
 from vig_world.dataset.format import (
     COLUMNS,
     DEPTH_SCALE,
-    MOST_PICTURE,
+    MOST_DEPTH,
     PICTURE_MODES,
     REMEDY,
+    STANDARD_SIZE,
     TABLE,
+    Size,
     complete_split,
     image_paths,
     inside,
+    most_bytes,
     read_info,
 )
 from vig_world.dataset.spec import SceneSpec
@@ -42,7 +46,8 @@ class Dataset:
     truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
     the model the object has, see `vig_world.assets.target`; -1 for none. finish: `matt`, `glossy`, `painted`
     or `metal`. roll: (N,) clockwise turn of the image, radians. world: of all scenes, see
-    `vig_world.WORLDS`.
+    `vig_world.WORLDS`. size: of the image files. normals: whether there are some. cut: whether pictures are
+    those of `at_network_size`.
     """
 
     folder: Path
@@ -56,31 +61,56 @@ class Dataset:
     finish: tuple[str, ...]
     roll: np.ndarray
     world: World
+    size: Size = STANDARD_SIZE
+    normals: bool = False
+    cut: bool = False
 
     def __len__(self) -> int:
         return len(self.latents)
 
     def first(self, count: int) -> Dataset:
         """The first `count` samples, all when there are fewer."""
-        of_all = ("folder", "names", "world")
+        of_all = ("folder", "names", "world", "size", "normals", "cut")
         of_each = [field.name for field in fields(self) if field.name not in of_all]
         return replace(self, **{name: getattr(self, name)[:count] for name in of_each})
+
+    def at_network_size(self) -> Dataset:
+        """The same samples with pictures of 150 x 150 pixels, the size of networks' inputs.
+
+        Of other sizes the middle square, for which the scene was composed, is resampled; occlusion is then
+        that within the square.
+        """
+        if self.cut or self.size == STANDARD_SIZE:
+            return self
+        cut = replace(self, cut=True)
+        seen, alone = (cut.read(kind).sum((1, 2)) for kind in ("mask_visib", "mask"))
+        return replace(cut, occlusion=(1 - seen / np.maximum(alone, 1)).astype(np.float32))
 
     def read(self, kind: str, indices: Iterable[int] | None = None) -> np.ndarray:
         """Pictures of one kind of the samples `indices` (all by default).
 
-        kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown; `mask`
-        (the object alone) and `mask_visib` (n, H, W) bool. Raises UserError for a missing or damaged file.
+        kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown, as it
+        is of what is farther than its image can hold; `mask`
+        (the object alone) and `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
+        frame, 0 where unknown, of datasets that have `normals`. Raises UserError for a missing or damaged
+        file.
         """
         chosen = range(len(self)) if indices is None else indices
         with ThreadPoolExecutor(2) as pool:
-            pictures = list(pool.map(lambda i: _picture(self.folder, int(i), kind), chosen))
-        stack = np.stack(pictures) if pictures else np.empty((0, IMAGE_SIZE, IMAGE_SIZE), np.uint8)
+            pictures = list(pool.map(lambda i: self._picture(int(i), kind), chosen))
+        stack = np.stack(pictures) if pictures else np.empty((0, *self.size[::-1]), np.uint8)
         if kind == "rgb":
             return stack
+        if kind == "normal":
+            return np.where(stack.any(-1, keepdims=True), stack / np.float32(127.5) - 1, np.float32(0))
         if kind == "depth":
-            return np.where(stack > 0, stack * np.float32(DEPTH_SCALE / 1000), np.float32(np.inf))
+            known = (stack > 0) & (stack < MOST_DEPTH)
+            return np.where(known, stack * np.float32(DEPTH_SCALE / 1000), np.float32(np.inf))
         return stack > 127
+
+    def _picture(self, index: int, kind: str) -> np.ndarray:
+        picture = _picture(self.folder, index, kind, self.size)
+        return _middle_square(picture, kind) if self.cut else picture
 
     @cached_property
     def images(self) -> np.ndarray:
@@ -118,6 +148,7 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
 
     split = complete_split(root, split)
     table = read_table(root, split, texts=False)
+    settings = read_info(root)["splits"][split]
     with reading(root / split / TABLE, "the table of a dataset", REMEDY):
         names = tuple(name for name in table.column_names if name not in COLUMNS)
         dataset = Dataset(
@@ -131,7 +162,9 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
             design=table["design"].to_numpy(),
             finish=tuple(table["finish"].to_pylist()),
             roll=table["roll"].to_numpy(),
-            world=read_info(root)["splits"][split]["world"],
+            world=settings["world"],
+            size=tuple(settings["size"]),
+            normals=settings["normals"],
         )
         for shares in (dataset.occlusion, dataset.target_occlusion):
             if not ((shares >= 0) & (shares <= 1)).all():
@@ -150,22 +183,39 @@ def read_specs(folder: Path, count: int) -> list[str]:
     return lines
 
 
-def decode_picture(data: bytes, kind: str) -> np.ndarray:
+def decode_picture(data: bytes, kind: str, size: Size) -> np.ndarray:
     """Pixels of an image file. ValueError, before they are decoded, when size or mode are not its kind's."""
     try:
         opened = Image.open(io.BytesIO(data), formats=("PNG",))
     except UnidentifiedImageError:
         raise ValueError("an unreadable picture") from None
     with opened as image:
-        wanted = (IMAGE_SIZE, IMAGE_SIZE), PICTURE_MODES[kind]
-        if (image.size, image.mode) != wanted:
+        if (image.size, image.mode) != (size, PICTURE_MODES[kind]):
             found = f"{image.size[0]} x {image.size[1]} {image.mode}"
-            raise ValueError(f"{found}, not {IMAGE_SIZE} x {IMAGE_SIZE} {PICTURE_MODES[kind]}")
+            raise ValueError(f"{found}, not {size[0]} x {size[1]} {PICTURE_MODES[kind]}")
         return np.asarray(image)
 
 
-def _picture(folder: Path, index: int, kind: str) -> np.ndarray:
-    path = image_paths(folder, index)[kind]
+def _picture(folder: Path, index: int, kind: str, size: Size) -> np.ndarray:
+    path = image_paths(folder, index, normals=True)[kind]
     with reading(path, "a picture of the dataset", REMEDY):
-        picture = decode_picture(read_bytes(inside(folder, path.relative_to(folder)), MOST_PICTURE), kind)
+        data = read_bytes(inside(folder, path.relative_to(folder)), most_bytes(size))
+        picture = decode_picture(data, kind, size)
     return picture
+
+
+def _middle_square(picture: np.ndarray, kind: str) -> np.ndarray:
+    """The largest square in the middle of a picture, resampled to `IMAGE_SIZE`: photos in linear light, masks
+    where half or more of a pixel is covered, of others the nearest pixel.
+    """
+    height, width = picture.shape[:2]
+    side = min(height, width)
+    left, top = (width - side) / 2, (height - side) / 2
+    if kind == "rgb":
+        return srgb8_from_linear(Window(left, top, side).crop(picture)[0])
+    if kind.startswith("mask"):
+        area = (left, top, left + side, top + side)
+        method = Image.Resampling.BOX if side > IMAGE_SIZE else Image.Resampling.BILINEAR
+        return np.asarray(Image.fromarray(picture).resize((IMAGE_SIZE, IMAGE_SIZE), method, area))
+    at = ((np.arange(IMAGE_SIZE) + 0.5) * side / IMAGE_SIZE).astype(int)
+    return picture[(at + int(top))[:, None], at + int(left)]

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
-from vig.scene import IMAGE_SIZE, Camera, ObjectClass, Symmetry
-from vig_world.dataset.format import DEPTH_SCALE, OBJECT_ID
+from vig.scene import Camera, ObjectClass, Symmetry
+from vig_world.dataset.format import DEPTH_SCALE, OBJECT_ID, Size
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster.picture import CANVAS
 from vig_world.raster.view import View
@@ -82,9 +82,10 @@ def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
     return [left + origin[0], top + origin[1], right - left, bottom - top]
 
 
-def camera() -> dict[str, Any]:
+def camera(size: Size) -> dict[str, Any]:
     """`camera.json`: the standard camera, which all images of the paper's world share."""
-    standard = Camera.standard(IMAGE_SIZE)
+    width, height = size
+    standard = View(Camera.standard(min(size)), np.eye(3), np.zeros(3)).framed(width, height).camera
     return {
         "cx": standard.cx,
         "cy": standard.cy,

@@ -19,6 +19,7 @@ from vig_world.dataset.format import (
     MANIFEST,
     MOST_SAMPLES,
     REMEDY,
+    Size,
     complete_split,
     image_paths,
     inside,
@@ -30,6 +31,7 @@ from vig_world.dataset.table import read_table
 from vig_world.generation.bop import TARGETS, localisation_targets
 from vig_world.generation.files import read_scene
 from vig_world.generation.job import Job, Maker
+from vig_world.generation.keypoints import class_of
 from vig_world.generation.labels import label_problems, model_problems
 from vig_world.library import OwnAssets
 from vig_world.threads import one_thread
@@ -92,15 +94,11 @@ def check_dataset(
         raise UserError(f"render must be at least 0; got {render}")
     split = complete_split(root, split)
     settings = read_info(root)["splits"][split]
-    object_class = object_class or ObjectClass.load(settings["class"])
-    if object_class.fingerprint != settings["class_fingerprint"]:
-        raise UserError(
-            f"'{root}' was made with another class than this '{object_class.name}';"
-            " give the folder of its class pack with --class."
-        )
+    object_class = class_of(root, settings, object_class)
     folder = root / split
     hashes = _manifest(folder, settings)
-    problems = [*_file_problems(folder, hashes), *model_problems(root, object_class)]
+    size, normals = tuple(settings["size"]), settings["normals"]
+    problems = [*_file_problems(folder, hashes), *model_problems(root, object_class, size)]
     try:
         merged = _merged(root, split, settings["count"])
     except (OSError, ValueError, KeyError) as error:
@@ -108,7 +106,9 @@ def check_dataset(
         return Findings(split, tuple(problems), 0, len(hashes), 0)
     problems += _setting_problems(root, split, settings, merged)
     with one_thread(), ThreadPoolExecutor(THREADS) as pool:
-        checked = pool.map(lambda item: list(_sample_problems(folder, hashes, object_class, item)), merged)
+        checked = pool.map(
+            lambda item: list(_sample_problems(folder, hashes, object_class, item, size, normals)), merged
+        )
         problems += [problem for found in checked for problem in found]
     again = np.unique(np.linspace(0, len(merged) - 1, min(render, len(merged))).round().astype(int))
     if len(again):
@@ -125,7 +125,7 @@ def check_dataset(
                 " Check without --render, or with the release that made it."
             )
         job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"], own)  # type: ignore[arg-type]
-        job = replace(job, photo=settings["photo"], world=settings["world"])
+        job = replace(job, photo=settings["photo"], world=settings["world"], size=size, normals=normals)
         problems += _render_problems(job, folder, [merged[index] for index in again])
     return Findings(split, tuple(problems), len(merged), len(hashes), len(again))
 
@@ -194,16 +194,21 @@ def _merged(root: Path, split: str, count: int) -> list[dict[str, Any]]:
 
 
 def _sample_problems(
-    folder: Path, hashes: dict[str, str], object_class: ObjectClass, item: dict[str, Any]
+    folder: Path,
+    hashes: dict[str, str],
+    object_class: ObjectClass,
+    item: dict[str, Any],
+    size: Size,
+    normals: bool,
 ) -> Iterator[str]:
     """What is wrong with one sample."""
     index = item["row"]["index"]
     pictures = {}
-    for kind, path in image_paths(Path(), index).items():
+    for kind, path in image_paths(Path(), index, normals).items():
         data, problems = _read(folder, path.as_posix(), hashes.get(path.as_posix()))
         yield from problems
         try:
-            pictures[kind] = decode_picture(data, kind)
+            pictures[kind] = decode_picture(data, kind, size)
         except ValueError as error:
             yield f"{path}: {error}"
             return
@@ -234,7 +239,7 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
                 yield f"sample {spec.index}: cannot be made again from its spec ({error})"
                 continue
             described = parse_json(files.popitem()[1])
-            for kind, path in image_paths(Path(), spec.index).items():
+            for kind, path in image_paths(Path(), spec.index, job.normals).items():
                 exact = job.tier == "raster" or kind != "rgb"
                 if exact and files[path.as_posix()] != _read(folder, path.as_posix(), None)[0]:
                     yield f"{path}: differs when rendered again from its spec"

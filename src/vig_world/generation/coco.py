@@ -1,4 +1,4 @@
-"""Datasets as COCO annotations: the visible instances, and the amodal ones as the amodal tools read them."""
+"""Datasets as COCO annotations: visible instances, amodal ones as the amodal tools read them, keypoints."""
 
 from __future__ import annotations
 
@@ -10,10 +10,17 @@ import numpy as np
 
 from vig.io.checks import read_bytes, reading
 from vig.photo.masks import box_of
-from vig.scene import IMAGE_SIZE
-from vig_world.dataset.format import MOST_PICTURE, OBJECT_ID, REMEDY, image_paths, inside, read_info
+from vig.scene import ObjectClass
+from vig_world.dataset.format import OBJECT_ID, REMEDY, image_paths, inside, most_bytes, read_info
 from vig_world.dataset.read import Dataset, read_dataset
 from vig_world.generation.files import refuse_used, write_bytes
+from vig_world.generation.keypoints import (
+    EDGES,
+    OUTSIDE,
+    dataset_class,
+    keypoints,
+    names_of,
+)
 
 READ_AT_ONCE = 256
 
@@ -32,7 +39,6 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
     root, out = Path(root), Path(out)
     dataset = read_dataset(root, split)
     split = dataset.folder.name
-    settings = read_info(root)["splits"][split]
     refuse_used(root, out, [out / "images" / split, out / "annotations" / f"instances_{split}.json"])
     visible: list[dict[str, Any]] = []
     amodal: list[dict[str, Any]] = []
@@ -43,27 +49,66 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
             if part.any():
                 visible.append(_instance(index) | _region(part))
             amodal.append(_instance(index) | _amodal(whole, part))
-            _copy_image(dataset, index, out / "images" / split / f"{index:06d}.png")
+            copy_image(dataset, index, out / "images" / split / f"{index:06d}.png")
+    for name, regions in (("instances", visible), ("amodal", amodal)):
+        _write(dataset, out / "annotations" / f"{name}_{split}.json", regions, {})
+    return out
+
+
+def export_coco_keypoints(
+    root: str | Path, out: str | Path, split: str | None = None, object_class: ObjectClass | None = None
+) -> Path:
+    """Write `out/images/<split>/*.png` and `out/annotations/keypoints_<split>.json`.
+
+    Annotations are those of `export_coco`'s visible instances with `keypoints` and `num_keypoints`; the
+    category has the keypoints' names, and the edges of the object's box as its skeleton.
+
+    Returns `out`. Raises UserError as `export_coco` does, and when the dataset is of another class.
+    """
+    root, out = Path(root), Path(out)
+    dataset = read_dataset(root, split)
+    split = dataset.folder.name
+    object_class = dataset_class(dataset, object_class)
+    path = out / "annotations" / f"keypoints_{split}.json"
+    refuse_used(root, out, [out / "images" / split, path])
+    annotations: list[dict[str, Any]] = []
+    for index, located in enumerate(keypoints(dataset, object_class, range(len(dataset)))):
+        part = dataset.read("mask_visib", [index])[0]
+        if part.any():
+            labelled = int(np.count_nonzero(located.seen != OUTSIDE))
+            numbers = [round(number, 2) for row in located.rows() for number in row]
+            points = {"keypoints": numbers, "num_keypoints": labelled}
+            annotations.append(_instance(index) | _region(part) | points)
+        copy_image(dataset, index, out / "images" / split / f"{index:06d}.png")
+    first = len(object_class.points) + 1  # COCO counts from 1
+    skeleton = [[first + i, first + j] for i, j in EDGES]
+    named = {"keypoints": list(names_of(object_class)), "skeleton": skeleton}
+    _write(dataset, path, annotations, named)
+    return out
+
+
+def _write(dataset: Dataset, path: Path, annotations: list[dict[str, Any]], category: dict[str, Any]) -> None:
+    """Write a file of annotations; `category` is what the one category has besides its name."""
+    settings = read_info(dataset.folder.parent)["splits"][dataset.folder.name]
+    described = {"id": OBJECT_ID, "name": settings["class"], "supercategory": "object"}
     images = [
         {
             "id": index,
             "file_name": f"{index:06d}.png",
-            "width": IMAGE_SIZE,
-            "height": IMAGE_SIZE,
+            "width": dataset.size[0],
+            "height": dataset.size[1],
             "occlusion": round(float(dataset.occlusion[index]), 6),
         }
         for index in range(len(dataset))
     ]
-    common = {
+    data = {
         "info": {"description": f"{settings['class']}, {settings['tier']} tier, seed {settings['seed']}"},
         "licenses": [],
-        "categories": [{"id": OBJECT_ID, "name": settings["class"], "supercategory": "object"}],
+        "categories": [described | category],
         "images": images,
+        "annotations": annotations,
     }
-    for name, regions in (("instances", visible), ("amodal", amodal)):
-        data = json.dumps(common | {"annotations": regions}).encode()
-        write_bytes(out / "annotations" / f"{name}_{split}.json", data)
-    return out
+    write_bytes(path, json.dumps(data).encode())
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
@@ -104,8 +149,10 @@ def _amodal(whole: np.ndarray, part: np.ndarray) -> dict[str, Any]:
 _KINS = {"segm": "segmentation", "bbox": "bbox", "area": "area"}
 
 
-def _copy_image(dataset: Dataset, index: int, path: Path) -> None:
+def copy_image(dataset: Dataset, index: int, path: Path) -> None:
+    """Copy a sample's photo."""
     source = image_paths(dataset.folder, index)["rgb"]
     with reading(source, "a picture of the dataset", REMEDY):
-        data = read_bytes(inside(dataset.folder, source.relative_to(dataset.folder)), MOST_PICTURE)
+        inner = inside(dataset.folder, source.relative_to(dataset.folder))
+        data = read_bytes(inner, most_bytes(dataset.size))
     write_bytes(path, data)

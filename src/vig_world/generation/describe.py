@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.scene import ObjectClass, latent_layout
 from vig_world.assets.target import NO_DESIGN
-from vig_world.dataset.format import DEPTH_SCALE, read_info
+from vig_world.dataset.format import DEPTH_SCALE, MOST_DEPTH, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.raster.picture import Picture
@@ -22,7 +22,13 @@ from vig_world.renderers.photo import PhotoSettings
 def depth_units(depth: np.ndarray) -> np.ndarray:
     """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown."""
     scaled = np.where(np.isfinite(depth), depth * (1000 / DEPTH_SCALE), 0.0)
-    return np.round(scaled).clip(0, 65535).astype(np.uint16)
+    return np.round(scaled).clip(0, MOST_DEPTH).astype(np.uint16)
+
+
+def normal_units(normals: np.ndarray) -> np.ndarray:
+    """Normals (H, W, 3), 0 = unknown, as an image holds them: (H, W, 3) uint8, 127.5 + 127.5 times each."""
+    units = np.rint(127.5 * (normals + 1)).astype(np.uint8)
+    return np.where(normals.any(-1, keepdims=True), units, np.uint8(0))
 
 
 def describe(
@@ -38,7 +44,8 @@ def describe(
         depth: The depth image as stored, see `depth_units`.
         photo: Settings of the camera model, if it was used.
     """
-    view = View.of_scene(spec, object_class)
+    height, width = depth.shape
+    view = View.of_scene(spec, object_class, (width, height))
     info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
     shares = picture.shares
     latents = spec.latents()

@@ -15,14 +15,15 @@ from vig.io.errors import UserError
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world import World
 from vig_world.composition.sampling import CompositionError, sample
-from vig_world.dataset.format import image_paths
+from vig_world.dataset.format import STANDARD_SIZE, Size, image_paths
 from vig_world.dataset.spec import SampleError, SceneSpec, Split
-from vig_world.generation.describe import depth_units, describe
+from vig_world.generation.describe import depth_units, describe, normal_units
 from vig_world.generation.files import png, sidecar_path, write_bytes, write_picture
 from vig_world.library import Library, OwnAssets
 from vig_world.raster.picture import Picture
+from vig_world.raster.view import View
 from vig_world.renderers.photo import PhotoSettings, photograph
-from vig_world.renderers.rasterized import render
+from vig_world.renderers.rasterized import render, with_surroundings
 from vig_world.streams import stream
 from vig_world.threads import one_thread
 
@@ -49,9 +50,15 @@ class _Raster:
 
     library: Library
     object_class: ObjectClass
+    size: Size
+    normals: bool
 
     def render(self, spec: SceneSpec) -> Picture:
-        return render(self.library, spec, self.object_class)
+        view = View.of_scene(spec, self.object_class, self.size)
+        picture = render(self.library, spec, self.object_class, view, self.normals)
+        if self.size == STANDARD_SIZE:
+            return picture
+        return with_surroundings(picture, self.library, spec, view)
 
     def close(self) -> None:
         pass
@@ -67,6 +74,8 @@ class Job:
         own: The user's custom assets.
         photo: Whether pictures pass through a camera model (`vig_world.renderers.photo`).
         world: What scenes are like.
+        size: Of the pictures; scenes do not depend on it.
+        normals: Whether samples have pictures of normals.
     """
 
     seed: int
@@ -77,6 +86,8 @@ class Job:
     own: OwnAssets = OwnAssets()
     photo: bool = False
     world: World = "photo"
+    size: Size = STANDARD_SIZE
+    normals: bool = False
 
     @cached_property
     def fingerprint(self) -> str:
@@ -146,11 +157,14 @@ class Maker:
         return encode(spec, picture, self.job.object_class, settings)
 
     def _open(self) -> Renderer:
-        if self.job.tier == "cycles":
+        job = self.job
+        if job.tier == "cycles":
             from vig_world.renderers.cycles import CyclesRenderer
 
-            return CyclesRenderer(self.library, self.job.object_class, **self.job.options)
-        return _Raster(self.library, self.job.object_class)
+            return CyclesRenderer(
+                self.library, job.object_class, **job.options, size=job.size, normals=job.normals
+            )
+        return _Raster(self.library, job.object_class, job.size, job.normals)
 
     def close(self) -> None:
         """Close the renderer."""
@@ -180,8 +194,10 @@ def encode(
         "mask": picture.amodal.astype("uint8") * 255,
         "mask_visib": picture.visible.astype("uint8") * 255,
     }
+    if picture.normals is not None:
+        pictures["normal"] = normal_units(picture.normals)
     files = {}
-    for kind, path in image_paths(root, spec.index).items():
+    for kind, path in image_paths(root, spec.index, picture.normals is not None).items():
         files[path.as_posix()] = png(pictures[kind])
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
     described = describe(spec, picture, pictures["depth"], object_class, photo) | {"sha256": hashes}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from vig.io.checks import parse_json, read_bytes
-from vig.scene import IMAGE_SIZE, SHAPE_LIMIT, ObjectClass, latent_layout
+from vig.scene import SHAPE_LIMIT, ObjectClass, latent_layout
 from vig.scene.light import L_COUNT
 from vig_world.assets.target import target_vertices
-from vig_world.dataset.format import inside
+from vig_world.dataset.format import STANDARD_SIZE, Size, inside
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.generation.describe import assets_used
@@ -24,6 +25,11 @@ from vig_world.raster.view import View
 CLOSE = 1e-9
 FLIPPED = 0.01
 """Largest share of the silhouette's pixels by which the mask may differ from a projection of the mesh."""
+NORMAL_STEP = 0.01
+"""By which the length of stored normals may differ from 1: three components, each rounded by 0.004."""
+TURNED_AWAY, FACING = 0.1, 0.99
+"""Cosine of a normal that is turned away from the camera; share of normals that are not, interpolated as they
+are between vertices."""
 MOST_MODEL = 64 << 20
 """Bytes of a file that all splits share."""
 WITHIN = 0.9
@@ -37,7 +43,7 @@ def label_problems(
 
     Args:
         item: The records `row`, `camera`, `gt` and `gt_info` as merged.
-        pictures: The images `rgb`, `depth`, `mask` and `mask_visib` as stored.
+        pictures: The images `rgb`, `depth`, `mask` and `mask_visib` as stored; and `normal`, if there is one.
     """
     for kind in ("mask", "mask_visib"):
         if not np.isin(pictures[kind], (0, 255)).all():
@@ -49,10 +55,11 @@ def label_problems(
         yield "mask is empty"
         return
     yield from _latent_problems(item["row"], spec)
-    view = View.of_scene(spec, object_class)
+    height, width = alone.shape
+    view = View.of_scene(spec, object_class, (width, height))
     yield from _pose_problems(item, view)
     vertices = target_vertices(spec, object_class)
-    canvas = silhouette(object_class, vertices, spec)
+    canvas = silhouette(object_class, vertices, spec, (width, height))
     yield from _visibility_problems(item["gt_info"][0], alone, visible, pictures["depth"], canvas)
     yield from _share_problems(item["row"], item["gt_info"][0], alone, visible)
     inner = binary_erosion(visible)  # a pixel at an edge has the depth of what is nearest in it
@@ -61,18 +68,29 @@ def label_problems(
     inside = (millimetres > z.min() - bop.DEPTH_SCALE) & (millimetres < z.max() + bop.DEPTH_SCALE)
     if inner.any() and inside.mean() < WITHIN:
         yield f"depth: only {inside.mean():.0%} of the visible pixels are within the object's depth"
+    if "normal" in pictures:
+        yield from normal_problems(pictures["normal"], pictures["depth"], view)
 
 
-def silhouette(object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec) -> np.ndarray:
+def silhouette(
+    object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec, size: Size = STANDARD_SIZE
+) -> np.ndarray:
     """The object (V, 3) alone on the canvas of 3 x 3 frames: (3H, 3W) bool, half a pixel or more.
 
     By the differentiable renderer, which shares no code with those that make pictures.
     """
-    view = View.of_scene(spec, object_class, IMAGE_SIZE * SAMPLES).widened(CANVAS)
-    depth = view.depth(vertices, object_class.shape_model.faces)
-    size = CANVAS * IMAGE_SIZE
-    samples = np.isfinite(depth).reshape(size, SAMPLES, size, SAMPLES)
-    return samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
+    view = View.of_scene(spec, object_class, size).widened(CANVAS)
+    canvas = np.zeros((CANVAS * size[1], CANVAS * size[0]), bool)
+    top, bottom, left, right = (int(edge[0]) for edge in view.windows(vertices[None].astype(np.float64)))
+    height, width = bottom - top, right - left
+    if height > 0 and width > 0:
+        whole = view.camera
+        camera = replace(whole, width=width, height=height, cx=whole.cx - left, cy=whole.cy - top)
+        window = View(camera, view.rotation, view.translation).scaled(SAMPLES)
+        depth = window.depth(vertices, object_class.shape_model.faces)
+        samples = np.isfinite(depth).reshape(height, SAMPLES, width, SAMPLES)
+        canvas[top:bottom, left:right] = samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2
+    return canvas
 
 
 def _latent_problems(row: dict[str, Any], spec: SceneSpec) -> Iterator[str]:
@@ -113,12 +131,14 @@ def _pose_problems(item: dict[str, Any], view: View) -> Iterator[str]:
 def _visibility_problems(
     info: dict[str, Any], alone: np.ndarray, visible: np.ndarray, depth: np.ndarray, canvas: np.ndarray
 ) -> Iterator[str]:
-    frame = canvas[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE]
+    height, width = alone.shape
+    middle = slice(height, 2 * height), slice(width, 2 * width)
+    frame = canvas[middle]
     flipped = np.count_nonzero(frame != alone) / alone.sum()
     if flipped > FLIPPED:
         yield f"mask: {flipped:.1%} of its pixels are not where the mesh projects"
     whole = canvas.copy()
-    whole[IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE] = alone
+    whole[middle] = alone
     exact = not flipped
     for name, value in bop.visibility(whole, alone, visible, depth).items():
         outside = name in ("bbox_obj", "px_count_all", "visib_fract")
@@ -127,6 +147,22 @@ def _visibility_problems(
             slack /= info["px_count_all"]
         if not np.allclose(info[name], value, 0, slack + CLOSE):
             yield f"{name} is {info[name]}; masks, depth and mesh give {value}"
+
+
+def normal_problems(normal: np.ndarray, depth: np.ndarray, view: View) -> Iterator[str]:
+    """Problems of a picture of normals (H, W, 3), with the depth image (H, W)."""
+    known = normal.any(-1)
+    if (known != (depth > 0)).any():
+        yield "normal: it is not known where depth is"
+    directions = normal[known] / 127.5 - 1
+    if (np.abs(np.linalg.norm(directions, axis=1) - 1) > NORMAL_STEP).any():
+        yield "normal: some are not of unit length"
+    rows, columns = np.nonzero(known)
+    camera = view.camera
+    rays = np.column_stack([columns + 0.5 - camera.cx, rows + 0.5 - camera.cy, [camera.focal] * len(rows)])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    if known.any() and ((directions * rays).sum(1) < TURNED_AWAY).mean() < FACING:
+        yield "normal: too many are turned away from the camera"
 
 
 def _share_problems(
@@ -148,11 +184,11 @@ def _share_problems(
         yield f"cause is {row['cause']}; the greatest share is the {greatest}'s"
 
 
-def model_problems(root: Path, object_class: ObjectClass) -> Iterator[str]:
+def model_problems(root: Path, object_class: ObjectClass, size: Size = STANDARD_SIZE) -> Iterator[str]:
     """Problems of the files that all splits share."""
     model = bop.mean_model(object_class)
     written = {
-        "camera.json": bop.camera(),
+        "camera.json": bop.camera(size),
         "models/models_info.json": bop.models_info(model, object_class.symmetry),
         f"models/obj_{bop.OBJECT_ID:06d}.ply": bop.ply(model),
     }

@@ -7,20 +7,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import binary_dilation
 
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.photo.masks import box_of
+from vig.scene import ObjectClass
 from vig_world.dataset.format import REMEDY, read_info
 from vig_world.dataset.read import Dataset
 from vig_world.dataset.table import read_table
 from vig_world.extras import optional_import
+from vig_world.generation.keypoints import EDGES, OUTSIDE, SEEN, Keypoints, keypoints
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS = 8
-SCALE, MARGIN, CAPTION = 1.4, 10, 22
-TINT = np.array([255, 40, 160])
+SHEET, TILE = 1770, (210, 300)
+"""Width of a sheet, about; least and most pixels of the shorter side of a photo on it, which else stays as it
+is."""
+MARGIN, CAPTION = 10, 22
+TINT, OUTLINE, DARK = np.array([255, 40, 160]), (40, 230, 255), (20, 20, 20)
 INK, FAINT, BLUE, ORANGE = "#22262e", "#d9dde3", "#3b6fb6", "#e08a2e"
 
 
@@ -30,41 +36,91 @@ def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
     return order[np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int)]
 
 
-def contact_sheet(dataset: Dataset, path: str | Path, count: int = 48, tint: bool = True) -> Path:
+def contact_sheet(
+    dataset: Dataset,
+    path: str | Path,
+    count: int = 48,
+    labels: bool = True,
+    object_class: ObjectClass | None = None,
+) -> Path:
     """Write `count` samples, from unoccluded to hidden, as one picture, with their numbers and occlusions.
 
     Args:
         dataset: The samples; the choice among them is deterministic.
         path: The picture to write.
         count: Number of samples, at least 1.
-        tint: Whether to colour the object's hidden part.
+        labels: Whether to draw the outline of what is seen of the object and its box, and to tint the hidden
+            part.
+        object_class: Of the dataset, whose keypoints are drawn, too; None draws none.
 
     Raises:
-        UserError: When count is below 1 or the file cannot be written.
+        UserError: When count is below 1, a file is damaged, or the picture cannot be written.
     """
     if count < 1:
         raise UserError(f"count must be at least 1; got {count}")
     indices = chosen(dataset.occlusion, count)
-    images = dataset.read("rgb", indices)
-    if tint:
-        hidden = dataset.read("mask", indices) & ~dataset.read("mask_visib", indices)
-        images = np.where(hidden[..., None], 0.65 * images + 0.35 * TINT, images).astype(np.uint8)
-    side = round(SCALE * images.shape[1])
-    columns = min(COLUMNS, len(indices))
+    scale = max(TILE[0], min(TILE[1], min(dataset.size))) / min(dataset.size)
+    width, height = (round(scale * side) for side in dataset.size)
+    columns = min(max(1, round(SHEET / (width + MARGIN))), len(indices))
     rows = -(-len(indices) // columns)
-    size = (MARGIN + columns * (side + MARGIN), MARGIN + rows * (side + CAPTION))
+    size = (MARGIN + columns * (width + MARGIN), MARGIN + rows * (height + CAPTION))
     sheet = Image.new("RGB", size, "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    points = None if object_class is None else keypoints(dataset, object_class, indices)
     for place, index in enumerate(indices):
-        x = MARGIN + place % columns * (side + MARGIN)
-        y = MARGIN + place // columns * (side + CAPTION)
-        sheet.paste(Image.fromarray(images[place]).resize((side, side), Image.Resampling.LANCZOS), (x, y))
-        draw.text((x, y + side + 2), f"{index}", fill="#8a93a0", font=font)
+        x = MARGIN + place % columns * (width + MARGIN)
+        y = MARGIN + place // columns * (height + CAPTION)
+        photo = Image.fromarray(dataset.read("rgb", [index])[0])
+        tile = photo.resize((width, height), Image.Resampling.LANCZOS)
+        if labels:
+            alone, seen = (dataset.read(kind, [index])[0] for kind in ("mask", "mask_visib"))
+            tile = _labelled(tile, alone, seen)
+        if points is not None and object_class is not None:
+            _draw_keypoints(ImageDraw.Draw(tile), next(points), len(object_class.points), scale)
+        sheet.paste(tile, (x, y))
+        draw.text((x, y + height + 2), f"{index}", fill="#8a93a0", font=font)
         caption = f"{dataset.occlusion[index]:.0%} hidden"
-        draw.text((x + side, y + side + 2), caption, fill=INK, font=font, anchor="ra")
+        draw.text((x + width, y + height + 2), caption, fill=INK, font=font, anchor="ra")
     with atomic_write(path) as temporary:
         sheet.save(temporary)
     return Path(path)
+
+
+def _labelled(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.Image:
+    """A photo with what is hidden of the object tinted, and outline and box of what is seen."""
+    alone, seen = (
+        np.asarray(Image.fromarray(mask).resize(tile.size, Image.Resampling.BILINEAR))
+        for mask in (alone, seen)
+    )
+    pixels = np.array(tile)
+    hidden = alone & ~seen
+    pixels[hidden] = 0.65 * pixels[hidden] + 0.35 * TINT
+    outline = binary_dilation(seen, iterations=2) & ~seen
+    pixels[binary_dilation(outline)] = DARK
+    pixels[outline] = OUTLINE
+    tile = Image.fromarray(pixels)
+    if (box := box_of(seen)) is not None:
+        x, y, width, height = box
+        ImageDraw.Draw(tile).rectangle((x, y, x + width - 1, y + height - 1), outline="white")
+    return tile
+
+
+def _draw_keypoints(draw: ImageDraw.ImageDraw, located: Keypoints, named: int, scale: float) -> None:
+    """Dots, filled where a point is seen, larger for the class's `named` first; and edges of the box."""
+    place = (scale * located.place).tolist()
+    corners = place[named : named + 8]
+    for i, j in EDGES:
+        if np.isfinite([corners[i], corners[j]]).all():
+            draw.line((*corners[i], *corners[j]), fill="#ffd24a")
+    for number, ((x, y), seen) in enumerate(zip(place, located.seen.tolist(), strict=True)):
+        if seen != OUTSIDE:
+            radius = 4 if number < named else 2.5
+            fill = "#ffd24a" if seen == SEEN else None
+            draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=fill, outline="#1a1a1a")
+            if seen != SEEN:
+                draw.ellipse(
+                    (x - radius + 1, y - radius + 1, x + radius - 1, y + radius - 1), outline="#ffd24a"
+                )
 
 
 def histograms(root: str | Path, split: str, path: str | Path) -> Path:

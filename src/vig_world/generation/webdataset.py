@@ -11,8 +11,8 @@ from typing import Any
 from vig.io.checks import read_bytes, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig_world.dataset.format import MOST_PICTURE, REMEDY, SCENE, image_paths, inside, read_info
-from vig_world.dataset.read import read_dataset
+from vig_world.dataset.format import REMEDY, SCENE, image_paths, inside, most_bytes, read_info
+from vig_world.dataset.read import Dataset, read_dataset
 from vig_world.generation.files import read_scene, refuse_used
 
 SHARD = 1000
@@ -23,7 +23,8 @@ def export_webdataset(
     root: str | Path, out: str | Path, split: str | None = None, shard: int = SHARD
 ) -> Path:
     """Write `out/<split>-000000.tar` and so on: `000000.rgb.png 000000.mask.png 000000.mask_visib.png
-    000000.depth.png 000000.json` of each sample, `shard` samples in a file.
+    000000.depth.png 000000.json` of each sample, `shard` samples in a file; 000000.normal.png where there
+    are normals.
 
     The JSON holds the sample's row of latents.parquet (key `row`) and its BOP entries (`camera`, `gt`,
     `gt_info`). The same dataset gives the same bytes. Returns `out`.
@@ -43,7 +44,7 @@ def export_webdataset(
         with atomic_write(out / f"{split}-{number:06d}.tar") as temporary:
             with tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar:
                 for index in indices:
-                    _add_sample(tar, dataset.folder, index, labels[index])
+                    _add_sample(tar, dataset, index, labels[index])
     return out
 
 
@@ -58,10 +59,11 @@ def _labels(root: Path, split: str) -> list[dict[str, Any]]:
     return [{"dataset": origin, "row": row, **scene[index]} for index, row in enumerate(rows)]
 
 
-def _add_sample(tar: tarfile.TarFile, folder: Path, index: int, label: dict[str, Any]) -> None:
-    for kind, path in image_paths(folder, index).items():
+def _add_sample(tar: tarfile.TarFile, dataset: Dataset, index: int, label: dict[str, Any]) -> None:
+    folder = dataset.folder
+    for kind, path in image_paths(folder, index, dataset.normals).items():
         with reading(path, "a picture of the dataset", REMEDY):
-            data = read_bytes(inside(folder, path.relative_to(folder)), MOST_PICTURE)
+            data = read_bytes(inside(folder, path.relative_to(folder)), most_bytes(dataset.size))
         _add(tar, f"{index:06d}.{kind}.png", data)
     _add(tar, f"{index:06d}.json", json.dumps(label).encode())
 

@@ -28,7 +28,19 @@ from vig.parallel.cluster import require_ray
 from vig.scene import ObjectClass
 from vig_world import WORLDS, World
 from vig_world.composition.place import zone_weights
-from vig_world.dataset.format import FORMAT_VERSION, INFO, MANIFEST, PARTIAL, SCENE, TABLE, inside, read_info
+from vig_world.dataset.format import (
+    FORMAT_VERSION,
+    INFO,
+    MANIFEST,
+    PARTIAL,
+    SCENE,
+    STANDARD_SIZE,
+    TABLE,
+    Size,
+    check_size,
+    inside,
+    read_info,
+)
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
 from vig_world.extras import optional_import
 from vig_world.generation import bop
@@ -59,6 +71,8 @@ def make_dataset(
     photo: bool = False,
     ray: str | None = None,
     world: World = "photo",
+    size: Size = STANDARD_SIZE,
+    normals: bool = False,
 ) -> Path:
     """Make, or resume making, `count` samples of a split in folder `out`; see docs/dataset.md.
 
@@ -78,6 +92,8 @@ def make_dataset(
         photo: Whether to pass pictures through a camera model.
         ray: Address of a Ray cluster, or `auto`, in place of worker processes.
         world: What scenes are like, see `vig_world.WORLDS`.
+        size: Width and height of pictures, pixels; scenes are the same at any size.
+        normals: Whether to write pictures of surface normals, too.
 
     Returns:
         `out`.
@@ -100,13 +116,15 @@ def make_dataset(
         raise UserError(f"world must be one of {', '.join(WORLDS)}; got '{world}'")
     if workers is not None and workers < 1:
         raise UserError(f"workers must be at least 1; got {workers}")
+    check_size(size)
     if object_class is None:
         object_class = ObjectClass.load("teapot")
     zone_weights(object_class)  # refuses zones that no room has
     if ray is None and count > 1 and workers != 1:
         check_main_module()
 
-    job = Job(seed, split, tier, object_class, dict(options or {}), own or OwnAssets(), photo, world)
+    renderer_options, own = dict(options or {}), own or OwnAssets()
+    job = Job(seed, split, tier, object_class, renderer_options, own, photo, world, size, normals)
     settings = {
         "class": object_class.name,
         "class_fingerprint": job.fingerprint,
@@ -118,6 +136,8 @@ def make_dataset(
         "world": world,
         "own_assets": job.own.fingerprints(),
         "world_version": WORLD_VERSION,
+        "size": list(size),
+        "normals": normals,
     }
     if job.own.sources:
         settings["own_sources"] = [asdict(source) for source in job.own.sources]
@@ -197,6 +217,10 @@ def alone(root: Path, split: str) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
+SHARED = ("class_fingerprint", "size")
+"""Settings that all splits of a dataset have alike, as they share camera.json and models."""
+
+
 def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
     """Write the split's settings into info.json, or check that they are the same; True if it is complete."""
     info: dict[str, Any] = {"vig_dataset": FORMAT_VERSION, "splits": {}}
@@ -205,7 +229,7 @@ def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
     elif root.exists() and not root.is_dir():
         raise UserError(f"expected a folder for the dataset; '{root}' is a file. Choose another name.")
     for other, held in info["splits"].items():
-        compared = settings if other == split else {"class_fingerprint": settings["class_fingerprint"]}
+        compared = settings if other == split else {key: settings[key] for key in SHARED}
         for key, value in compared.items():
             if held.get(key) != value:
                 raise UserError(
@@ -248,11 +272,11 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
         pq.write_table(_table([record["row"] for record in records]), temporary)
     hashes[TABLE] = hashlib.sha256(table_path.read_bytes()).hexdigest()
 
-    model = bop.mean_model(object_class)
+    model, size = bop.mean_model(object_class), tuple(settings["size"])
     write_bytes(root / "models" / f"obj_{bop.OBJECT_ID:06d}.ply", bop.ply(model))
     info = bop.models_info(model, object_class.symmetry)
     write_json(root / "models" / "models_info.json", info)
-    write_json(root / "camera.json", bop.camera())
+    write_json(root / "camera.json", bop.camera(size))
     if split == "test":
         write_json(root / bop.TARGETS, bop.localisation_targets([record["gt_info"][0] for record in records]))
 

@@ -73,14 +73,19 @@ def depths_of(view: View) -> np.ndarray:
 
 
 def draw(
-    items: Sequence[Item], target: Target, view: View, light: ArrayLike, colouring: Colouring | None = None
+    items: Sequence[Item],
+    target: Target,
+    view: View,
+    light: ArrayLike,
+    colouring: Colouring | None = None,
+    normals: bool = False,
 ) -> Picture:
     """The picture of an object and items, as the view's camera sees them, in SH light (9,).
 
     The object shows its vertices' light without cast shadows or gloss. Items get the same light less shadows
     of object and props and the ambient occlusion of rooms, with a little gloss. Four samples a pixel,
     averaged in linear light clipped to [0, 1]. colouring: gives the object's colour in place of its vertices'
-    light.
+    light. normals: whether the picture is to have normals.
     """
     camera, coefficients = view.camera, np.asarray(light, np.float64)
     height, width = camera.height, camera.width
@@ -119,6 +124,10 @@ def draw(
     if colouring is not None:
         _add_colours(record, colouring)
     workspace.launch("encode", "task")
+    directions = np.empty((height, width, 3), np.float32) if normals else None
+    if directions is not None:
+        record["normals"] = address(directions)
+        workspace.launch("normals", "task")
     del finishes
     canvas = silhouette(target, view.widened(CANVAS))
     aside = (CANVAS - 1) // 2
@@ -132,6 +141,7 @@ def draw(
         by_support=(support >= half) & amodal,
         canvas=canvas,
         light=coefficients.astype(np.float32),
+        normals=directions,
     )
 
 

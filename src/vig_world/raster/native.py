@@ -22,6 +22,7 @@ FUNCTIONS = {
     "raster/shade": "Task",
     "raster/surface": "Task",
     "raster/spread": "Task",
+    "raster/normals": "Task",
     "raster/encode": "Task",
     "raster/scatter": "Sweep",
     "raster/sweep": "Sweep",

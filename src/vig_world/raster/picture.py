@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,8 @@ class Picture:
             is cut off by the frame.
         light: (9,) float32, SH of incident radiance at the object's place, world frame, at the paper's
             exposure.
+        normals: (H, W, 3) float32 unit normals in the camera's frame where `depth` was found, 0 where there
+            is nothing; None where they were not asked for.
     """
 
     image: np.ndarray
@@ -35,6 +37,7 @@ class Picture:
     by_support: np.ndarray
     canvas: np.ndarray
     light: np.ndarray
+    normals: np.ndarray | None = field(default=None, kw_only=True)
 
     @property
     def occlusion(self) -> float:

@@ -182,6 +182,7 @@ TASK = np.dtype(
         ("surface", "i8"),  # (7, samples) float32: place and normal in the world, irradiance
         ("places", "i8"),  # (2, samples) int32: pixel, and a vertex of the face
         ("colours", "i8"),  # (3, surface_count) float32: linear RGB
+        ("normals", "i8"),  # (pixels, 3) float32: in the camera's frame, see `normals.cc`
     ],
     align=True,
 )

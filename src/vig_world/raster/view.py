@@ -36,9 +36,18 @@ class View:
         return View.through(Lens(), object_class, azimuth, elevation, size)
 
     @staticmethod
-    def of_scene(spec: SceneSpec, object_class: ObjectClass, size: int = IMAGE_SIZE) -> View:
-        """The camera of a scene, for an image of `size` pixels a side."""
-        return View.through(spec.lens, object_class, spec.azimuth, spec.elevation, size)
+    def of_scene(
+        spec: SceneSpec, object_class: ObjectClass, size: int | tuple[int, int] = IMAGE_SIZE
+    ) -> View:
+        """The camera of a scene, for an image of `size` pixels a side, or of width x height.
+
+        In the middle of the frame is the largest square that it has room for: the picture for which the scene
+        was composed. A wide frame shows more at the sides, a tall one more above and below.
+        """
+        width, height = (size, size) if isinstance(size, int) else size
+        side = min(width, height)
+        square = View.through(spec.lens, object_class, spec.azimuth, spec.elevation, side)
+        return square.framed(width, height)
 
     @staticmethod
     @lru_cache(maxsize=64)
@@ -63,6 +72,14 @@ class View:
         cx, cy = c.cx + aside * c.width, c.cy + aside * c.height
         camera = Camera(factor * c.width, factor * c.height, c.focal, cx, cy)
         return View(camera, self.rotation, self.translation)
+
+    def framed(self, width: int, height: int) -> View:
+        """The same view in a frame of width x height pixels with the same middle."""
+        c = self.camera
+        if (width, height) == (c.width, c.height):
+            return self
+        cx, cy = c.cx + (width - c.width) / 2, c.cy + (height - c.height) / 2
+        return View(replace(c, width=width, height=height, cx=cx, cy=cy), self.rotation, self.translation)
 
     def scaled(self, factor: float) -> View:
         """The same view in an image `factor` times as wide and high."""

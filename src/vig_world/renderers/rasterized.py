@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, srgb8_from_linear
 from vig_world.assets.panoramas.mirror import mirror
 from vig_world.assets.target import target_vertices
 from vig_world.dataset.spec import Coat, SceneSpec
@@ -16,13 +18,19 @@ from vig_world.raster.view import View
 from vig_world.renderers.coated import coloured
 
 
-def render(library: Library, spec: SceneSpec, object_class: ObjectClass, view: View | None = None) -> Picture:
+def render(
+    library: Library,
+    spec: SceneSpec,
+    object_class: ObjectClass,
+    view: View | None = None,
+    normals: bool = False,
+) -> Picture:
     """Render a scene with the rasteriser, 150 x 150 or as another view of the object's frame; see `draw`."""
     vertices = target_vertices(spec, object_class)
     target = Target.of(object_class, vertices, spec.shape, spec.albedo, spec.light)
     view = View.of_scene(spec, object_class) if view is None else view
     colouring = None if spec.coat is None else _coated(library, spec, spec.coat, object_class, view)
-    return draw(items_of(library, spec), target, view, spec.light, colouring)
+    return draw(items_of(library, spec), target, view, spec.light, colouring, normals)
 
 
 def _coated(
@@ -36,6 +44,26 @@ def _coated(
         return coloured(coat, model, at.points, at.normals, at.irradiance, at.vertices, eye, mirrored)[0]
 
     return colouring
+
+
+def with_surroundings(picture: Picture, library: Library, spec: SceneSpec, view: View) -> Picture:
+    """The picture with the scene's panorama where there is nothing, such as behind a window, as a path tracer
+    has it.
+
+    In the square that scenes are composed for there is something everywhere.
+    """
+    rows, columns = np.nonzero(~np.isfinite(picture.depth))
+    if not len(rows):
+        return picture
+    camera = view.camera
+    x, y = (columns + 0.5 - camera.cx) / camera.focal, (rows + 0.5 - camera.cy) / camera.focal
+    rays = np.column_stack([x, y, np.ones_like(x)]) @ view.rotation
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    radiance = library.radiance(spec.panorama)
+    arriving = mirror(radiance, spec.panorama_angle, library.ground_albedo(spec.room))(rays, 0.0)
+    image = picture.image.copy()
+    image[rows, columns] = srgb8_from_linear(arriving)
+    return replace(picture, image=image)
 
 
 def items_of(library: Library, spec: SceneSpec) -> list[Item]:

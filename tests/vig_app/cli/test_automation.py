@@ -1,4 +1,4 @@
-"""What a script is answered: one JSON object on standard output, and the exit codes of docs/automation.md."""
+"""What a script is answered: one JSON object on standard output, and the exit codes of docs/api.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vig_app.cli.main import VERBS, main
 from vig_app.examples import example_photos
 
 EVERY = (*VERBS, *verbs_of_packages())
-PAGE = (Path(__file__).parents[3] / "docs" / "automation.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs" / "api.md").read_text()
 VIG = (sys.executable, "-c", "from vig_app.cli.main import main; main()")
 
 
@@ -176,7 +176,6 @@ def test_an_interruption(told: Callable[..., Any], monkeypatch: pytest.MonkeyPat
 
 
 def test_the_address_of_a_page_in_a_container(tmp_path: Path) -> None:
-    pytest.importorskip("viser")
     photo = tmp_path / "photo.png"
     Image.open(example_photos()[0].photo).save(photo)
     command = [*VIG, "view", str(photo), "--no-open", "--port", "8533", "--host", "0.0.0.0", "--json"]

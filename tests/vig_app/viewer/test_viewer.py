@@ -1,18 +1,16 @@
-"""`vig view`: what a session takes and takes back, and the page in a browser."""
+"""`vig view`: what a session takes and takes back, and what its server answers."""
 
 from __future__ import annotations
 
+import http.client
 import json
 import math
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +19,15 @@ import pytest
 from PIL import Image
 
 import vig
-from tests.support import LOW_CONTRAST
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig_app.cli.main import main
-from vig_app.corrections import Mark, State, result_in
+from vig_app.corrections import Mark, State
 from vig_app.examples import example_photos
+from vig_app.results import write_table
 from vig_app.viewer import Session
-
-SPOKEN: Any = ["viser-v1.1.1"]
+from vig_app.viewer.server import Viewer
+from vig_app.viewer.walk import Walk
 
 
 @pytest.fixture(scope="module")
@@ -183,214 +181,120 @@ def test_a_result_in_a_linked_folder_finds_its_photo(session: Session, tmp_path:
     assert photo.samefile(session.path) and object_class == "teapot"
 
 
-def waited(page: Any, what: Callable[[], bool]) -> None:
-    """Until it holds; fails after half a minute."""
-    ends = time.monotonic() + 30
-    while not what():
-        assert time.monotonic() < ends, "it did not come about"
-        page.wait_for_timeout(200)
-
-
 @pytest.fixture
-def viewer(session: Session, tmp_path: Path) -> Iterator[Any]:
-    pytest.importorskip("viser")
-    from vig_app.viewer.server import Viewer
-
-    served = Viewer(session, tmp_path / "saved", port=8431)
+def viewer(session: Session, tmp_path: Path) -> Iterator[Viewer]:
+    served = Viewer(Walk.of_photo(session.path, "teapot", tmp_path / "saved"), port=8441)
     yield served
     served.stop()
 
 
-class Page:
-    """The viewer's page in a browser, as a user has it."""
-
-    def __init__(self, browser: Any, viewer: Any, width: int, height: int) -> None:
-        self.viewer, self.width, self.height = viewer, width, height
-        self.asked: list[str] = []
-        self.errors: list[str] = []
-        self.page = browser.new_page(viewport={"width": width, "height": height})
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.goto(f"http://127.0.0.1:{viewer.port}")
-        self.page.get_by_text("azimuth").first.wait_for()
-        waited(self.page, lambda: len(viewer.server.get_clients()) == 1)
-        self.page.wait_for_timeout(2000)
-        # Newer browsers without a GPU are warned of it, over the photo on a small screen.
-        for button in self.page.locator(".mantine-Notification-closeButton").all():
-            button.click()
-        self.page.wait_for_timeout(500)
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Where a pixel of the photo is on the screen, by the camera that the page has."""
-        (client,) = self.viewer.server.get_clients().values()
-        height, width = self.viewer.session.photo.shape[:2]
-        camera, unit = client.camera, self.viewer.unit
-        from viser.transforms import SO3
-
-        place = np.array([(x - width / 2) * unit, (height / 2 - y) * unit, 0.0])
-        across, down, away = SO3(np.asarray(camera.wxyz)).inverse().as_matrix() @ (place - camera.position)
-        scale = camera.image_height / 2 / math.tan(camera.fov / 2)
-        return camera.image_width / 2 + scale * across / away, camera.image_height / 2 + scale * down / away
-
-    def choose(self, label: str, option: str) -> None:
-        """One of a drop-down's, by the keyboard alone."""
-        number = ("a click says", "view").index(label)
-        field = self.page.get_by_role("combobox").filter(visible=True).nth(number)
-        field.focus()
-        field.fill(option)
-        self.page.wait_for_timeout(500)
-        if self.page.get_by_role("option").filter(visible=True).count() == 1:  # the list was narrowed
-            field.press("ArrowDown")
-        field.press("Enter")
-        handle = self.viewer.tool if label == "a click says" else self.viewer.views
-        waited(self.page, lambda: handle.value.startswith(option.partition(",")[0]))
-        self.page.wait_for_timeout(1500)  # the page then takes the mouse's drags otherwise
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float], done: Callable[[], bool]) -> None:
-        """From pixel to pixel of the photo; again where a busy page turned the scene instead."""
-        mouse = self.page.mouse
-        for _ in range(5):
-            mouse.move(*self.at(*start))
-            mouse.down()
-            mouse.move(*self.at((start[0] + end[0]) / 2, (start[1] + end[1]) / 2))
-            mouse.move(*self.at(*end))
-            mouse.up()
-            for _ in range(40):
-                if done():
-                    return
-                self.page.wait_for_timeout(200)
-            self.page.get_by_role("button", name="look straight").click()
-            self.page.wait_for_timeout(2000)
-        raise AssertionError("dragging did nothing")
+def asked(viewer: Viewer, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
+    """Status and content of an answer."""
+    connection = http.client.HTTPConnection("127.0.0.1", viewer.port, timeout=30)
+    connection.request(method, path, None if body is None else json.dumps(body), headers)
+    answer = connection.getresponse()
+    content = answer.read()
+    return answer.status, json.loads(content) if answer.getheader(
+        "Content-Type"
+    ) == "application/json" else content
 
 
-SCREENS = {"phone": (390, 844), "laptop": (1300, 800)}
+def test_a_page_of_another_site_gets_nothing(viewer: Viewer) -> None:
+    own = f"127.0.0.1:{viewer.port}"
+    box = {"item": 0, "actions": [{"do": "box", "at": [100, 60, 190, 180]}]}
+    for host in ("evil.example", f"localhost.evil.example:{viewer.port}", "", "127.0.0.1.evil.example"):
+        assert asked(viewer, "GET", "/state", Host=host)[0] == 403, "a name that was made to point here"
+    for origin in ("http://evil.example", f"http://localhost:{viewer.port}", "null", f"https://{own}"):
+        assert asked(viewer, "POST", "/act", box, Host=own, Origin=origin)[0] == 403
+    assert viewer.walk.session.states == [State()]
+    for host in (own, "localhost:9999", "[::1]:8080"):  # as over a port that SSH forwards
+        assert asked(viewer, "GET", "/", Host=host, Origin=f"http://{host}")[0] == 200
+    assert asked(viewer, "POST", "/act", box, Host=own, Origin=f"http://{own}")[0] == 200
+    assert viewer.walk.session.state.box == (100, 60, 190, 180)
 
 
-@pytest.mark.parametrize("screen", SCREENS)
-def test_a_box_two_points_another_view_and_saving_in_a_browser(
-    browser: Any, viewer: Any, tmp_path: Path, screen: str
-) -> None:
-    shown, session = Page(browser, viewer, *SCREENS[screen]), viewer.session
-    mouse = shown.page.mouse
-    try:
-        shown.choose("a click says", "a box round the object")
-        shown.drag((130, 75), (265, 215), lambda: session.state.box is not None and not viewer.worker.busy)
-        assert session.state.box == pytest.approx((130, 75, 135, 140), abs=3)
-        for name, place in (("spout", (150.0, 140.0)), ("handle", (250.0, 150.0))):
-            shown.choose("a click says", name)
-            mouse.click(*shown.at(*place))
-            waited(shown.page, lambda name=name: name in session.state.points and not viewer.worker.busy)  # type: ignore[misc]
-            assert session.state.points[name] == pytest.approx(place, abs=3)
-        shown.choose("view", next(words for words in viewer.choices if words != "as found"))
-        waited(shown.page, lambda: session.state.azimuth_deg is not None and not viewer.worker.busy)
-        mouse.move(300, 200)
-        mouse.down()
-        mouse.move(330, 260, steps=3)
-        mouse.up()
-        shown.page.get_by_role("button", name="look straight").click()
-        shown.page.get_by_role("button", name="save").click()
-        waited(shown.page, lambda: viewer.saved)
-        described = json.loads((tmp_path / "saved" / "explanation.json").read_text())
-        assert described["hints"].keys() == {"points", "azimuth_deg"}
-        shown.page.get_by_role("button", name="undo").click()
-        waited(shown.page, lambda: session.state.azimuth_deg is None)
-        for dark in (True, False):
-            shown.page.get_by_role("checkbox").last.set_checked(dark)
-            waited(shown.page, lambda dark=dark: viewer.dark.value == dark)  # type: ignore[misc]
-            shown.page.wait_for_timeout(500)
-            assert shown.page.evaluate(LOW_CONTRAST) == []
-        own = (f"http://127.0.0.1:{viewer.port}", f"ws://127.0.0.1:{viewer.port}", "data:", "blob:")
-        assert not shown.errors and [url for url in shown.asked if not url.startswith(own)] == []
-    finally:
-        shown.page.close()
-
-
-HOSTILE = (
-    'p<iframe srcdoc="<script>parent.document.title=\'PWN\'<&#47;script>"><img src=x onerror="alert(1)">'
-    "{alert(1)}**[a](javascript:alert(1)).png"
+@pytest.mark.parametrize(
+    "body",
+    [
+        [],
+        {"item": 0, "actions": [{"do": "delete"}]},
+        {"item": 0, "actions": [{"do": "box", "at": [1, 2]}]},
+        {"item": 0, "actions": [{"do": "mark", "at": [1, 2], "label": 9, "radius": 3}]},
+        {"item": 0, "actions": [{"do": "view", "value": "1"}]},
+    ],
+    ids=str,
 )
+def test_what_the_page_does_not_send_is_refused(viewer: Viewer, body: Any) -> None:
+    status, content = asked(viewer, "POST", "/act", body)
+    assert status == 400 and content["error"] and viewer.walk.session.states == [State()]
 
 
-def test_a_photos_name_is_shown_as_it_is(
-    browser: Any, session: Session, explainer: vig.Explainer, tmp_path: Path
+def test_corrections_that_come_together_are_fitted_once_and_a_bad_one_alone_is_left_out(
+    viewer: Viewer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("viser")
-    from vig_app.viewer.server import Viewer
+    fits = list[State]()
+    explained = State.explained
+    monkeypatch.setattr(
+        State, "explained", lambda self, *others: fits.append(self) or explained(self, *others)
+    )
 
-    path = tmp_path / HOSTILE
-    shutil.copy(session.path, path)
-    served = Viewer(Session(explainer, path), tmp_path / HOSTILE.replace(".png", ""), port=8431)
-    shown = Page(browser, served, *SCREENS["laptop"])
-    try:
-        served.worker.correct(lambda state: replace(state, box=(10.0, 10.0, 2.0, 2.0)))
-        waited(shown.page, lambda: not served.worker.busy)
-        served._message(f"Saved in {HOSTILE}", refused=True)
-        shown.page.get_by_text(f"Saved in {HOSTILE}").wait_for()
-        assert "PWN" not in shown.page.title() and shown.page.locator("iframe").count() == 0
-        assert not shown.errors
-    finally:
-        shown.page.close()
-        served.stop()
+    def act(*actions: dict[str, Any], item: int = 0) -> dict[str, Any]:
+        status, content = asked(viewer, "POST", "/act", {"item": item, "actions": actions})
+        assert status == 200
+        return content  # type: ignore[no-any-return]
 
-
-def test_a_page_of_another_site_cannot_connect(viewer: Any) -> None:
-    from websockets.exceptions import InvalidStatus
-    from websockets.sync.client import connect
-    from websockets.typing import Origin
-
-    address = f"ws://127.0.0.1:{viewer.port}"
-    with connect(address, origin=Origin(f"http://localhost:{viewer.port + 1}"), subprotocols=SPOKEN):
-        pass  # as over a port that SSH forwards
-    for origin in ("http://evil.example", "http://127.0.0.1.evil.example", "https://localhost:1", "null"):
-        with pytest.raises(InvalidStatus, match="403"):
-            connect(address, origin=Origin(origin), subprotocols=SPOKEN)
-    assert viewer.server.request_share_url() is None
+    spout = {"do": "point", "name": "spout", "at": [150, 140]}
+    state = act({"do": "roll", "value": 3}, {"do": "elevation", "value": 20}, spout)
+    assert len(fits) == 1 and state["undo"] == 3 and not state["refused"] and state["unsaved"]
+    state = act({"do": "box", "at": [1, 1, 2, 2]}, {"do": "undo"}, {"do": "visible", "value": 1})
+    assert "at least 8 pixels a side" in state["message"] and state["refused"]
+    assert state["hints"]["visible"] and state["hints"]["points"] == {"spout": [150, 140]}
+    assert state["undo"] == 4, "what took the bad one back did nothing"
+    state = act({"do": "undo"}, {"do": "save"})
+    assert state["message"].startswith("Saved in") and not state["unsaved"] and state["corrected"] == [0]
+    assert "Another page" in act(spout, item=3)["message"]
 
 
-def test_the_next_free_port_is_taken_and_none_is_told() -> None:
-    pytest.importorskip("viser")
-    from vig_app.viewer.server import free_port
+def test_a_fault_is_told_and_the_page_goes_on(
+    viewer: Viewer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: Any) -> None:
+        raise ZeroDivisionError
 
+    with monkeypatch.context() as patch:
+        patch.setattr(State, "explained", broken)
+        status, content = asked(viewer, "POST", "/act", {"item": 0, "actions": [{"do": "roll", "value": 3}]})
+    assert status == 500 and content["error"] == "That went wrong; the terminal says more."
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    assert asked(viewer, "GET", "/state")[1]["hints"]["roll_deg"] is None
+
+
+def test_the_next_free_port_is_taken_and_none_is_told(viewer: Viewer, tmp_path: Path) -> None:
+    walk = Walk.of_photo(viewer.walk.session.path, "teapot", tmp_path / "saved")
+    other = Viewer(walk, viewer.port)
+    assert viewer.port < other.port < viewer.port + 9
+    other.stop()
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 65535))
         taken.listen()
         with pytest.raises(UserError, match="expected a free port from 65535 on; got none"):
-            free_port(65535)
-        assert free_port(65400) < 65535
+            Viewer(walk, 65535)
 
 
-def test_the_keyboard_alone(browser: Any, viewer: Any) -> None:
-    """A place can be typed; what cannot be used is told, and loses nothing."""
-    shown, session = Page(browser, viewer, *SCREENS["laptop"]), viewer.session
-    place = shown.page.locator(".mantine-TextInput-input").filter(visible=True).first
-    say = shown.page.get_by_role("button", name="say it there")
-
-    def typed(text: str) -> None:
-        place.fill(text)
-        waited(shown.page, lambda: viewer.place.value == text)
-        say.press("Enter")
-
-    try:
-        typed("150, 140")
-        shown.page.get_by_text("Choose first what a click says").wait_for()
-        shown.choose("a click says", "spout")
-        typed("150")
-        shown.page.get_by_text("Type x, y.").wait_for()
-        typed("150, 140")
-        waited(shown.page, lambda: session.state.points == {"spout": (150.0, 140.0)})
-        shown.choose("a click says", "a box round the object")
-        typed("10 10 2 2")
-        shown.page.get_by_text("at least 8 pixels a side").wait_for()
-        typed("100 60 190 180")
-        waited(shown.page, lambda: session.state.box == (100.0, 60.0, 190.0, 180.0))
-        assert session.state.points == {"spout": (150.0, 140.0)} and not shown.errors
-    finally:
-        shown.page.close()
+def test_a_stroke_is_continuous_and_as_wide_as_its_brush(session: Session) -> None:
+    marks = np.zeros((300, 400), np.uint8)
+    Mark(50.0, 50.0, 5.0, PixelLabel.SEEN, ((150.0, 50.0), (150.0, 120.0))).paint(marks)
+    rows, columns = np.mgrid[:300, :400] + 0.5
+    across = np.hypot(columns - columns.clip(50, 150), rows - 50)
+    down = np.hypot(columns - 150, rows - rows.clip(50, 120))
+    assert np.array_equal(marks == PixelLabel.SEEN, np.minimum(across, down) <= 5)
+    session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 150.0)])
+    assert session.explanation.to_dict()["hints"]["marks"] == pytest.approx(40 * 8 + math.pi * 16, rel=0.05)
+    with pytest.raises(UserError, match="expected marks on the photo"):
+        session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 1e9)])
 
 
 def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Path) -> None:
-    pytest.importorskip("viser")
     command = [
         sys.executable,
         "-c",
@@ -411,22 +315,25 @@ def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Pat
         assert process.wait(20) == 0
 
 
-def test_the_folder_of_a_run_of_one_photo_is_that_of_its_result(session: Session, tmp_path: Path) -> None:
+def test_a_folder_of_results_is_opened_whatever_it_holds(session: Session, tmp_path: Path) -> None:
     for name in ("a", "b"):
-        result = tmp_path / "run" / name
-        session.save(result)
-        assert result_in(result) == result
-        if name == "a":
-            assert result_in(tmp_path / "run") == result
-    with pytest.raises(UserError, match=r"holds no corrections.json. Name one in it, such as '.*/run/a'"):
-        State.read(result_in(tmp_path / "run"))
+        session.save(tmp_path / "run" / name)
+        walk = Walk.of_folder(tmp_path / "run")
+        assert sorted(item.folder.name for item in walk.items) == ["a", "b"][: len(walk.items)]
+    assert len(walk.items) == 2 and [item.name for item in Walk.of_folder(tmp_path / "run" / "a").items] == [
+        "a"
+    ]
+    (tmp_path / "run" / "a" / "explanation.json").write_text("{}")
+    with pytest.raises(UserError, match="expected a result of `vig fit` at"):
+        Walk.of_folder(tmp_path / "run")
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["nowhere.jpg"], "nothing of that name"),
-        (["."], "holds no corrections.json"),
+        (["."], "holds no corrections.json or results.csv"),
+        (["run"], "has 1 that were not"),
         (["photo.png", "--port", "0"], "a port of 1 to 65535"),
         (["photo.png", "--box", "1,2"], "box"),
         (["result", "--class", "mug"], "has one. Leave it out"),
@@ -442,6 +349,7 @@ def test_what_vig_view_refuses(
 ) -> None:
     monkeypatch.chdir(session.path.parent)
     Path("result").mkdir()
+    write_table(Path("run"), [{"photo": "gone.png", "folder": "gone", "error": "gone"}])
     with pytest.raises(SystemExit) as ended:
         main(["view", *arguments])
     assert ended.value.code == 2 and message in capsys.readouterr().err

@@ -150,3 +150,32 @@ def test_verdicts_and_what_trust_is_worth() -> None:
     }
     none = statistics.verdicts(result, np.array([False, False, True, False, False]))
     assert none["trusted_within_15_deg"] is None
+
+
+def test_quarters_of_what_is_hidden_part_the_chosen_images() -> None:
+    occlusion = np.array([0.0, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.9])
+    chosen = occlusion < 0.8
+    quarters = statistics.quarters_hidden(occlusion, chosen)
+    assert list(quarters) == ["0% to 8% hidden", "8% to 25% hidden", "25% to 43% hidden", "43% to 60% hidden"]
+    assert (sum(quarters.values()) == chosen).all()
+    assert len(statistics.quarters_hidden(np.zeros(3), np.ones(3, bool))) == 1
+
+
+def test_kinds_of_images_have_their_own_coverage_and_trust() -> None:
+    found, deviation = np.zeros((4, 24)), np.full((4, 24), 0.1)
+    truth = np.zeros((4, 24))
+    truth[1, 10] = truth[2:, 11] = 1.0  # azimuth of one image, elevation of two
+    errors = {
+        "azimuth_deg": np.array([1.0, 57.0, 2.0, 3.0]),
+        "segmentation_iou": np.array([0.9, 0.1, 0.8, 0.6]),
+    }
+    fits = stating(found, deviation, **errors)
+    fits.verdicts[:] = ["trusted", "trusted", "trusted", "ambiguous"]
+    first = np.array([True, True, False, False])
+    kinds = statistics.by_kind({"spatial": fits}, {"first": first, "last": ~first}, truth)
+    one, other = kinds["first"]["spatial"], kinds["last"]["spatial"]
+    assert one["coverage"] == {"azimuth": 0.5, "elevation": 1.0}
+    assert other["coverage"] == {"azimuth": 1.0, "elevation": 0.0}
+    assert (one["count"], one["azimuth_deg"], one["within_15_deg"]) == (2, 29.0, 0.5)
+    assert one["verdicts"]["trusted_within_15_deg"] == 0.5 and other["verdicts"]["trusted_share"] == 0.5
+    assert other["segmentation_iou"] == pytest.approx(0.7)

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from vig_app.cli.main import main
 
@@ -39,6 +40,25 @@ def test_make_ends_with_deciles_rejections_and_the_folder(
     assert hidden.startswith("hidden    0-10%: ") and "90-100%: 0" in hidden
     assert rejected.startswith("rejected  ") and "candidates a sample" in rejected
     assert err.splitlines()[-1].startswith("3 of 3 samples, ")
+
+
+def test_pictures_have_the_size_that_was_asked_for(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "d"
+    code, *_ = run(capsys, "make", "--out", out, "--count", 1, "--workers", 1, "--size", "96x64", "--normals")
+    assert code == 0
+    for kind in ("rgb/000000", "depth/000000", "normal/000000", "mask/000000_000000"):
+        assert Image.open(out / "train/000000" / f"{kind}.png").size == (96, 64)
+
+
+@pytest.mark.parametrize("size", ["640", "abc", "0x0", "10x10", "99999x1", "-5x3", "640x480x3", ""])
+def test_a_size_that_is_none_is_told_in_one_line(
+    size: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, err = run(capsys, "make", "--out", tmp_path / "d", "--count", 1, f"--size={size}")
+    assert (code, out, err.count("\n")) == (2, "", 1) and f"got {size}" in err.replace("'", "")
+    assert "640x480" in err and not (tmp_path / "d").exists()
 
 
 def test_json_is_one_object_and_nothing_else(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -77,7 +97,13 @@ def test_show_takes_the_split_that_is_there(
 
 
 @pytest.mark.parametrize(
-    ("to", "written"), [("coco", "annotations/amodal_test.json"), ("webdataset", "test-000000.tar")]
+    ("to", "written"),
+    [
+        ("coco", "annotations/amodal_test.json"),
+        ("coco-keypoints", "annotations/keypoints_test.json"),
+        ("yolo-pose", "labels/test/000005.txt"),
+        ("webdataset", "test-000000.tar"),
+    ],
 )
 def test_export_writes_and_prints_its_folder(
     to: str, written: str, capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path

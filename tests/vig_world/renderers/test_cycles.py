@@ -183,10 +183,22 @@ def test_the_message_holds_the_object_whole_whatever_its_finish(
     assert again[0] == header and all(np.array_equal(again[1][k], v) for k, v in arrays.items())
 
 
+def test_a_wide_picture_is_as_high_and_shows_more_at_its_sides(library: Library, teapot: ObjectClass) -> None:
+    spec = sample(library, teapot, 5, 8)
+    square, wide = (
+        compose(library, spec, teapot, "diffuse", size)[0]["camera"] for size in ((150, 150), (250, 150))
+    )
+    assert (wide["width"], wide["height"], wide["cx"]) == (250, 150, square["cx"] + 50)
+    same = ("focal", "cy", "rotation", "translation", "roll", "near")
+    assert {name: wide[name] for name in same} == {name: square[name] for name in same}
+
+
 def test_a_larger_picture_is_the_same_view_of_rounder_things(library: Library, teapot: ObjectClass) -> None:
     spec = sample(library, teapot, 5, 8)
     assert spec.coat is not None
-    (small, coarse), (large, fine) = (compose(library, spec, teapot, "diffuse", size) for size in (150, 300))
+    (small, coarse), (large, fine) = (
+        compose(library, spec, teapot, "diffuse", (size, size)) for size in (150, 300)
+    )
     assert large["camera"]["width"] == 2 * small["camera"]["width"] == 300
     for name in ("focal", "cx", "cy"):
         assert large["camera"][name] == pytest.approx(2 * small["camera"][name])

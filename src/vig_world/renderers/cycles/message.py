@@ -43,9 +43,9 @@ def compose(
     spec: SceneSpec,
     object_class: ObjectClass,
     finish: Finish,
-    size: int = IMAGE_SIZE,
+    size: tuple[int, int] = (IMAGE_SIZE, IMAGE_SIZE),
 ) -> Message:
-    """Header and arrays of everything in the scene, seen in an image of `size` pixels a side.
+    """Header and arrays of everything in the scene, seen in an image of width x height pixels.
 
     The renderer adds sampling settings.
 
@@ -57,13 +57,14 @@ def compose(
     finish_rng = stream(spec.seed, spec.index, spec.split, FINISH_STREAM)
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
-    scene = _SceneMessage(size >= FINE_FROM)
+    fine = min(size) >= FINE_FROM
+    scene = _SceneMessage(fine)
     for instance in instances:
         if instance.is_target:
             if spec.coat is None:
                 _add_target(scene, instance, object_class, finish, finish_rng)
             else:
-                texels = TEXELS_FINE if size >= FINE_FROM else TEXELS
+                texels = TEXELS_FINE if fine else TEXELS
                 pixels, uv = baked(spec.coat, instance.mesh.vertices, object_class.shape_model, texels)
                 scene.add(instance, coat_material(spec.coat, scene.texture(pixels)), uv=uv)
         else:

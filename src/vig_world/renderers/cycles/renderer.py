@@ -66,7 +66,8 @@ class CyclesRenderer:
         recycle: Scenes after which the worker is replaced by a fresh one.
         finish: Finish of the object: `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat,
             `painted` also a painted decoration.
-        size: Pixels a side of pictures, masks and depth.
+        size: Pixels of pictures, masks and depth: a side, or width and height.
+        normals: Whether pictures have normals, the rasteriser's as masks and depth.
 
     Raises:
         UserError: For a missing interpreter with bpy, or an argument out of range.
@@ -81,9 +82,11 @@ class CyclesRenderer:
         threads: int = 1,
         recycle: int = 200,
         finish: Finish = "diffuse",
-        size: int = IMAGE_SIZE,
+        size: int | tuple[int, int] = IMAGE_SIZE,
+        normals: bool = False,
     ) -> None:
-        counts = {"samples": samples, "threads": threads, "recycle": recycle, "size": size}
+        self._size = (size, size) if isinstance(size, int) else size
+        counts = {"samples": samples, "threads": threads, "recycle": recycle, "size": min(self._size)}
         for name, value in counts.items():
             if value < 1:
                 raise UserError(f"{name} must be at least 1; got {value}")
@@ -92,8 +95,9 @@ class CyclesRenderer:
         self._library, self._object_class = library, object_class
         self._command = [find_python(python), str(WORKER), str(threads)]
         self._samples = samples
-        self._recycle, self._finish, self._size = recycle, finish, size
-        self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples * max(1.0, (size / IMAGE_SIZE) ** 2)
+        self._recycle, self._finish, self._normals = recycle, finish, normals
+        pixels = self._size[0] * self._size[1]
+        self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples * max(1.0, pixels / IMAGE_SIZE**2)
         self._worker: BlenderProcess | None = None
         self._served = 0
         self.timing: dict[str, float] = {}
@@ -119,7 +123,7 @@ class CyclesRenderer:
         gain = EXPOSURE_L00 / probe[0]
         linear = traced["image"] * gain.astype(np.float32)
         view = View.of_scene(spec, self._object_class, self._size)
-        drawn = render(self._library, spec, self._object_class, view)
+        drawn = render(self._library, spec, self._object_class, view, self._normals)
         picture = {field.name: getattr(drawn, field.name) for field in fields(Picture)}
         light = grey(probe * gain).astype(np.float32)
         picture |= {"image": srgb8_from_linear(linear), "light": light}

@@ -1,0 +1,86 @@
+"""A gallery: of each photo what vig explains, to slide over it, and the object to turn; one page, offline."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vig.io.checks import reading
+from vig.io.errors import UserError
+from vig_app.report import words
+from vig_app.report.html import filled
+
+MOST = 40
+"""Photos of a gallery, each some 0.2 MB of the page."""
+PICTURE = re.compile(r'<img id="(photo|outlines-of)" src="(data:image/[a-z]+;base64,[\w+/=]+)"')
+DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Card:
+    """A photo of the gallery.
+
+    Attributes:
+        name: What it is called.
+        described: What explanation.json holds.
+        pictures: `photo` and `outlines-of` of its report.html, as addresses of images.
+        data: How its object is drawn: `mesh`, `view`, `clip`, `outline`.
+        note: One line under what was found.
+        link: Address of its report.html beside the page, or nothing.
+    """
+
+    name: str
+    described: dict[str, Any]
+    pictures: dict[str, str]
+    data: dict[str, Any]
+    note: str = ""
+    link: str = ""
+
+
+def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
+    """The card of an explanation's folder, which holds explanation.json and report.html."""
+    page = folder / "report.html"
+    with reading(page, "the page of an explanation", "Explain the photo anew with `vig fit`."):
+        described = json.loads((folder / "explanation.json").read_text(encoding="utf-8"))
+        text = page.read_text(encoding="utf-8")
+        pictures, found = dict(PICTURE.findall(text)), DATA.search(text)
+        if len(pictures) != 2 or found is None:
+            raise ValueError("it has no photo or no mesh")
+        data = json.loads(found[1])
+        shown = {"mesh": data["mesh"], "view": data["views"][0], "clip": data["clip"]}
+        return Card(name, described, pictures, shown | {"outline": data["outline"]}, note, link)
+
+
+def cards_of(results: Path) -> list[Card]:
+    """The cards of a folder of results, by name; `MOST` at most.
+
+    Raises:
+        UserError: No explanation with its page is in it.
+    """
+    pages = [
+        path for depth in ("", "*/", "*/*/") for path in sorted(results.glob(f"{depth}explanation.json"))
+    ]
+    folders = [path.parent for path in pages if (path.parent / "report.html").is_file()]
+    if not folders:
+        raise UserError(
+            f"expected a folder of results, with explanation.json and report.html; got {results}, without."
+            " Explain photos first: vig fit PHOTOS --out RESULTS."
+        )
+    names = ["/".join(folder.relative_to(results).parts) or folder.resolve().name for folder in folders]
+    return [card_of(folder, name) for folder, name in list(zip(folders, names, strict=True))[:MOST]]
+
+
+def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
+    """The page; what is not in a photo is shown as its photo alone."""
+    shown = [card for card in cards if card.described["verdict"] != "absent"]
+    return filled(
+        "gallery.html",
+        title=title,
+        note=note,
+        cards=[(card, words.badge(card.described), words.probabilities(card.described)) for card in cards],
+        data=[card.data for card in shown],
+    )

@@ -1,0 +1,211 @@
+"""What the page of `vig view` goes through: one photo, a result, or a run's photos, the strangest first."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from vig.explainer import Box, Explainer
+from vig.io.checks import decode, read_json, reading
+from vig.io.errors import UserError
+from vig_app.corrections import CORRECTIONS, State, corrected_in
+from vig_app.exports import run_files
+from vig_app.report.folder import FILES, OPTIONAL_FILES
+from vig_app.report.folder_page import review_order, write_run_page
+from vig_app.report.sheet import write_sheets
+from vig_app.results import TABLES, name_of, read_results, write_table
+from vig_app.runs import Task, ledger_of
+from vig_app.runs.work import row_of
+from vig_app.viewer.session import Session
+
+OWN = ("photo", "folder", "object", "seconds")
+"""Columns of a run's table that stay when an object is corrected."""
+
+BOX = ("box_x", "box_y", "box_width", "box_height")
+
+
+@dataclass
+class Item:
+    """A photo's object.
+
+    Attributes:
+        name: What it is called.
+        folder: Of its results.
+        found: `verdict` and `confidence`, and what else a row of the run's table has; empty for a new photo.
+        photo: Its file, class and what is known of it, where no file in the folder says so.
+        corrected: By hand, and saved.
+        box: In place of the one that is known.
+    """
+
+    name: str
+    folder: Path
+    found: dict[str, Any] = field(default_factory=dict)
+    photo: tuple[Path, str, State] | None = None
+    corrected: bool = False
+    box: Box | None = None
+
+    def read(self) -> tuple[Path, str, State]:
+        """Photo, class and state; UserError where they cannot be told."""
+        photo, object_class, state = self.photo if self.photo is not None else State.read(self.folder)
+        photo = photo.resolve()  # without the way round by the folder
+        photo = photo.relative_to(Path.cwd()) if photo.is_relative_to(Path.cwd()) else photo
+        return photo, object_class, state if self.box is None else replace(state, box=self.box)
+
+    def others(self) -> np.ndarray | None:
+        """Pixels (H, W) bool in which a run of several objects in a photo saw the others."""
+        if not (self.folder.parent / "scene.json").exists():
+            return None
+        path = self.folder.parent / "mask.png"
+        with reading(path, "the mask of several objects", "Run `vig fit` again."), Image.open(path) as image:
+            numbers = np.asarray(image)
+            return (numbers != 0) & (numbers != int(self.folder.name.split("-")[0]))
+
+
+class Walk:
+    """Some items, of which one is open."""
+
+    def __init__(self, items: list[Item], run: Path | None = None, rows: list[dict[str, Any]] | None = None):
+        """Begin before the first; `rows` are those of the table of a `run`, where the items are of one."""
+        self.items, self.run, self.rows = items, run, rows or []
+        self.place = -1
+        self.session: Session
+        self.saved = False
+        self._explainers: dict[str, Explainer] = {}
+        self._ahead: tuple[int, Session] | None = None
+
+    @staticmethod
+    def of_photo(photo: Path, object_class: str, out: Path) -> Walk:
+        """Of a photo, whose results will be in a folder."""
+        return Walk([Item(photo.name, out, photo=(photo, object_class, State()))])
+
+    @staticmethod
+    def of_folder(folder: Path) -> Walk:
+        """Of results: of a photo or an object, of several objects in a photo, or of a run.
+
+        Raises:
+            UserError: It holds none, or they cannot be read.
+        """
+        if (folder / CORRECTIONS).exists():
+            return Walk([Item(folder.name, folder)])
+        if (folder / TABLES[0]).exists():
+            rows = read_results(folder)
+            items = [_of_row(folder, row) for row in sorted(rows, key=review_order) if row["error"] is None]
+            if not items:
+                raise UserError(
+                    f"expected a run with explained photos; '{folder}' has {len(rows)} that were not."
+                    " See errors in its results.csv."
+                )
+            return Walk(items, folder, rows)
+        paths = [*folder.glob(f"*/{CORRECTIONS}"), *folder.glob(f"*/*/{CORRECTIONS}")]
+        if not paths:
+            raise UserError(
+                f"expected a photo, a result or a run of `vig fit`; '{folder}' holds no {CORRECTIONS} or"
+                f" {TABLES[0]}. Name a photo, or run `vig fit` on it first."
+            )
+        return Walk(sorted(map(_of_result, sorted(paths)), key=lambda item: review_order(item.found)))
+
+    def open(self, place: int) -> None:
+        """Open one; UserError where it cannot be, and the one before stays open."""
+        self.session = self._session(place)
+        self.place = place
+
+    def prepare(self) -> None:
+        """Fit the next one already."""
+        following = self.place + 1
+        if following < len(self.items):
+            with suppress(UserError):  # which is told when it is opened
+                self._ahead = following, self._session(following)
+
+    def _session(self, place: int) -> Session:
+        if self._ahead is not None and self._ahead[0] == place:
+            return self._ahead[1]
+        item = self.items[place]
+        photo, object_class, state = item.read()
+        if object_class not in self._explainers:
+            self._explainers[object_class] = Explainer(object_class)
+        return Session(self._explainers[object_class], photo, state, item.others())
+
+    def step(self, by: int) -> str:
+        """Open the next one in a direction, +1 or -1, that can be; returns why others could not be, and what
+        is not as it was fitted.
+
+        Raises:
+            UserError: There is none.
+        """
+        failures: list[str] = []
+        place = self.place + by
+        while 0 <= place < len(self.items):
+            try:
+                self.open(place)
+                if self.run is not None and self.items[place].photo is not None:
+                    failures.append("It was fitted with a mask, marks or a pose, which are left out here.")
+                return " ".join(failures)
+            except UserError as error:
+                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's tells enough
+                    raise
+                failures.append(f"{self.items[place].name} is left out: {error}")
+                place += by
+        raise UserError(" ".join([*failures, f"That was the {'last' if by > 0 else 'first'} one."]))
+
+    def save(self) -> Path:
+        """Write what is open into its folder, the files that are there, and into the table of the run."""
+        item, explanation = self.items[self.place], self.session.explanation
+        files = [name for name in (*FILES, *OPTIONAL_FILES) if (item.folder / name).exists()]
+        if self.run is None:
+            self.session.save(item.folder, files or None)
+        else:
+            with ledger_of(self.run):  # while no run writes there
+                self.session.save(item.folder, files or None)
+                row = row_of(Task(self.session.path, item.folder), explanation)
+                item.found.update({name: value for name, value in row.items() if name not in OWN})
+                write_table(self.run, self.rows)
+            for name in run_files():  # of the results before
+                (self.run / name).unlink(missing_ok=True)
+        item.corrected = self.saved = True
+        return item.folder
+
+    def close(self) -> None:
+        """Write the pages of a run of which something was saved."""
+        if self.run is not None and self.saved:
+            write_run_page(self.run, self.rows)
+            write_sheets(self.run, self.rows)
+
+    def objects(self) -> list[dict[str, Any]]:
+        """Box, name and number of the other items that are of the photo that is open."""
+        here = self.items[self.place].folder
+        if not (here.parent / "scene.json").exists():
+            return []
+        return [
+            {"box": box, "name": item.folder.name, "item": number}
+            for number, item in enumerate(self.items)
+            if item.folder != here and item.folder.parent == here.parent
+            if None not in (box := [item.found.get(name) for name in BOX])
+        ]
+
+
+def _of_row(run: Path, row: dict[str, Any]) -> Item:
+    """Of a row of a run's table, which it shares."""
+    folder = run / row["folder"]
+    photo = None
+    if not (folder / CORRECTIONS).exists():  # it was given a mask, marks or a pose
+        photo = Path(row["photo"]), row["class"], State()
+    return Item(name_of(row), folder, row, photo, _is_corrected(folder))
+
+
+def _of_result(path: Path) -> Item:
+    """Of a folder of results, by its corrections.json."""
+    folder = path.parent
+    with reading(path.with_name("explanation.json"), "a result of `vig fit`", "Run it again."):
+        described = decode(dict[str, Any], read_json(path.with_name("explanation.json")))
+        described |= dict(zip(BOX, described["box"] or [], strict=False))
+        review_order(described)
+    return Item(folder.name, folder, described, corrected=_is_corrected(folder))
+
+
+def _is_corrected(folder: Path) -> bool:
+    return any(not name for name, _ in corrected_in(folder))

@@ -1,0 +1,132 @@
+"""Keypoints of a dataset's objects: points that the class names, corners and centre of the object's box."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vig.io.errors import UserError
+from vig.scene import ObjectClass
+from vig_world.assets.target import target_vertices
+from vig_world.dataset.format import read_info
+from vig_world.dataset.read import Dataset
+from vig_world.raster.view import View
+
+CORNERS = tuple(f"corner_{number:03b}" for number in range(8))
+"""Of the box along the object's axes: 1 stands for the greater x, y, z, in this order."""
+CENTRE = "centre"
+EDGES = tuple((i, i | bit) for i in range(8) for bit in (4, 2, 1) if not i & bit)
+"""Pairs of corners."""
+OUTSIDE, HIDDEN, SEEN = 0, 1, 2
+"""COCO's numbers of visibility."""
+SLACK = 0.02
+"""Of the diagonal of the object's box, by which a point may lie behind what is seen at its pixel."""
+MIRROR_SLACK = 0.02
+"""Of the length of the mean shape's box, by which a class's point may be off its mirror image."""
+
+
+@dataclass(frozen=True)
+class Keypoints:
+    """Of one sample: place (N, 2) float64 in pixels, x and y, the image's corner at 0, nan behind the camera;
+    seen (N,) int, one of `OUTSIDE` (the frame), `HIDDEN`, `SEEN`.
+    """
+
+    place: np.ndarray
+    seen: np.ndarray
+
+    def rows(self) -> list[tuple[float, float, int]]:
+        """x, y and visibility of each point; x and y are 0 outside the frame, as in COCO."""
+        place = np.where(self.seen[:, None] != OUTSIDE, self.place, 0.0)
+        return [(x, y, seen) for (x, y), seen in zip(place.tolist(), self.seen.tolist(), strict=True)]
+
+
+def names_of(object_class: ObjectClass) -> tuple[str, ...]:
+    """The names of a class's keypoints, in their order."""
+    return (*object_class.points, *CORNERS, CENTRE)
+
+
+def points_of(object_class: ObjectClass, vertices: np.ndarray) -> np.ndarray:
+    """The keypoints (N, 3) of an object (V, 3) of a class, in its frame, metres."""
+    named = vertices[[*object_class.points.values()]].reshape(-1, 3)
+    low, high = vertices.min(0), vertices.max(0)
+    corners = [np.where([i & 4, i & 2, i & 1], high, low) for i in range(8)]
+    return np.concatenate([named, corners, [(low + high) / 2]]).astype(np.float64)
+
+
+def mirrored(object_class: ObjectClass) -> list[int] | None:
+    """Which keypoint each one is in a mirror image of an object: (N,); None where that shows no such one."""
+    if not object_class.mirror:
+        return None
+    points = points_of(object_class, object_class.shape_model.mean)
+    gaps = np.linalg.norm(points * [1, -1, 1] - points[:, None], axis=2)
+    partner = gaps.argmin(0)
+    close = gaps.min(0) <= MIRROR_SLACK * np.ptp(points, axis=0).max()
+    return partner.tolist() if close.all() and (partner[partner] == np.arange(len(points))).all() else None
+
+
+def dataset_class(dataset: Dataset, given: ObjectClass | None = None) -> ObjectClass:
+    """The class that a dataset was made with: the one given, or the packaged one of its name.
+
+    Raises UserError when it is another one, or there is none of that name.
+    """
+    root, split = dataset.folder.parent, dataset.folder.name
+    settings = read_info(root)["splits"][split]
+    return class_of(root, settings, given)
+
+
+def class_of(root: Path, settings: dict[str, Any], given: ObjectClass | None) -> ObjectClass:
+    """`dataset_class` by a split's settings."""
+    object_class = given or ObjectClass.load(settings["class"])
+    if object_class.fingerprint != settings["class_fingerprint"]:
+        raise UserError(
+            f"'{root}' was made with another class than this '{object_class.name}';"
+            " give the folder of its class pack with --class."
+        )
+    return object_class
+
+
+def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int]) -> Iterator[Keypoints]:
+    """The keypoints of some samples. Raises UserError when a file of theirs is missing or damaged."""
+    specs, size = dataset.specs(), dataset.size
+    for index in indices:
+        spec = specs[index]
+        vertices = target_vertices(spec, object_class)
+        view = View.of_scene(spec, object_class, size)
+        depth, mask = (dataset.read(kind, [index])[0] for kind in ("depth", "mask_visib"))
+        points = points_of(object_class, vertices)
+        slack = SLACK * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        yield _located(points, len(object_class.points), view, depth, mask, slack)
+
+
+def _located(
+    points: np.ndarray, on_surface: int, view: View, depth: np.ndarray, mask: np.ndarray, slack: float
+) -> Keypoints:
+    """Points (N, 3), of which the first `on_surface` lie on the object, as a view with its depth image (H, W)
+    and mask of what is seen of the object (H, W) shows them.
+
+    Seen is what nothing lies before. A point of the surface must also be at a pixel of the mask or beside
+    one: at an outline the pixel itself may be another thing's.
+    """
+    camera = view.camera
+    in_camera = points @ view.rotation.T + view.translation
+    z = in_camera[:, 2]
+    in_camera[z <= 0] = np.nan
+    place = camera.focal * in_camera[:, :2] / z[:, None] + [camera.cx, camera.cy]
+    inside = ((place >= 0) & (place < [camera.width, camera.height])).all(1)
+    seen = np.full(len(points), OUTSIDE)
+    for number in np.flatnonzero(inside):
+        column, row = place[number].astype(int)
+        nearby = slice(max(row - 1, 0), row + 2), slice(max(column - 1, 0), column + 2)
+        # Within a pixel a slanted surface has many depths, of which the image has the least.
+        reach = slack + z[number] / camera.focal
+        if number < on_surface:
+            around = depth[nearby][mask[nearby]]
+            free = bool((around + reach >= z[number]).any())
+        else:
+            free = bool(depth[row, column] + reach >= z[number])
+        seen[number] = SEEN if free else HIDDEN
+    return Keypoints(place, seen)

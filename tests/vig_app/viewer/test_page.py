@@ -1,0 +1,410 @@
+"""The page of `vig view` in a browser: what is drawn on it becomes hints, at every size, light and dark."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.support import LOW_CONTRAST
+from vig.inference import PixelLabel
+from vig.io.errors import UserError
+from vig_app.cli.main import main
+from vig_app.corrections import State
+from vig_app.examples import example_photos
+from vig_app.results import read_results
+from vig_app.viewer.server import Viewer
+from vig_app.viewer.walk import Walk
+
+SCREENS = {"phone": (390, 844), "laptop": (1280, 800), "wide": (1920, 1080)}
+HOSTILE = (
+    'p<iframe srcdoc="<script>parent.document.title=\'PWN\'<&#47;script>"><img src=x onerror="alert(1)">'
+    "{alert(1)}**[a](javascript:alert(1)).png"
+)
+
+
+def large_photo(path: Path, number: int = 3) -> Path:
+    """An example in the middle of a larger photo."""
+    large = Image.new("RGB", (400, 300), (120, 120, 120))
+    with Image.open(example_photos()[number].photo) as small:
+        large.paste(small, (120, 70))
+    large.save(path)
+    return path
+
+
+def fit(*arguments: str | Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["fit", *map(str, arguments)])
+    assert ended.value.code == 0
+
+
+def fitted(folder: Path) -> Path:
+    (folder / "photos").mkdir()
+    for number in range(3):
+        large_photo(folder / "photos" / f"{number}.png", number)
+    fit(folder / "photos", "--out", folder / "run", "--quiet")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three photos and the results of `vig fit` of them."""
+    return fitted(tmp_path_factory.mktemp("made"))
+
+
+@pytest.fixture
+def run(made_run: Path, tmp_path: Path) -> Path:
+    """A copy of that run with its photos."""
+    shutil.copytree(made_run / "photos", tmp_path / "photos", copy_function=shutil.copy2)
+    shutil.copytree(made_run / "run", tmp_path / "run")
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def viewer(tmp_path: Path) -> Iterator[Viewer]:
+    served = Viewer(Walk.of_photo(large_photo(tmp_path / "photo.png"), "teapot", tmp_path / "saved"), 8431)
+    yield served
+    served.stop()
+
+
+class Page:
+    """The page in a browser, as a user has it."""
+
+    def __init__(self, browser: Any, viewer: Viewer, screen: str = "laptop") -> None:
+        width, height = SCREENS[screen]
+        touch = screen == "phone"
+        self.viewer, self.errors, self.asked = viewer, list[str](), list[str]()
+        self.context = browser.new_context(
+            viewport={"width": width, "height": height}, has_touch=touch, is_mobile=touch
+        )
+        self.page = self.context.new_page()
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("dialog", lambda dialog: dialog.accept())
+        self.page.goto(f"http://127.0.0.1:{viewer.port}")
+        self.page.locator("#verdict:not(:empty)").wait_for()
+
+    @property
+    def state(self) -> State:
+        return self.viewer.walk.session.state
+
+    def until(self, what: Callable[[], bool]) -> None:
+        """Wait until it holds; fails after half a minute."""
+        ends = time.monotonic() + 30
+        while not what() or self.page.evaluate("busy"):
+            assert time.monotonic() < ends, "it did not come about"
+            self.page.wait_for_timeout(100)
+
+    def layout(self) -> tuple[float, ...]:
+        """Left, top, width and height of the photo on the screen."""
+        box = self.page.locator("#photo").bounding_box()
+        return box["x"], box["y"], box["width"], box["height"]
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where a pixel of the photo is on the screen."""
+        height, width = self.viewer.walk.session.photo.shape[:2]
+        left, top, across, down = self.layout()
+        return left + x * across / width, top + y * down / height
+
+    def drag(self, *places: tuple[float, float], steps: int = 3) -> None:
+        """Through pixels of the photo, in events far from each other."""
+        mouse = self.page.mouse
+        mouse.move(*self.at(*places[0]))
+        mouse.down()
+        for place in places[1:]:
+            mouse.move(*self.at(*place), steps=steps)
+        mouse.up()
+
+    def close(self) -> None:
+        """Nothing went wrong, and no other place was asked for anything."""
+        own = (f"http://127.0.0.1:{self.viewer.port}", "data:")
+        assert not self.errors and [url for url in self.asked if not url.startswith(own)] == []
+        self.context.close()
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run: Path, screen: str) -> None:
+    viewer = Viewer(Walk.of_folder(run), 8431)
+    shown = Page(browser, viewer, screen)
+    page, name = shown.page, viewer.walk.items[0].folder.name
+    try:
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        before = shown.layout()
+        assert before[2] / before[3] == pytest.approx(400 / 300, rel=0.01), "flat"
+        assert min(before[:2]) >= 0 and before[0] + before[2] <= SCREENS[screen][0] + 1
+        assert before[1] + before[3] <= SCREENS[screen][1] + 1
+        shown.drag((130, 75), (265, 215))
+        shown.until(lambda: shown.state.box is not None)
+        assert shown.state.box == pytest.approx((130, 75, 135, 140), abs=2)
+        assert shown.layout() == before, "dragging does not move the photo"
+        shown.drag((265, 215), (275, 225))
+        shown.until(lambda: shown.state.box != pytest.approx((130, 75, 135, 140), abs=2))
+        assert shown.state.box == pytest.approx((130, 75, 145, 150), abs=2), "by its corner"
+
+        page.get_by_role("button", name="in front").click()
+        shown.drag((150, 120), (200, 120), (200, 180))
+        shown.until(lambda: len(shown.state.marks) == 1)
+        mark = shown.state.marks[0]
+        marks = shown.state.hints(400, 300).marks
+        assert marks is not None and set(np.unique(marks)) == {0, PixelLabel.IN_FRONT}
+        assert mark.radius == pytest.approx(8.0)
+        assert (marks[120, 150:200] == PixelLabel.IN_FRONT).all(), "continuous"
+        assert (marks[120:180, 200] == PixelLabel.IN_FRONT).all()
+        pixel = page.evaluate(
+            "([x, y]) => [...paint2d.getImageData(x * devicePixelRatio, y * devicePixelRatio, 1, 1).data]",
+            [a - b for a, b in zip(shown.at(175, 120), stage_corner(page), strict=True)],
+        )
+        assert pixel[0] > 150 and pixel[1] < 60 and pixel[3] > 60, "drawn in red"
+
+        if page.locator("#views button").count() > 1:
+            page.locator("#views button").nth(1).click()
+            shown.until(lambda: shown.state.azimuth_deg is not None)
+            assert page.locator("#views button[aria-pressed=true]").count() == 1
+        for scheme in ("light", "dark"):  # as the desktop is
+            page.emulate_media(color_scheme=scheme)
+            lightness = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/[0-9]+/)[0]")
+            assert (int(lightness) < 60) == (scheme == "dark") and page.evaluate(LOW_CONTRAST) == []
+        page.get_by_role("button", name="save").click()
+        page.get_by_text("Saved in").wait_for()
+        assert len(State.read(run / name)[2].marks) == 1
+        page.get_by_role("button", name="next").last.click()
+        shown.until(lambda: viewer.walk.place == 1)
+        assert shown.state.box is None and page.locator("#items").input_value() == "1"
+        assert "✓" in page.locator("#items option").first.inner_text()
+        shown.close()
+    finally:
+        viewer.stop()
+
+
+def stage_corner(page: Any) -> tuple[float, float]:
+    box = page.locator("#stage").bounding_box()
+    return box["x"], box["y"]
+
+
+def test_the_keyboard_alone(browser: Any, viewer: Viewer) -> None:
+    shown = Page(browser, viewer)
+    page, keyboard = shown.page, shown.page.keyboard
+    try:
+        keyboard.press("?")
+        page.get_by_text("another view").wait_for()
+        keyboard.press("Escape")
+        keyboard.press("1")
+        page.locator("#paint").focus()
+        keyboard.press("ArrowUp")
+        keyboard.press("Space")
+        keyboard.press("Space")
+        shown.until(lambda: "spout" in shown.state.points)
+        assert shown.state.points["spout"][0] == pytest.approx(200, abs=1)
+        assert 140 < shown.state.points["spout"][1] < 150
+        keyboard.press("b")
+        keyboard.press("Space")
+        for _ in range(4):
+            keyboard.press("Shift+ArrowRight")
+            keyboard.press("Shift+ArrowDown")
+        keyboard.press("Space")
+        shown.until(lambda: shown.state.box is not None)
+        assert shown.state.box is not None and min(shown.state.box[2:]) > 30
+        keyboard.press("g")
+        for _ in range(3):
+            keyboard.press("]")
+        assert page.locator("#brush-size").text_content() == "4.0 %"
+        keyboard.press("z")
+        shown.until(lambda: shown.state.box is None)
+        assert "spout" in shown.state.points
+        keyboard.press("h")
+        shown.until(lambda: shown.state.visible)
+        keyboard.press("x")
+        shown.until(lambda: shown.state == State())
+        keyboard.press("z")
+        shown.until(lambda: shown.state.visible)
+        keyboard.press("Control+s")
+        page.get_by_text("Saved in").wait_for()
+        assert State.read(viewer.walk.items[0].folder)[2] == shown.state
+        shown.close()
+    finally:
+        page.close()
+
+
+def test_fingers_draw_and_two_of_them_zoom(browser: Any, viewer: Viewer) -> None:
+    shown = Page(browser, viewer, "phone")
+    page = shown.page
+    try:
+        touch = shown.context.new_cdp_session(page)
+
+        def send(kind: str, *places: tuple[float, float]) -> None:
+            points = [{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(places)]
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+        before = shown.layout()
+        send("touchStart", shown.at(130, 75))
+        for x, y in ((180, 120), (220, 170), (265, 215)):
+            send("touchMove", shown.at(x, y))
+        send("touchEnd")
+        shown.until(lambda: shown.state.box is not None)
+        assert shown.state.box == pytest.approx((130, 75, 135, 140), abs=3) and shown.layout() == before
+        first, second = shown.at(180, 150), shown.at(220, 150)
+        send("touchStart", first)
+        send("touchStart", first, second)
+        send("touchMove", (first[0] - 40, first[1]), (second[0] + 40, second[1]))
+        send("touchEnd")
+        page.wait_for_timeout(200)
+        assert shown.layout()[2] > 1.5 * before[2]
+        assert len(viewer.walk.session.states) == 2, "zooming draws nothing"
+        shown.close()
+    finally:
+        page.close()
+
+
+def test_what_cannot_be_done_is_said_and_loses_nothing(browser: Any, viewer: Viewer) -> None:
+    shown = Page(browser, viewer)
+    try:
+        shown.drag((100, 100), (105, 104))
+        shown.page.locator("#message.refused").get_by_text("at least 8 pixels a side").wait_for()
+        shown.page.mouse.click(*shown.at(100, 100))
+        shown.page.get_by_text("Drag from corner to corner").wait_for()
+        assert shown.state == State() and shown.page.locator("#undo").is_disabled()
+        shown.close()
+    finally:
+        shown.page.close()
+
+
+def test_a_photos_name_is_shown_as_it_is(browser: Any, tmp_path: Path) -> None:
+    walk = Walk.of_photo(large_photo(tmp_path / HOSTILE), "teapot", tmp_path / HOSTILE.replace(".png", ""))
+    viewer = Viewer(walk, 8431)
+    shown = Page(browser, viewer)
+    try:
+        assert shown.page.locator("#name").inner_text() == HOSTILE
+        shown.page.keyboard.press("s")
+        shown.page.get_by_text("Saved in").wait_for()
+        assert "PWN" not in shown.page.title().replace(HOSTILE, "")
+        assert shown.page.locator("iframe").count() == 0 and shown.page.locator("img[src=x]").count() == 0
+        shown.close()
+    finally:
+        viewer.stop()
+
+
+def test_other_objects_of_the_photo_can_be_chosen(browser: Any, tmp_path: Path) -> None:
+    photo = Image.new("RGB", (560, 300), (120, 120, 120))
+    for number, left in ((3, 60), (0, 330)):
+        with Image.open(example_photos()[number].photo) as small:
+            photo.paste(small, (left, 70))
+    photo.save(tmp_path / "two.png")
+    viewer = Viewer(Walk.of_photo(tmp_path / "two.png", "teapot", tmp_path / "saved"), 8431)
+    shown = Page(browser, viewer)
+    try:
+        shown.page.keyboard.press("1")
+        shown.page.keyboard.press("o")
+        shown.page.get_by_text("Click into a frame").wait_for()
+        places = shown.page.evaluate("state.objects.map(({ box }) => box)")
+        assert len(places) >= 2
+        for x, y, width, height in places[:2]:
+            shown.page.mouse.click(*shown.at(x + width / 2, y + height / 2))
+            shown.until(lambda box=(x, y, width, height): shown.state.box == pytest.approx(box, abs=1))  # type: ignore[misc]
+        shown.close()
+    finally:
+        viewer.stop()
+
+
+def test_a_run_is_walked_the_strangest_first_and_vig_fit_takes_corrections_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = fitted(tmp_path) / "run"
+    walk = Walk.of_folder(run)
+    rows = read_results(run)
+    confidences = [item.found["confidence"] for item in walk.items if item.found["verdict"] == "trusted"]
+    assert confidences == sorted(confidences) and len(walk.items) == 3
+    walk.step(1)
+    walk.session.draw_box(130.0, 75.0, 140.0, 145.0)
+    walk.session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 6.0, [(210.0, 160.0)])
+    corrected = walk.session.explanation.to_dict()
+    folder = walk.save()
+    walk.close()
+    after = {row["folder"]: row for row in read_results(run)}
+    row = after[folder.name]
+    assert row["azimuth_deg"] == corrected["azimuth_deg"] and row["object"] == 1
+    assert [row["photo"] for row in rows] == [row["photo"] for row in after.values()]
+    assert json.loads((folder / "explanation.json").read_text()) == corrected
+    again = Walk.of_folder(run)
+    assert [item.corrected for item in again.items].count(True) == 1
+
+    capsys.readouterr()
+
+    def fitted_again() -> dict[str, Any]:
+        fit(tmp_path / "photos", "--out", run, "--json")
+        out, err = capsys.readouterr()
+        assert (
+            f"corrected in vig view, taken as it is there (or remove corrections.json): {folder.name}" in err
+        )
+        (result,) = (each for each in json.loads(out)["results"].values() if each["folder"] == str(folder))
+        return result  # type: ignore[no-any-return]
+
+    times = {path: path.stat().st_mtime_ns for path in run.glob("*/explanation.json")}
+    for _ in range(2):
+        result = fitted_again()
+        result.pop("folder")
+        assert result == corrected
+        assert State.read(folder)[2].marks == walk.session.state.marks
+    changed = [path.parent.name for path, time in times.items() if path.stat().st_mtime_ns != time]
+    assert changed in ([], [folder.name]), "the others are not fitted again"
+    assert read_results(run)[0]["width"] == 400
+
+
+def test_a_photo_that_is_gone_is_left_out(run: Path) -> None:
+    walk = Walk.of_folder(run)
+    (run.parent / "photos" / f"{walk.items[0].folder.name}.png").unlink()
+    viewer = Viewer(walk, 8431)
+    assert walk.place == 1 and "got nothing of that name" in viewer.state()["message"]
+    viewer.stop()
+    shutil.rmtree(run.parent / "photos")
+    with pytest.raises(UserError, match="^.*/photos/.*png: expected an image file; got nothing of that name"):
+        Walk.of_folder(run).step(1)
+
+
+def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "masks").mkdir()
+    for number in range(2):
+        large_photo(tmp_path / "photos" / f"{number}.png", number)
+        mask = np.zeros((300, 400), np.uint8)
+        mask[90:200, 140:260] = 255
+        Image.fromarray(mask).save(tmp_path / "masks" / f"{number}.png")
+    fit(tmp_path / "photos", "--mask", tmp_path / "masks", "--quiet", "--out", tmp_path / "run")
+    walk = Walk.of_folder(tmp_path / "run")
+    assert "fitted with a mask, marks or a pose, which are left out" in walk.step(1)
+    assert walk.session.state == State() and not walk.session.unsaved
+
+
+def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> None:
+    photo = Image.new("RGB", (560, 300), (120, 120, 120))
+    for number, left in ((3, 60), (0, 330)):
+        with Image.open(example_photos()[number].photo) as small:
+            photo.paste(small, (left, 70))
+    (tmp_path / "photos").mkdir()
+    photo.save(tmp_path / "photos" / "two.png")
+    large_photo(tmp_path / "photos" / "one.png")
+    boxes = {"two.png": [[75, 75, 135, 140], [340, 75, 135, 140]], "one.png": [130, 75, 135, 140]}
+    (tmp_path / "boxes.json").write_text(json.dumps(boxes))
+    command = tmp_path / "photos", "--boxes", tmp_path / "boxes.json", "--quiet", "--out", tmp_path / "run"
+
+    fit(*command)
+    walk = Walk.of_folder(tmp_path / "run")
+    place = next(n for n, item in enumerate(walk.items) if item.folder.name == "2-teapot")
+    walk.open(place)
+    assert [walk.items[each["item"]].folder.name for each in walk.objects()] == ["1-teapot"]
+    assert walk.session.others is not None and walk.session.others.any()
+    walk.session.place("spout", 350.0, 140.0)
+    corrected = walk.session.explanation.to_dict()
+    folder = walk.save()
+    walk.close()
+    fit(*command)
+    assert json.loads((folder / "explanation.json").read_text())["hints"] == corrected["hints"]
+    assert State.read(folder)[2].points == {"spout": (350.0, 140.0)}
+    row = next(row for row in read_results(tmp_path / "run") if row["folder"] == "two/2-teapot")
+    assert row["azimuth_deg"] == pytest.approx(corrected["azimuth_deg"], abs=1e-3)

@@ -1,0 +1,40 @@
+"""The paper's class: what the pack holds, and what its scenes show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vig.scene import SHAPE_LIMIT, ObjectClass
+from vig_paper.teapot_class import COMPONENTS, PACK, build_paper_class, copy_class
+from vig_world.assets.held_out import held_out_designs_of
+from vig_world.assets.target import NO_DESIGN, draw_shape
+
+
+def test_the_pack_is_what_the_code_builds() -> None:
+    pack, built = ObjectClass.load(PACK), build_paper_class()
+    assert pack.name == built.name == "teapot-paper"
+    np.testing.assert_allclose(pack.shape_model.mean, built.shape_model.mean, atol=1e-6)
+    np.testing.assert_allclose(pack.shape_model.basis, built.shape_model.basis, atol=1e-5)
+    assert pack.shape_model.modes == COMPONENTS == 10  # the paper's, of 90 % of the variance or more
+    assert pack.shape_model.explained_variance_ratio.sum() > 0.9
+    assert pack.transfer is not None and pack.transfer.shape[0] == COMPONENTS + 1
+
+
+def test_scenes_show_the_models_shapes_or_designs(tmp_path: Path) -> None:
+    rng = np.random.default_rng
+    copy_class(tmp_path / "model", designs=False)
+    copy_class(tmp_path / "designs", designs=True)
+    model, designs = (ObjectClass.load(tmp_path / name) for name in ("model", "designs"))
+    assert held_out_designs_of(model) is None
+    known = held_out_designs_of(designs)
+    assert known is not None and set(known.splits) == {"test", "validation"}
+    for split in ("train", "validation", "test"):
+        shape, design = draw_shape(rng(3), model, split)
+        assert design == NO_DESIGN
+        np.testing.assert_array_equal(
+            shape, rng(3).standard_normal(COMPONENTS).clip(-SHAPE_LIMIT, SHAPE_LIMIT)
+        )
+        _, design = draw_shape(rng(3), designs, split)
+        assert design == NO_DESIGN if split == "train" else known.splits[design] == split
