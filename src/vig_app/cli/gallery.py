@@ -19,8 +19,10 @@ def gallery(settings: Gallery) -> int:
     if settings.results is None:
         html, photos = demo_gallery()
     else:
-        cards = cards_of(settings.results)
-        html, photos = gallery_html(cards, f"{len(cards)} photos explained"), len(cards)
+        cards, found = cards_of(settings.results)
+        photos = len(cards)
+        title = f"{photos} photos explained" if photos == found else f"{photos} of {found} photos explained"
+        html = gallery_html(cards, title)
     page = settings.out / "index.html"
     write_page(page, html)
     result = {"page": str(page), "photos": photos, "folder": str(settings.out)}

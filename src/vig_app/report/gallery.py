@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vig.io.checks import reading
+from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig_app.report import words
 from vig_app.report.html import filled
@@ -45,18 +45,20 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
     """The card of an explanation's folder, which holds explanation.json and report.html."""
     page = folder / "report.html"
     with reading(page, "the page of an explanation", "Explain the photo anew with `vig fit`."):
-        described = json.loads((folder / "explanation.json").read_text(encoding="utf-8"))
+        described = decode(dict[str, Any], read_json(folder / "explanation.json"))
+        words.badge(described), words.probabilities(described)  # refuse what lacks a field
         text = page.read_text(encoding="utf-8")
         pictures, found = dict(PICTURE.findall(text)), DATA.search(text)
         if len(pictures) != 2 or found is None:
             raise ValueError("it has no photo or no mesh")
         data = json.loads(found[1])
         shown = {"mesh": data["mesh"], "view": data["views"][0], "clip": data["clip"]}
-        return Card(name, described, pictures, shown | {"outline": data["outline"]}, note, link)
+        shown["outline"] = data["outline"]
+        return Card(name, described, pictures, shown, note, link)
 
 
-def cards_of(results: Path) -> list[Card]:
-    """The cards of a folder of results, by name; `MOST` at most.
+def cards_of(results: Path) -> tuple[list[Card], int]:
+    """The cards of a folder of results, by name, `MOST` at most; and how many results it holds.
 
     Raises:
         UserError: No explanation with its page is in it.
@@ -71,7 +73,8 @@ def cards_of(results: Path) -> list[Card]:
             " Explain photos first: vig fit PHOTOS --out RESULTS."
         )
     names = ["/".join(folder.relative_to(results).parts) or folder.resolve().name for folder in folders]
-    return [card_of(folder, name) for folder, name in list(zip(folders, names, strict=True))[:MOST]]
+    shown = list(zip(folders, names, strict=True))[:MOST]
+    return [card_of(folder, name) for folder, name in shown], len(folders)
 
 
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:

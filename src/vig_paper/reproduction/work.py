@@ -123,6 +123,11 @@ def make_data(run: Run, name: str) -> None:
             raise UserError(
                 f"expected {renderer} photos in '{folder}'; got {info['tier']}. Name another dataset."
             )
+        if info["class_fingerprint"] != run.object_class.fingerprint:
+            raise UserError(
+                f"expected photos of class '{run.object_class.name}' in '{folder}'; got class"
+                f" '{info['class']}'. Make them with --class {run.folder.object_class}."
+            )
         return
     counts = {
         "train": run.settings.train_images,

@@ -32,9 +32,10 @@ def evaluate(settings: Evaluate) -> int:
     """Run the methods, write and print their results; returns the exit code."""
     _check(settings)
     object_class = ObjectClass.load(settings.object_class)
-    dataset = read_dataset(settings.dataset, settings.split).at_network_size()
+    dataset = read_dataset(settings.dataset, settings.split)
     if settings.limit is not None:
         dataset = dataset.first(settings.limit)
+    dataset = dataset.at_network_size()
     check_limits(dataset.occlusion, settings.min_occlusion, settings.max_occlusion)
     renderer = read_info(settings.dataset)["splits"][settings.split]["tier"]
     recognizer = Recognizer.of_class(object_class, settings.weights)

@@ -194,7 +194,8 @@ def quarters_hidden(occlusion: np.ndarray, chosen: np.ndarray) -> dict[str, np.n
     for number, (least, most) in enumerate(pairwise(ends.tolist())):
         within = chosen & (occlusion <= most) & ((occlusion > least) | (number == 0))
         if within.any():
-            quarters[f"{least:.0%} to {most:.0%} hidden"] = within
+            name = f"{least:.0%} to {most:.0%} hidden"
+            quarters[name if name not in quarters else f"{least:.2%} to {most:.2%} hidden"] = within
     return quarters
 
 

@@ -89,7 +89,7 @@ def contact_sheet(
 def _labelled(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.Image:
     """A photo with what is hidden of the object tinted, and outline and box of what is seen."""
     alone, seen = (
-        np.asarray(Image.fromarray(mask).resize(tile.size, Image.Resampling.BILINEAR))
+        np.asarray(Image.fromarray(mask).convert("L").resize(tile.size, Image.Resampling.BILINEAR)) > 127
         for mask in (alone, seen)
     )
     pixels = np.array(tile)

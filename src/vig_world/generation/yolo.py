@@ -66,7 +66,7 @@ def _description(out: Path, object_class: ObjectClass) -> str:
         if value is not None
     )
     path = out / DESCRIPTION
-    if path.exists() and not path.read_text(encoding="utf-8").endswith(body):
+    if path.exists() and not path.read_bytes().endswith(body.encode()):
         raise UserError(f"expected a new folder for the export; '{out}' holds one of another class.")
     there = [split for split in SPLITS if (out / "labels" / split).is_dir()]
     lines = []

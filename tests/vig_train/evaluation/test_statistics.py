@@ -179,3 +179,9 @@ def test_kinds_of_images_have_their_own_coverage_and_trust() -> None:
     assert (one["count"], one["azimuth_deg"], one["within_15_deg"]) == (2, 29.0, 0.5)
     assert one["verdicts"]["trusted_within_15_deg"] == 0.5 and other["verdicts"]["trusted_share"] == 0.5
     assert other["segmentation_iou"] == pytest.approx(0.7)
+
+
+def test_quarters_of_nearly_equal_shares_keep_all_images() -> None:
+    occlusion = np.concatenate([np.linspace(0.0005, 0.004, 24), np.linspace(0.1, 0.9, 16)])
+    quarters = statistics.quarters_hidden(occlusion, np.ones(40, bool))
+    assert len(quarters) == 4 and sum(chosen.sum() for chosen in quarters.values()) == 40
