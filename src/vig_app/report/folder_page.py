@@ -17,7 +17,7 @@ from PIL import Image
 from vig.io.files import atomic_write
 from vig.output.pictures import THUMBNAIL
 from vig_app.report.html import QUALITY, filled, write_page
-from vig_app.results import name_of
+from vig_app.results import VERDICTS, name_of
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
@@ -26,7 +26,7 @@ MOST_ERRORS = 200
 WHOLE = 1200
 """And of the picture of several objects."""
 THUMBNAIL_FILE = "thumbnail.jpg"
-REVIEW_ORDER = ("failed", "absent", "reverted", "ambiguous", "trusted")
+REVIEW_ORDER = VERDICTS
 """Verdicts in the order in which their photos should be looked at."""
 COLUMNS = {
     "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",

@@ -69,9 +69,9 @@ class Item:
 class Walk:
     """Some items, of which one is open."""
 
-    def __init__(self, items: list[Item], run: Path | None = None, rows: list[dict[str, Any]] | None = None):
-        """Begin before the first; `rows` are those of the table of a `run`, where the items are of one."""
-        self.items, self.run, self.rows = items, run, rows or []
+    def __init__(self, items: list[Item], run: Path | None = None):
+        """Begin before the first; `run` is the folder of the run that the items are of, if any."""
+        self.items, self.run = items, run
         self.place = -1
         self.session: Session
         self.saved = False
@@ -100,7 +100,7 @@ class Walk:
                     f"expected a run with explained photos; '{folder}' has {len(rows)} that were not."
                     " See errors in its results.csv."
                 )
-            return Walk(items, folder, rows)
+            return Walk(items, folder)
         paths = [*folder.glob(f"*/{CORRECTIONS}"), *folder.glob(f"*/*/{CORRECTIONS}")]
         if not paths:
             raise UserError(
@@ -160,20 +160,24 @@ class Walk:
             self.session.save(item.folder, files or None)
         else:
             with ledger_of(self.run):  # while no run writes there
+                rows = read_results(self.run)  # others may have written since it was opened
                 self.session.save(item.folder, files or None)
                 row = row_of(Task(self.session.path, item.folder), explanation)
                 item.found.update({name: value for name, value in row.items() if name not in OWN})
-                write_table(self.run, self.rows)
+                write_table(self.run, _with_row(rows, item.found))
             for name in run_files():  # of the results before
                 (self.run / name).unlink(missing_ok=True)
+        item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
         return item.folder
 
     def close(self) -> None:
         """Write the pages of a run of which something was saved."""
         if self.run is not None and self.saved:
-            write_run_page(self.run, self.rows)
-            write_sheets(self.run, self.rows)
+            with ledger_of(self.run):
+                rows = read_results(self.run)
+                write_run_page(self.run, rows)
+                write_sheets(self.run, rows)
 
     def objects(self) -> list[dict[str, Any]]:
         """Box, name and number of the other items that are of the photo that is open."""
@@ -188,8 +192,15 @@ class Walk:
         ]
 
 
+def _with_row(rows: list[dict[str, Any]], row: dict[str, Any]) -> list[dict[str, Any]]:
+    """The rows with that of a folder in place of the one they have, or at their end."""
+    folders = [each["folder"] for each in rows]
+    place = folders.index(row["folder"]) if row["folder"] in folders else len(rows)
+    return [*rows[:place], row, *rows[place + 1 :]]
+
+
 def _of_row(run: Path, row: dict[str, Any]) -> Item:
-    """Of a row of a run's table, which it shares."""
+    """Of a row of a run's table."""
     folder = run / row["folder"]
     photo = None
     if not (folder / CORRECTIONS).exists():  # it was given a mask, marks or a pose

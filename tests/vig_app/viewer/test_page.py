@@ -19,7 +19,7 @@ from vig.io.errors import UserError
 from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
-from vig_app.results import read_results
+from vig_app.results import read_results, write_table
 from vig_app.viewer.server import Viewer
 from vig_app.viewer.walk import Walk
 
@@ -379,6 +379,30 @@ def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -
     walk = Walk.of_folder(tmp_path / "run")
     assert "fitted with a mask, marks or a pose, which are left out" in walk.step(1)
     assert walk.session.state == State() and not walk.session.unsaved
+    walk.session.hold(None, 5.0)
+    walk.save()
+    walk.step(1)
+    assert walk.step(-1) == "" and walk.session.state == State(roll_deg=5.0)
+
+
+def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
+    walk = Walk.of_folder(run)
+    walk.step(1)
+    rows = read_results(run)
+    write_table(run, [*rows, rows[0] | {"folder": "later", "photo": "later.png"}])
+    walk.session.hold(None, 4.0)
+    folder = walk.save()
+    after = read_results(run)
+    assert [row["folder"] for row in after] == [*(row["folder"] for row in rows), "later"]
+    row = next(row for row in after if row["folder"] == folder.name)
+    assert row["roll_deg"] == walk.session.explanation.roll_deg
+    write_table(run, [row for row in after if row["folder"] != "later"])
+    walk.close()
+    assert "later" not in (run / "report.html").read_text()
+    for changed in ({"folder": "../victim"}, {"folder": None}, {"photo": None}, {"verdict": "sure"}):
+        write_table(run, [rows[0] | changed])
+        with pytest.raises(UserError, match="expected the table of `vig fit` of several photos"):
+            Walk.of_folder(run)
 
 
 def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> None:
