@@ -219,4 +219,4 @@ def _of_result(path: Path) -> Item:
 
 
 def _is_corrected(folder: Path) -> bool:
-    return any(not name for name, _ in corrected_in(folder))
+    return any(not correction.name for correction in corrected_in(folder))

@@ -39,10 +39,10 @@ def large_photo(path: Path, number: int = 3) -> Path:
     return path
 
 
-def fit(*arguments: str | Path) -> None:
+def fit(*arguments: str | Path, code: int = 0) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["fit", *map(str, arguments)])
-    assert ended.value.code == 0
+    assert ended.value.code == code
 
 
 def fitted(folder: Path) -> Path:
@@ -432,3 +432,31 @@ def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> Non
     assert State.read(folder)[2].points == {"spout": (350.0, 140.0)}
     row = next(row for row in read_results(tmp_path / "run") if row["folder"] == "two/2-teapot")
     assert row["azimuth_deg"] == pytest.approx(corrected["azimuth_deg"], abs=1e-3)
+
+    first, second = boxes["two.png"]
+    (tmp_path / "boxes.json").write_text(json.dumps(boxes | {"two.png": [second, first]}))
+    fit(*command)
+    assert State.read(folder.with_name("1-teapot"))[2].points == {"spout": (350.0, 140.0)}
+    assert State.read(folder)[2].points == {}, "the other object"
+    kept = (folder.with_name("1-teapot") / "corrections.json").read_bytes()
+    for other in ([first, [200, 75, 135, 140]], first):
+        (tmp_path / "boxes.json").write_text(json.dumps(boxes | {"two.png": other}))
+        fit(*command, code=1)
+        error = next(row["error"] for row in read_results(tmp_path / "run") if row["folder"] == "two")
+        assert "two/1-teapot/corrections.json' was made for; got others" in error
+        assert (folder.with_name("1-teapot") / "corrections.json").read_bytes() == kept
+
+
+@pytest.mark.parametrize("change", [{"format": 2}, {"state": {"nose": 1}}, {"class": "mug"}], ids=str)
+def test_corrections_by_hand_that_cannot_be_taken_stay(run: Path, change: dict[str, Any]) -> None:
+    path = run / "1" / "corrections.json"
+    written = json.dumps(json.loads(path.read_text()) | {"corrected": True} | change)
+    path.write_text(written)
+    fit(run.parent / "photos", "--out", run, "--quiet", code=1)
+    errors = [row["error"] for row in read_results(run)]
+    assert [error is None for error in errors] == [True, False, True]
+    assert "corrected by hand and stays" in errors[1] and path.read_text() == written
+    older = json.loads(written)
+    older.pop("corrected")
+    path.write_text(json.dumps(older))
+    fit(run.parent / "photos", "--out", run, "--quiet")
