@@ -94,7 +94,7 @@ def folder_html(
 
 
 def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
+    """report.html of a run: the first `MOST_ENTRIES` of its photos in review order."""
     explained = sorted((row for row in rows if row["error"] is None), key=review_order)
     entries = []
     for row in explained[:MOST_ENTRIES]:

@@ -1,4 +1,4 @@
-"""What the page of `vig view` goes through: one photo, a result, or a run's photos, the strangest first."""
+"""What the page of `vig view` goes through: one photo, a result, or a run's photos in review order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vig.explainer import Box, Explainer
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig_app.corrections import CORRECTIONS, State, corrected_in
-from vig_app.exports import run_files
+from vig_app.exports import export_run, formats_in, run_formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
 from vig_app.report.folder_page import review_order, write_run_page
 from vig_app.report.sheet import write_sheets
@@ -50,7 +50,7 @@ class Item:
     box: Box | None = None
 
     def read(self) -> tuple[Path, str, State]:
-        """Photo, class and state; UserError where they cannot be told."""
+        """Photo, class and state; UserError where they cannot be read."""
         photo, object_class, state = self.photo if self.photo is not None else State.read(self.folder)
         photo = photo.resolve()  # without the way round by the folder
         photo = photo.relative_to(Path.cwd()) if photo.is_relative_to(Path.cwd()) else photo
@@ -118,7 +118,7 @@ class Walk:
         """Fit the next one already."""
         following = self.place + 1
         if following < len(self.items):
-            with suppress(UserError):  # which is told when it is opened
+            with suppress(UserError):  # which is reported when it is opened
                 self._ahead = following, self._session(following)
 
     def _session(self, place: int) -> Session:
@@ -146,16 +146,22 @@ class Walk:
                     failures.append("It was fitted with a mask, marks or a pose, which are left out here.")
                 return " ".join(failures)
             except UserError as error:
-                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's tells enough
+                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's is enough
                     raise
                 failures.append(f"{self.items[place].name} is left out: {error}")
                 place += by
         raise UserError(" ".join([*failures, f"That was the {'last' if by > 0 else 'first'} one."]))
 
     def save(self) -> Path:
-        """Write what is open into its folder, the files that are there, and into the table of the run."""
+        """Write what is open into its folder, the files and exports that are there, and into the table of the
+        run, whose exports are written anew, too.
+
+        Raises:
+            UserError: Something cannot be written; exports are written last.
+        """
         item, explanation = self.items[self.place], self.session.explanation
         files = [name for name in (*FILES, *OPTIONAL_FILES) if (item.folder / name).exists()]
+        formats = formats_in(item.folder)
         if self.run is None:
             self.session.save(item.folder, files or None)
         else:
@@ -165,10 +171,11 @@ class Walk:
                 row = row_of(Task(self.session.path, item.folder), explanation)
                 item.found.update({name: value for name, value in row.items() if name not in OWN})
                 write_table(self.run, _with_row(rows, item.found))
-            for name in run_files():  # of the results before
-                (self.run / name).unlink(missing_ok=True)
         item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
+        explanation.export(item.folder, formats, self.session.path.name)
+        if self.run is not None:
+            export_run(self.run, run_formats_in(self.run))
         return item.folder
 
     def close(self) -> None:

@@ -6,6 +6,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -163,10 +164,10 @@ def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run
         )
         assert pixel[0] > 150 and pixel[1] < 60 and pixel[3] > 60, "drawn in red"
 
-        if page.locator("#views button").count() > 1:
-            page.locator("#views button").nth(1).click()
-            shown.until(lambda: shown.state.azimuth_deg is not None)
-            assert page.locator("#views button[aria-pressed=true]").count() == 1
+        assert page.locator("#views button").count() > 1
+        page.locator("#views button").nth(1).click()
+        shown.until(lambda: shown.state.azimuth_deg is not None)
+        assert page.locator("#views button[aria-pressed=true]").count() == 1
         for scheme in ("light", "dark"):  # as the desktop is
             page.emulate_media(color_scheme=scheme)
             lightness = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/[0-9]+/)[0]")
@@ -312,7 +313,7 @@ def test_other_objects_of_the_photo_can_be_chosen(browser: Any, tmp_path: Path) 
         viewer.stop()
 
 
-def test_a_run_is_walked_the_strangest_first_and_vig_fit_takes_corrections_up(
+def test_a_run_is_walked_in_review_order_and_vig_fit_takes_corrections_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = fitted(tmp_path) / "run"
@@ -383,6 +384,22 @@ def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -
     walk.save()
     walk.step(1)
     assert walk.step(-1) == "" and walk.session.state == State(roll_deg=5.0)
+
+
+def test_exports_are_those_of_what_is_saved(run: Path) -> None:
+    fit(run.parent / "photos", "--out", run, "--quiet", "--export", "coco", "ros")
+    walk = Walk.of_folder(run)
+    walk.step(1)
+    exports = walk.items[0].folder / "pose.yaml", run / "coco.json"
+    before = [path.read_text() for path in exports]
+    walk.session.correct(lambda state: replace(state, azimuth_deg=100.0, elevation_deg=60.0))
+    walk.save()
+    assert all(path.read_text() != text for path, text in zip(exports, before, strict=True))
+    viewer = Viewer(walk, 8431)
+    assert viewer.photo(0) != viewer.photo(2), "by item, whichever is open"
+    with pytest.raises(ValueError, match="expected an item below 3; got 3"):
+        viewer.photo(3)
+    viewer.stop()
 
 
 def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
