@@ -19,10 +19,12 @@ from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.output import write_json
 from vig.photo import Intrinsics, Window, focal_of
+from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 
 CORRECTIONS = "corrections.json"
+REMEDY = "It was corrected by hand and stays; move it away to fit without it."
 FORMAT = 1
 Box = tuple[float, float, float, float]
 
@@ -145,7 +147,14 @@ class State:
         explanation = replace(explanation, focal_from="exif") if exif else explanation
         return explanation if others is None else replace(explanation, others=others)
 
-    def write(self, folder: Path, photo: Path, object_class: ObjectClass, corrected: bool = False) -> None:
+    def write(
+        self,
+        folder: Path,
+        photo: Path,
+        object_class: ObjectClass,
+        corrected: bool = False,
+        object_box: Box | None = None,
+    ) -> None:
         """Write what `read` reads into a folder of results, from which the photo is named.
 
         Args:
@@ -153,6 +162,8 @@ class State:
             photo: Its file.
             object_class: What it was explained as.
             corrected: By hand, so that `vig fit` takes it in place of its own hints.
+            object_box: Of one of several objects, as it was without corrections; by default that of the file
+                that is there.
 
         Raises:
             UserError: It cannot be written.
@@ -164,15 +175,16 @@ class State:
             "photo": os.path.relpath(photo.resolve(), folder.resolve()),
             "class": object_class.name if packaged else str(pack and pack.resolve()),
             "corrected": corrected,
+            "object_box": object_box or _object_box(folder),
             "state": asdict(self),
         }
         write_json(folder, content, CORRECTIONS)
 
     @staticmethod
-    def read(folder: Path) -> tuple[Path, str, State]:
-        """Photo, class and state that `write` wrote; UserError where they cannot be read."""
+    def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
+        """Photo, class and state that `write` wrote; UserError with a remedy where they cannot be read."""
         path = folder / CORRECTIONS
-        with reading(path, "corrections of a photo", "Name the photo itself."):
+        with reading(path, "corrections of a photo", remedy):
             content = decode(dict[str, Any], read_json(path))
             if content["format"] != FORMAT:
                 raise ValueError(f"it is of format {content['format']}, where this vig reads {FORMAT}")
@@ -180,17 +192,72 @@ class State:
             return folder / photo, object_class, decode(State, content["state"])
 
 
-def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[tuple[str, State], ...]:
-    """What was corrected by hand in the folder of a photo's results: of its one object, which is of a class,
-    by the name "", or of several by those of their folders. Files that cannot be read are passed over.
+@dataclass(frozen=True)
+class Correction:
+    """What was corrected by hand of one object.
+
+    Attributes:
+        name: Of the object's folder among those of several; "" for a photo's one object.
+        state: The hints; None where they cannot be taken.
+        box: Round the object as it was without corrections; None where that is unknown.
+        problem: Why the hints cannot be taken, a line; "" where they can.
+    """
+
+    name: str
+    state: State | None
+    box: Box | None = None
+    problem: str = ""
+
+
+def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
+    """What was corrected by hand in the folder of a photo's results: of its one object, which is to be of a
+    class, or of several. Files that do not say whether they were corrected, as older ones, are passed over.
     """
     names = {str(object_class), str(Path(object_class or "").resolve())}
-    states = []
+    corrections = []
     for path in [folder / CORRECTIONS, *sorted(folder.glob(f"[0-9]*-*/{CORRECTIONS}"))]:
-        with suppress(OSError, ValueError, KeyError, TypeError):  # older files do not say
-            if read_json(path)["corrected"]:
-                name = "" if path.parent == folder else path.parent.name
-                _, of_class, state = State.read(path.parent)
-                if name or object_class is None or of_class in names:
-                    states.append((name, state))
-    return tuple(states)
+        name = "" if path.parent == folder else path.parent.name
+        try:
+            with reading(path, "corrections of a photo", REMEDY):
+                content = decode(dict[str, Any], read_json(path)) if path.exists() else {}
+                if not content.get("corrected"):
+                    continue
+                _, of_class, state = State.read(path.parent, REMEDY)
+                if not name and object_class is not None and of_class not in names:
+                    raise UserError(
+                        f"expected corrections of a {object_class} at '{path}'; got {of_class}. {REMEDY}"
+                    )
+                box = decode(Box | None, content.get("object_box")) or state.box
+                corrections.append(Correction(name, state, box))
+        except UserError as error:
+            corrections.append(Correction(name, None, problem=str(error)))
+    return tuple(corrections)
+
+
+def _object_box(folder: Path) -> Any:
+    """The box of the object that a file of corrections is of, where it has one."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        return read_json(folder / CORRECTIONS)["object_box"]
+    return None
+
+
+def place_of(explanation: Explanation) -> Box:
+    """The box that an explanation was given, else that of its window."""
+    if explanation.box is not None:
+        x, y, width, height = map(float, explanation.box)
+        return x, y, width, height
+    return box_of(explanation.window)
+
+
+def box_of(window: Window) -> Box:
+    """The inverse of `Window.round_box`, a square."""
+    side, (x, y) = window.side / WINDOW_OVER_BOX, window.centre
+    return x - side / 2, y + BOX_BELOW_CENTRE * window.side - side / 2, side, side
+
+
+def overlap(first: Box, second: Box) -> float:
+    """Intersection over union of two boxes."""
+    (x, y, width, height), (left, top, across, down) = first, second
+    shared_width = max(min(x + width, left + across) - max(x, left), 0.0)
+    shared = shared_width * max(min(y + height, top + down) - max(y, top), 0.0)
+    return shared / max(width * height + across * down - shared, 1e-9)

@@ -31,6 +31,8 @@ TRACK_COLUMNS = (
 )  # fmt: skip
 """Of the table of a track, likewise."""
 
+VERDICTS = ("failed", "absent", "reverted", "ambiguous", "trusted")
+"""In the order in which photos are to be looked at."""
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
 TRUTHS = {"view_trusted", "mask_trusted", "distance_known", "lost", "refitted"}
 """Columns of text and of truth values; all others hold numbers."""
@@ -81,7 +83,17 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
     with reading(path, "the table of `vig fit` of several photos", "Name the folder of its results."):
         with open(path, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        return [{name: _value(name, row[name]) for name in COLUMNS} for row in rows]
+        return [_checked({name: _value(name, row[name]) for name in COLUMNS}) for row in rows]
+
+
+def _checked(row: dict[str, Any]) -> dict[str, Any]:
+    """A row whose photo and folder are named, the folder within the run; ValueError for others."""
+    folder = PurePath(row["folder"] or "")
+    if not folder.parts or folder.is_absolute() or ".." in folder.parts:
+        raise ValueError(f"the folder {row['folder']!r}, which is not within the run")
+    if row["photo"] is None or (row["error"] is None and row["verdict"] not in VERDICTS):
+        raise ValueError(f"{row['folder']!r} with the photo {row['photo']!r}, verdict {row['verdict']!r}")
+    return row
 
 
 def _value(name: str, text: str) -> Any:

@@ -122,8 +122,8 @@ class ViewCommand:
     """Open a photo, or those of a run, on a page: draw a box, paint what is in front, choose a view, save."""
 
     photo: tyro.conf.Positional[Path]
-    """A photo; or a folder of its results, to resume work on it; or that of a run, whose photos come the
-    strangest first."""
+    """A photo; or a folder of its results, to resume work on it; or that of a run, whose photos come in
+    review order, the least sure first."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object; without it the object is sought in the photo."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None

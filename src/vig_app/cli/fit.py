@@ -35,7 +35,7 @@ from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_one_line, listed, note
-from vig_app.corrections import CORRECTIONS, State, corrected_in
+from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
 from vig_app.report.folder_page import write_run_page
@@ -167,7 +167,7 @@ def fit(settings: FitCommand) -> int:
 
 def _corrected(
     settings: FitCommand, folders: Sequence[Path], object_class: str
-) -> dict[Path, tuple[tuple[str, State], ...]]:
+) -> dict[Path, tuple[Correction, ...]]:
     """What was corrected by hand of each photo of an earlier run, with a line on it; of a single photo only
     where no hint is given.
     """
@@ -175,9 +175,13 @@ def _corrected(
     if settings.track or (len(folders) == 1 and hinted):
         return dict.fromkeys(folders, ())
     by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
-    if any(by_hand.values()) and not settings.quiet:
-        names = listed(folder.name for folder, states in by_hand.items() if states)
-        note(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {names}")
+    taken = [
+        folder.name
+        for folder, corrections in by_hand.items()
+        if corrections and not any(correction.problem for correction in corrections)
+    ]
+    if taken and not settings.quiet:
+        note(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
     return by_hand
 
 

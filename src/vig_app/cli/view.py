@@ -11,6 +11,7 @@ from pathlib import Path
 from vig.io.errors import UserError
 from vig_app.cli.boxes import parse_box
 from vig_app.cli.common import ViewCommand
+from vig_app.cli.naming import note
 from vig_app.viewer.server import HOST, Viewer
 from vig_app.viewer.walk import Walk
 
@@ -47,7 +48,11 @@ def view(settings: ViewCommand) -> int:
     try:
         threading.Event().wait()
     except KeyboardInterrupt:
-        viewer.stop()
+        try:
+            viewer.stop()
+        finally:
+            if walk.session.unsaved:
+                note(f"corrections of {walk.items[walk.place].name} were not saved")
     if walk.saved and not settings.json:
         print(folder)
     return 0

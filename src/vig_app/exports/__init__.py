@@ -5,8 +5,19 @@ from vig_app.exports.export import (
     RUN_FORMATS,
     export_explanation,
     export_run,
+    formats_in,
     remove_exports,
     run_files,
+    run_formats_in,
 )
 
-__all__ = ["FORMATS", "RUN_FORMATS", "export_explanation", "export_run", "remove_exports", "run_files"]
+__all__ = [
+    "FORMATS",
+    "RUN_FORMATS",
+    "export_explanation",
+    "export_run",
+    "formats_in",
+    "remove_exports",
+    "run_files",
+    "run_formats_in",
+]

@@ -73,6 +73,18 @@ def remove_exports(folder: Path) -> None:
             parent.rmdir()
 
 
+def formats_in(folder: Path) -> tuple[str, ...]:
+    """Formats of the exports of an explanation that a folder holds."""
+    return tuple(
+        name for name in FORMATS if any((folder / file).exists() for file in _module("formats", name).FILES)
+    )
+
+
+def run_formats_in(folder: Path) -> tuple[str, ...]:
+    """Formats of the exports of a run that a folder holds."""
+    return tuple(name for name in RUN_FORMATS if (folder / _module("run_formats", name).FILE).exists())
+
+
 def run_files() -> tuple[str, ...]:
     """Names of all files that `export_run` may write."""
     return tuple(_module("run_formats", name).FILE for name in RUN_FORMATS)

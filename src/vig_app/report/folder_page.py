@@ -17,7 +17,7 @@ from PIL import Image
 from vig.io.files import atomic_write
 from vig.output.pictures import THUMBNAIL
 from vig_app.report.html import QUALITY, filled, write_page
-from vig_app.results import name_of
+from vig_app.results import VERDICTS, name_of
 
 MOST_ENTRIES = 200
 """Photos on a run's page, at most."""
@@ -26,8 +26,6 @@ MOST_ERRORS = 200
 WHOLE = 1200
 """And of the picture of several objects."""
 THUMBNAIL_FILE = "thumbnail.jpg"
-REVIEW_ORDER = ("failed", "absent", "reverted", "ambiguous", "trusted")
-"""Verdicts in the order in which their photos should be looked at."""
 COLUMNS = {
     "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",
     "view right": "confidence", "mask right": "mask_confidence",
@@ -96,7 +94,7 @@ def folder_html(
 
 
 def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """report.html of a run: the photos that are strangest, `MOST_ENTRIES` of them."""
+    """report.html of a run: the first `MOST_ENTRIES` of its photos in review order."""
     explained = sorted((row for row in rows if row["error"] is None), key=review_order)
     entries = []
     for row in explained[:MOST_ENTRIES]:
@@ -114,10 +112,10 @@ def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
-    """Sort key of photos: errors, then verdicts in `REVIEW_ORDER`; within each the least confidence first."""
+    """Sort key of photos: errors, then `VERDICTS`; within each the least confidence first."""
     if row.get("error") is not None:
         return -1, 0.0
-    return REVIEW_ORDER.index(row["verdict"]), row["confidence"] or 0.0
+    return VERDICTS.index(row["verdict"]), row["confidence"] or 0.0
 
 
 def reduced(picture: np.ndarray, side: int = THUMBNAIL) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""sheet.jpg: the photos of a run on one picture, what is strangest first."""
+"""sheet.jpg: the photos of a run on one picture, in review order, the least sure first."""
 
 from __future__ import annotations
 

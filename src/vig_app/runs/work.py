@@ -24,7 +24,7 @@ from vig.photo.images import coded_photo
 from vig.photo.masks import read_mask
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
-from vig_app.corrections import CORRECTIONS, State
+from vig_app.corrections import CORRECTIONS, REMEDY, Correction, State, overlap, place_of
 from vig_app.exports import remove_exports
 from vig_app.results import COLUMNS, POSE
 
@@ -37,6 +37,8 @@ FILES = (
     "report.html", "scene.glb", "texture_seen.png", "thumbnail.jpg",
 )  # fmt: skip
 """Of a photo's results, whether of one object or of several."""
+SAME_OBJECT = 0.5
+"""Intersection over union of boxes of one object, at least: as detections are counted as right."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Task:
     objects: tuple[tuple[str, Box], ...] = ()
     most: int = 0
     camera: Any = None
-    corrected: tuple[tuple[str, State], ...] = ()
+    corrected: tuple[Correction, ...] = ()
     key: str = ""
 
 
@@ -113,6 +115,9 @@ class Work:
     def __call__(self, task: Task) -> Rows:
         started = time.monotonic()
         try:
+            for correction in task.corrected:
+                if correction.problem:
+                    raise UserError(correction.problem)
             rows = self.several(task) if task.objects or task.most else [self.one(task)]
         except UserError as error:
             return failed(task, error)
@@ -121,11 +126,12 @@ class Work:
 
     def one(self, task: Task) -> dict[str, Any]:
         """The row of a photo of one object."""
-        for name, state in task.corrected:
-            if not name:
-                explanation = state.explained(self.explainer, task.photo, coded_photo(task.photo))
-                self.write(task, explanation, state)
-                return row_of(task, explanation)
+        for correction in task.corrected:
+            if correction.name or correction.state is None:
+                raise _of_no_object(task, correction)
+            explanation = correction.state.explained(self.explainer, task.photo, coded_photo(task.photo))
+            self.write(task, explanation, correction.state)
+            return row_of(task, explanation)
         hints = task.hints
         if task.mask is not None:
             hints = replace(hints or Hints(), mask=read_mask(task.mask))
@@ -151,7 +157,7 @@ class Work:
             names = (str(self.settings.object_class), *self.settings.others)
             explainers = [self.of_class(name) for name in names]
             scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
-        states = dict(task.corrected)
+        states, places = _states(task, scene), [place_of(each) for each in scene.objects]
         for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True)):
             if name in states:  # of the class that its name has
                 others = np.any(np.delete(scene.masks, number, axis=0), axis=0, keepdims=True)[0]
@@ -162,10 +168,10 @@ class Work:
         with beside_folder(task) as beside:
             settings = self.settings
             scene.save(beside, task.photo.name, settings.export, settings.files, settings.full_size)
-            for name, explanation in zip(scene.names, scene.objects, strict=True):
+            for name, explanation, place in zip(scene.names, scene.objects, places, strict=True):
                 box: Any = explanation.box and tuple(map(float, explanation.box))
                 state = states.get(name, State(box, focal=task.focal, camera=_lens(task, explanation)))
-                state.write(beside / name, task.photo, explanation.object_class, name in states)
+                state.write(beside / name, task.photo, explanation.object_class, name in states, place)
         return [
             row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}
             for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
@@ -179,6 +185,33 @@ class Work:
             state = corrected or State.of(task.box, task.focal, explanation.hints, _lens(task, explanation))
             if state is not None:  # named from where it will be, which is as deep
                 state.write(beside, task.photo, explanation.object_class, corrected is not None)
+
+
+def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
+    """Corrections by the names of the objects that they were made for, which may have other numbers now.
+
+    Raises:
+        UserError: One was made for none of the objects.
+    """
+    states: dict[str, State] = {}
+    for correction in task.corrected:
+        overlaps = {
+            name: overlap(place_of(explanation), correction.box)
+            for name, explanation in zip(scene.names, scene.objects, strict=True)
+            if correction.box is not None
+            and name not in states
+            and name.partition("-")[2] == correction.name.partition("-")[2]
+        }
+        name = max(overlaps, key=overlaps.__getitem__, default="")
+        if correction.state is None or overlaps.get(name, 0.0) < SAME_OBJECT:
+            raise _of_no_object(task, correction)
+        states[name] = correction.state
+    return states
+
+
+def _of_no_object(task: Task, correction: Correction) -> UserError:
+    path = task.folder / correction.name / CORRECTIONS
+    return UserError(f"expected an object with the box that '{path}' was made for; got others. {REMEDY}")
 
 
 def _lens(task: Task, explanation: Explanation) -> tuple[float, float, float, float] | None:

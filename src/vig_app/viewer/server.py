@@ -24,9 +24,9 @@ import numpy as np
 from PIL import Image
 
 from vig.inference import PixelLabel
-from vig.io.checks import decode
+from vig.io.checks import decode, parse_json
 from vig.io.errors import UserError
-from vig.photo.images import coded
+from vig.photo.images import coded, coded_photo
 from vig_app.report import words
 from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
@@ -42,7 +42,7 @@ SENT_SIDE = 1600
 """Pixels of the longer side of the photo that is sent."""
 MOST_BYTES = 1 << 22
 """Of what a page posts."""
-OTHERS = ("save", "find", "step", "open")
+COMMANDS = ("save", "find", "step", "open")
 """Actions that are no corrections."""
 FAULT = "That went wrong; the terminal says more."
 
@@ -136,10 +136,14 @@ class Viewer:
         names = [item.name for item in self.walk.items]
         return filled("view.html", data={"items": names, "points": points}, run=len(names) > 1)
 
-    def photo(self) -> bytes:
-        """The photo as a JPEG file."""
+    def photo(self, number: int) -> bytes:
+        """The photo of an item as a JPEG file; ValueError where there is none."""
+        if not 0 <= number < len(self.walk.items):
+            raise ValueError(f"expected an item below {len(self.walk.items)}; got {number}")
+        path, session = self.walk.items[number].read()[0], self.walk.session
+        photo = session.photo if session.path == path else coded_photo(path)
         file = io.BytesIO()
-        Image.fromarray(self._sent()).save(file, "JPEG", quality=QUALITY)
+        Image.fromarray(reduced(coded(photo), SENT_SIDE)).save(file, "JPEG", quality=QUALITY)
         return file.getvalue()
 
     def _sent(self) -> np.ndarray:
@@ -187,7 +191,7 @@ class Viewer:
     def _do_all(self, actions: tuple[Action, ...]) -> None:
         changes: list[Change | None] = []
         for action in actions:
-            if action.do not in OTHERS:
+            if action.do not in COMMANDS:
                 changes.append(self._change(action))
                 continue
             self._correct(changes)
@@ -287,12 +291,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The page, the state, the photo."""
-        viewer = self.viewer
-        match urlsplit(self.path).path:
+        viewer, url = self.viewer, urlsplit(self.path)
+        match url.path:
             case "/":
                 self._answer(lambda: viewer.page().encode(errors="replace"), "text/html; charset=utf-8")
             case "/photo":
-                self._answer(viewer.photo, "image/jpeg")
+                self._answer(lambda: viewer.photo(int(url.query.split("-")[0])), "image/jpeg")
             case "/state":
                 self._answer(lambda: _json(viewer.on_thread(viewer.state)), "application/json")
             case _:
@@ -304,7 +308,7 @@ class _Handler(BaseHTTPRequestHandler):
             length = int(self.headers["Content-Length"])
             if self.path != "/act" or not 0 < length <= MOST_BYTES:
                 raise ValueError("expected actions of vig view")
-            request: Request = decode(Request, json.loads(self.rfile.read(length)))
+            request: Request = decode(Request, parse_json(self.rfile.read(length)))
         except (TypeError, ValueError) as error:
             self._send(400, _json({"error": str(error)}), "application/json")
             return

@@ -15,10 +15,9 @@ from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo.images import coded_photo
-from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
 from vig.several import MOST_OBJECTS
 from vig.several.explain import find_together
-from vig_app.corrections import Mark, State
+from vig_app.corrections import Mark, State, box_of
 
 MOST_UNDO = 200
 """States that can be gone back to, at most."""
@@ -145,11 +144,7 @@ class Session:
             UserError: The class's network does not find objects.
         """
         found = on_one_core(partial(find_together, self.photo, [self.explainer], MOST_OBJECTS))
-        boxes = []
-        for _, window in found:  # the inverse of `Window.round_box`
-            side, (x, y) = window.side / WINDOW_OVER_BOX, window.centre
-            boxes.append((x - side / 2, y + BOX_BELOW_CENTRE * window.side - side / 2, side, side))
-        return boxes
+        return [box_of(window) for _, window in found]
 
     def _check(self, state: State) -> None:
         height, width = self.photo.shape[:2]

@@ -1,4 +1,4 @@
-"""What the page of `vig view` goes through: one photo, a result, or a run's photos, the strangest first."""
+"""What the page of `vig view` goes through: one photo, a result, or a run's photos in review order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vig.explainer import Box, Explainer
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig_app.corrections import CORRECTIONS, State, corrected_in
-from vig_app.exports import run_files
+from vig_app.exports import export_run, formats_in, run_formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
 from vig_app.report.folder_page import review_order, write_run_page
 from vig_app.report.sheet import write_sheets
@@ -50,7 +50,7 @@ class Item:
     box: Box | None = None
 
     def read(self) -> tuple[Path, str, State]:
-        """Photo, class and state; UserError where they cannot be told."""
+        """Photo, class and state; UserError where they cannot be read."""
         photo, object_class, state = self.photo if self.photo is not None else State.read(self.folder)
         photo = photo.resolve()  # without the way round by the folder
         photo = photo.relative_to(Path.cwd()) if photo.is_relative_to(Path.cwd()) else photo
@@ -69,9 +69,9 @@ class Item:
 class Walk:
     """Some items, of which one is open."""
 
-    def __init__(self, items: list[Item], run: Path | None = None, rows: list[dict[str, Any]] | None = None):
-        """Begin before the first; `rows` are those of the table of a `run`, where the items are of one."""
-        self.items, self.run, self.rows = items, run, rows or []
+    def __init__(self, items: list[Item], run: Path | None = None):
+        """Begin before the first; `run` is the folder of the run that the items are of, if any."""
+        self.items, self.run = items, run
         self.place = -1
         self.session: Session
         self.saved = False
@@ -100,7 +100,7 @@ class Walk:
                     f"expected a run with explained photos; '{folder}' has {len(rows)} that were not."
                     " See errors in its results.csv."
                 )
-            return Walk(items, folder, rows)
+            return Walk(items, folder)
         paths = [*folder.glob(f"*/{CORRECTIONS}"), *folder.glob(f"*/*/{CORRECTIONS}")]
         if not paths:
             raise UserError(
@@ -118,7 +118,7 @@ class Walk:
         """Fit the next one already."""
         following = self.place + 1
         if following < len(self.items):
-            with suppress(UserError):  # which is told when it is opened
+            with suppress(UserError):  # which is reported when it is opened
                 self._ahead = following, self._session(following)
 
     def _session(self, place: int) -> Session:
@@ -146,34 +146,45 @@ class Walk:
                     failures.append("It was fitted with a mask, marks or a pose, which are left out here.")
                 return " ".join(failures)
             except UserError as error:
-                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's tells enough
+                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's is enough
                     raise
                 failures.append(f"{self.items[place].name} is left out: {error}")
                 place += by
         raise UserError(" ".join([*failures, f"That was the {'last' if by > 0 else 'first'} one."]))
 
     def save(self) -> Path:
-        """Write what is open into its folder, the files that are there, and into the table of the run."""
+        """Write what is open into its folder, the files and exports that are there, and into the table of the
+        run, whose exports are written anew, too.
+
+        Raises:
+            UserError: Something cannot be written; exports are written last.
+        """
         item, explanation = self.items[self.place], self.session.explanation
         files = [name for name in (*FILES, *OPTIONAL_FILES) if (item.folder / name).exists()]
+        formats = formats_in(item.folder)
         if self.run is None:
             self.session.save(item.folder, files or None)
         else:
             with ledger_of(self.run):  # while no run writes there
+                rows = read_results(self.run)  # others may have written since it was opened
                 self.session.save(item.folder, files or None)
                 row = row_of(Task(self.session.path, item.folder), explanation)
                 item.found.update({name: value for name, value in row.items() if name not in OWN})
-                write_table(self.run, self.rows)
-            for name in run_files():  # of the results before
-                (self.run / name).unlink(missing_ok=True)
+                write_table(self.run, _with_row(rows, item.found))
+        item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
+        explanation.export(item.folder, formats, self.session.path.name)
+        if self.run is not None:
+            export_run(self.run, run_formats_in(self.run))
         return item.folder
 
     def close(self) -> None:
         """Write the pages of a run of which something was saved."""
         if self.run is not None and self.saved:
-            write_run_page(self.run, self.rows)
-            write_sheets(self.run, self.rows)
+            with ledger_of(self.run):
+                rows = read_results(self.run)
+                write_run_page(self.run, rows)
+                write_sheets(self.run, rows)
 
     def objects(self) -> list[dict[str, Any]]:
         """Box, name and number of the other items that are of the photo that is open."""
@@ -188,8 +199,15 @@ class Walk:
         ]
 
 
+def _with_row(rows: list[dict[str, Any]], row: dict[str, Any]) -> list[dict[str, Any]]:
+    """The rows with that of a folder in place of the one they have, or at their end."""
+    folders = [each["folder"] for each in rows]
+    place = folders.index(row["folder"]) if row["folder"] in folders else len(rows)
+    return [*rows[:place], row, *rows[place + 1 :]]
+
+
 def _of_row(run: Path, row: dict[str, Any]) -> Item:
-    """Of a row of a run's table, which it shares."""
+    """Of a row of a run's table."""
     folder = run / row["folder"]
     photo = None
     if not (folder / CORRECTIONS).exists():  # it was given a mask, marks or a pose
@@ -208,4 +226,4 @@ def _of_result(path: Path) -> Item:
 
 
 def _is_corrected(folder: Path) -> bool:
-    return any(not name for name, _ in corrected_in(folder))
+    return any(not correction.name for correction in corrected_in(folder))

@@ -11,7 +11,7 @@ from vig_app.report.folder_page import write_thumbnail
 from vig_app.report.sheet import PER_SHEET, TILE, write_sheets
 
 
-def test_sheets_show_what_is_strangest_first(tmp_path: Path) -> None:
+def test_sheets_are_in_review_order(tmp_path: Path) -> None:
     """Frames by verdict, in the order of the tiles; two sheets of 200, no stale third."""
 
     def row(name: str, verdict: str | None, confidence: float | None) -> dict[str, object]:

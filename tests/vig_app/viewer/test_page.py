@@ -6,6 +6,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from vig.io.errors import UserError
 from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
-from vig_app.results import read_results
+from vig_app.results import read_results, write_table
 from vig_app.viewer.server import Viewer
 from vig_app.viewer.walk import Walk
 
@@ -39,10 +40,10 @@ def large_photo(path: Path, number: int = 3) -> Path:
     return path
 
 
-def fit(*arguments: str | Path) -> None:
+def fit(*arguments: str | Path, code: int = 0) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["fit", *map(str, arguments)])
-    assert ended.value.code == 0
+    assert ended.value.code == code
 
 
 def fitted(folder: Path) -> Path:
@@ -163,10 +164,10 @@ def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run
         )
         assert pixel[0] > 150 and pixel[1] < 60 and pixel[3] > 60, "drawn in red"
 
-        if page.locator("#views button").count() > 1:
-            page.locator("#views button").nth(1).click()
-            shown.until(lambda: shown.state.azimuth_deg is not None)
-            assert page.locator("#views button[aria-pressed=true]").count() == 1
+        assert page.locator("#views button").count() > 1
+        page.locator("#views button").nth(1).click()
+        shown.until(lambda: shown.state.azimuth_deg is not None)
+        assert page.locator("#views button[aria-pressed=true]").count() == 1
         for scheme in ("light", "dark"):  # as the desktop is
             page.emulate_media(color_scheme=scheme)
             lightness = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/[0-9]+/)[0]")
@@ -312,7 +313,7 @@ def test_other_objects_of_the_photo_can_be_chosen(browser: Any, tmp_path: Path) 
         viewer.stop()
 
 
-def test_a_run_is_walked_the_strangest_first_and_vig_fit_takes_corrections_up(
+def test_a_run_is_walked_in_review_order_and_vig_fit_takes_corrections_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = fitted(tmp_path) / "run"
@@ -379,6 +380,46 @@ def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -
     walk = Walk.of_folder(tmp_path / "run")
     assert "fitted with a mask, marks or a pose, which are left out" in walk.step(1)
     assert walk.session.state == State() and not walk.session.unsaved
+    walk.session.hold(None, 5.0)
+    walk.save()
+    walk.step(1)
+    assert walk.step(-1) == "" and walk.session.state == State(roll_deg=5.0)
+
+
+def test_exports_are_those_of_what_is_saved(run: Path) -> None:
+    fit(run.parent / "photos", "--out", run, "--quiet", "--export", "coco", "ros")
+    walk = Walk.of_folder(run)
+    walk.step(1)
+    exports = walk.items[0].folder / "pose.yaml", run / "coco.json"
+    before = [path.read_text() for path in exports]
+    walk.session.correct(lambda state: replace(state, azimuth_deg=100.0, elevation_deg=60.0))
+    walk.save()
+    assert all(path.read_text() != text for path, text in zip(exports, before, strict=True))
+    viewer = Viewer(walk, 8431)
+    assert viewer.photo(0) != viewer.photo(2), "by item, whichever is open"
+    with pytest.raises(ValueError, match="expected an item below 3; got 3"):
+        viewer.photo(3)
+    viewer.stop()
+
+
+def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
+    walk = Walk.of_folder(run)
+    walk.step(1)
+    rows = read_results(run)
+    write_table(run, [*rows, rows[0] | {"folder": "later", "photo": "later.png"}])
+    walk.session.hold(None, 4.0)
+    folder = walk.save()
+    after = read_results(run)
+    assert [row["folder"] for row in after] == [*(row["folder"] for row in rows), "later"]
+    row = next(row for row in after if row["folder"] == folder.name)
+    assert row["roll_deg"] == walk.session.explanation.roll_deg
+    write_table(run, [row for row in after if row["folder"] != "later"])
+    walk.close()
+    assert "later" not in (run / "report.html").read_text()
+    for changed in ({"folder": "../victim"}, {"folder": None}, {"photo": None}, {"verdict": "sure"}):
+        write_table(run, [rows[0] | changed])
+        with pytest.raises(UserError, match="expected the table of `vig fit` of several photos"):
+            Walk.of_folder(run)
 
 
 def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> None:
@@ -408,3 +449,31 @@ def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> Non
     assert State.read(folder)[2].points == {"spout": (350.0, 140.0)}
     row = next(row for row in read_results(tmp_path / "run") if row["folder"] == "two/2-teapot")
     assert row["azimuth_deg"] == pytest.approx(corrected["azimuth_deg"], abs=1e-3)
+
+    first, second = boxes["two.png"]
+    (tmp_path / "boxes.json").write_text(json.dumps(boxes | {"two.png": [second, first]}))
+    fit(*command)
+    assert State.read(folder.with_name("1-teapot"))[2].points == {"spout": (350.0, 140.0)}
+    assert State.read(folder)[2].points == {}, "the other object"
+    kept = (folder.with_name("1-teapot") / "corrections.json").read_bytes()
+    for other in ([first, [200, 75, 135, 140]], first):
+        (tmp_path / "boxes.json").write_text(json.dumps(boxes | {"two.png": other}))
+        fit(*command, code=1)
+        error = next(row["error"] for row in read_results(tmp_path / "run") if row["folder"] == "two")
+        assert "two/1-teapot/corrections.json' was made for; got others" in error
+        assert (folder.with_name("1-teapot") / "corrections.json").read_bytes() == kept
+
+
+@pytest.mark.parametrize("change", [{"format": 2}, {"state": {"nose": 1}}, {"class": "mug"}], ids=str)
+def test_corrections_by_hand_that_cannot_be_taken_stay(run: Path, change: dict[str, Any]) -> None:
+    path = run / "1" / "corrections.json"
+    written = json.dumps(json.loads(path.read_text()) | {"corrected": True} | change)
+    path.write_text(written)
+    fit(run.parent / "photos", "--out", run, "--quiet", code=1)
+    errors = [row["error"] for row in read_results(run)]
+    assert [error is None for error in errors] == [True, False, True]
+    assert "corrected by hand and stays" in errors[1] and path.read_text() == written
+    older = json.loads(written)
+    older.pop("corrected")
+    path.write_text(json.dumps(older))
+    fit(run.parent / "photos", "--out", run, "--quiet")

@@ -191,7 +191,8 @@ def viewer(session: Session, tmp_path: Path) -> Iterator[Viewer]:
 def asked(viewer: Viewer, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
     """Status and content of an answer."""
     connection = http.client.HTTPConnection("127.0.0.1", viewer.port, timeout=30)
-    connection.request(method, path, None if body is None else json.dumps(body), headers)
+    content = body if body is None or isinstance(body, str) else json.dumps(body)
+    connection.request(method, path, content, headers)
     answer = connection.getresponse()
     content = answer.read()
     return answer.status, json.loads(content) if answer.getheader(
@@ -217,12 +218,13 @@ def test_a_page_of_another_site_gets_nothing(viewer: Viewer) -> None:
     "body",
     [
         [],
+        "[" * 100_000,
         {"item": 0, "actions": [{"do": "delete"}]},
         {"item": 0, "actions": [{"do": "box", "at": [1, 2]}]},
         {"item": 0, "actions": [{"do": "mark", "at": [1, 2], "label": 9, "radius": 3}]},
         {"item": 0, "actions": [{"do": "view", "value": "1"}]},
     ],
-    ids=str,
+    ids=lambda body: str(body)[:40],
 )
 def test_what_the_page_does_not_send_is_refused(viewer: Viewer, body: Any) -> None:
     status, content = asked(viewer, "POST", "/act", body)
@@ -255,7 +257,7 @@ def test_corrections_that_come_together_are_fitted_once_and_a_bad_one_alone_is_l
     assert "Another page" in act(spout, item=3)["message"]
 
 
-def test_a_fault_is_told_and_the_page_goes_on(
+def test_a_fault_is_reported_and_the_page_goes_on(
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(*_: Any) -> None:
@@ -269,7 +271,7 @@ def test_a_fault_is_told_and_the_page_goes_on(
     assert asked(viewer, "GET", "/state")[1]["hints"]["roll_deg"] is None
 
 
-def test_the_next_free_port_is_taken_and_none_is_told(viewer: Viewer, tmp_path: Path) -> None:
+def test_the_next_free_port_is_taken_and_none_is_reported(viewer: Viewer, tmp_path: Path) -> None:
     walk = Walk.of_photo(viewer.walk.session.path, "teapot", tmp_path / "saved")
     other = Viewer(walk, viewer.port)
     assert viewer.port < other.port < viewer.port + 9
@@ -305,13 +307,19 @@ def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Pat
         "--port",
         "8467",
     ]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdout is not None
         address = next(line for line in process.stdout if line.startswith("http")).strip()
         with urllib.request.urlopen(address, timeout=20) as answer:
             assert b"<html" in answer.read(2000).lower()
         assert address.startswith("http://127.0.0.1:")
+        actions = {"item": 0, "actions": [{"do": "roll", "value": 3}]}
+        with urllib.request.urlopen(f"{address}/act", json.dumps(actions).encode(), timeout=60) as answer:
+            assert json.load(answer)["unsaved"]
         process.send_signal(signal.SIGINT)
+        assert process.stderr is not None
+        assert "corrections of photo.png were not saved" in process.stderr.read()
         assert process.wait(20) == 0
 
 
