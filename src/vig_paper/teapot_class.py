@@ -13,7 +13,7 @@ from pathlib import Path
 from vig.io.files import atomic_write
 from vig.scene import ObjectClass
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import beyond_model_mm, fit_shape_model
+from vig_train.packs.shapes import fit_shape_model, print_distances
 from vig_train.packs.teapot import TARGET_HEIGHT, teapot_points, vertices_of
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.designs import (
@@ -67,15 +67,12 @@ def main() -> None:
     """Build, save and describe the class, in the folder that is named or as this package's."""
     built, folder = build_paper_class(), Path(sys.argv[1]) if len(sys.argv) > 1 else PACK
     built.save(folder)
-    save_coded({"test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}, folder)
+    designs = {"test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
+    save_coded(designs, folder)
     write_transfer(built, folder)
     model = built.shape_model
     print(f"{COMPONENTS} components hold {model.explained_variance_ratio.sum():.3f} of the variance")
-    for name, designs in (("test", HELD_OUT_DESIGNS), ("validation", VALIDATION_DESIGNS)):
-        away = beyond_model_mm(model, vertices_of(designs))
-        print(
-            f"{name} designs from the model: {away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
-        )
+    print_distances(model, {name: vertices_of(chosen) for name, chosen in designs.items()})
     print(folder)
 
 

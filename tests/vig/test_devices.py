@@ -122,7 +122,8 @@ def test_all_kernels_compile_for_gpus(packaged: vig.ObjectClass, tmp_path: Path)
     if wp.get_cuda_toolkit_version() is None:
         pytest.skip("this build of Warp has no CUDA compiler")
     real = torch.float32
-    search_kernels(real), cut_kernel()
+    search_kernels(real)
+    cut_kernel()
     modules = [
         likelihood_kernels(real, packaged.shape_model.modes, "gaussian").place.module,
         prior_kernel(real).module,

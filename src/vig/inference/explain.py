@@ -27,8 +27,10 @@ from vig.search.damped_step import search_kernels
 def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes, device, density)
-    search_kernels(torch.float32), cut_kernel()  # in the same module
+    search_kernels(torch.float32)
+    cut = cut_kernel()  # in the same module
     wp.force_load(device, modules=[prior_kernel(torch.float32).module])
+    wp.force_load("cpu", modules=[cut.module])  # where masks are cut, whatever the device
 
 
 def explain(

@@ -1,14 +1,15 @@
 // The minimum cut of an image's free pixels by preflows (Goldberg and Tarjan 1988). What speaks for hidden flows over
 // the links to where something speaks for visible; a pixel is visible if what it says is not used up, or if from it a
 // link leads on to such a pixel. Heights are distances to these, found anew after every few relabellings.
-const int height = free.shape.dims[1], width = free.shape.dims[2], size = height * width, far = size + 1;
-const wp::uint8* const open = (const wp::uint8*)free.data + (size_t)image * size;
-wp::uint8* const shown = (wp::uint8*)visible.data + (size_t)image * size;
-const int* const own = (const int*)alone.data + (size_t)image * size;
-int* const room = (int*)links.data + (size_t)image * 8 * size;  // of a pixel's link in each direction
-int* const above = (int*)space.data + (size_t)image * 2 * size;  // heights
+const wp::uint64* const place = (const wp::uint64*)places;  // of free, visible, alone, links and two for work
+const int size = height * width, far = size + 1;
+const wp::uint8* const open = (const wp::uint8*)place[0] + (size_t)image * size;
+wp::uint8* const shown = (wp::uint8*)place[1] + (size_t)image * size;
+const int* const own = (const int*)place[2] + (size_t)image * size;
+int* const room = (int*)place[3] + (size_t)image * 8 * size;  // of a pixel's link in each direction
+int* const above = (int*)place[4] + (size_t)image * 2 * size;  // heights
 int* const queue = above + size;
-wp::int64* const surplus = (wp::int64*)amounts.data + (size_t)image * 2 * size;
+wp::int64* const surplus = (wp::int64*)place[5] + (size_t)image * 2 * size;
 wp::int64* const wanted = surplus + size;
 const int steps[8] = {1, -1, width, -width, width + 1, -width - 1, width - 1, 1 - width};
 for (int p = 0; p < size; ++p) {

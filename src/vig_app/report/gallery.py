@@ -27,6 +27,8 @@ class Card:
     Attributes:
         name: What it is called.
         described: What explanation.json holds.
+        badge: What of it is trusted, in words.
+        probabilities: What they are of, and what they are.
         pictures: `photo` and `outlines-of` of its report.html, as addresses of images.
         data: How its object is drawn: `mesh`, `view`, `clip`, `outline`.
         note: One line under what was found.
@@ -35,6 +37,8 @@ class Card:
 
     name: str
     described: dict[str, Any]
+    badge: str
+    probabilities: list[tuple[str, float]]
     pictures: dict[str, str]
     data: dict[str, Any]
     note: str = ""
@@ -46,7 +50,7 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
     page = folder / "report.html"
     with reading(page, "the page of an explanation", "Explain the photo anew with `vig fit`."):
         described = decode(dict[str, Any], read_json(folder / "explanation.json"))
-        words.badge(described), words.probabilities(described)  # refuse what lacks a field
+        badge, probabilities = words.badge(described), words.probabilities(described)
         text = page.read_text(encoding="utf-8")
         pictures, found = dict(PICTURE.findall(text)), DATA.search(text)
         if len(pictures) != 2 or found is None:
@@ -54,7 +58,7 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
         data = json.loads(found[1])
         shown = {"mesh": data["mesh"], "view": data["views"][0], "clip": data["clip"]}
         shown["outline"] = data["outline"]
-        return Card(name, described, pictures, shown, note, link)
+        return Card(name, described, badge, probabilities, pictures, shown, note, link)
 
 
 def cards_of(results: Path) -> tuple[list[Card], int]:
@@ -84,6 +88,6 @@ def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
         "gallery.html",
         title=title,
         note=note,
-        cards=[(card, words.badge(card.described), words.probabilities(card.described)) for card in cards],
+        cards=cards,
         data=[card.data for card in shown],
     )

@@ -126,7 +126,8 @@ class Work:
 
     def one(self, task: Task) -> dict[str, Any]:
         """The row of a photo of one object."""
-        for correction in task.corrected:
+        if task.corrected:
+            correction = task.corrected[0]
             if correction.name or correction.state is None:
                 raise _of_no_object(task, correction)
             explanation = correction.state.explained(self.explainer, task.photo, coded_photo(task.photo))

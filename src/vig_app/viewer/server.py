@@ -17,10 +17,10 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
+from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
-import numpy as np
 from PIL import Image
 
 from vig.inference import PixelLabel
@@ -110,6 +110,7 @@ class Viewer:
         self.port = int(self._server.server_address[1])
         self._thread = ThreadPoolExecutor(1)  # all that fits, in its order
         self._found: list[dict[str, Any]] = []
+        self._sizes: dict[Path, list[int]] = {}
         try:
             self._message = self.on_thread(partial(walk.step, 1))
         except UserError:
@@ -146,19 +147,23 @@ class Viewer:
         Image.fromarray(reduced(coded(photo), SENT_SIDE)).save(file, "JPEG", quality=QUALITY)
         return file.getvalue()
 
-    def _sent(self) -> np.ndarray:
-        return reduced(coded(self.walk.session.photo), SENT_SIDE)
+    def _size_sent(self) -> list[int]:
+        """Width and height of the photo that is sent."""
+        session = self.walk.session
+        if session.path not in self._sizes:
+            self._sizes[session.path] = [*reduced(coded(session.photo), SENT_SIDE).shape[1::-1]]
+        return self._sizes[session.path]
 
     def state(self) -> dict[str, Any]:
         """All that the page shows."""
         walk, session = self.walk, self.walk.session
         explanation = session.explanation
         described, views = explanation.to_dict(), views_of(explanation)
-        (height, width), sent = session.photo.shape[:2], self._sent().shape
+        (height, width), sent = session.photo.shape[:2], self._size_sent()
         angles = [explanation.azimuth_deg, *(other.azimuth_deg for other in explanation.alternatives)]
         return {
             "item": walk.place,
-            "photo": {"width": width, "height": height, "shown": [sent[1], sent[0]]},
+            "photo": {"width": width, "height": height, "shown": sent},
             "verdict": described["verdict"],
             "badge": words.badge(described),
             "reason": described["reason"],
@@ -172,7 +177,7 @@ class Viewer:
             "views": [
                 {"azimuth": azimuth, "words": view.words} for azimuth, view in zip(angles, views, strict=True)
             ],
-            "drawing": drawing_data(explanation, views, [], sent[1], sent[0]),
+            "drawing": drawing_data(explanation, views, [], *sent),
             "panels": jpeg_url(explanation.panels()),
             "objects": walk.objects() or self._found,
             "message": self._message,

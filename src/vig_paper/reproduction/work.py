@@ -198,6 +198,7 @@ def calibrate(run: Run) -> None:
             [dataset],
             run.object_class,
             run.recognizer(),
+            ExplainSettings(),  # the standard camera, as the test photos are fitted
             workers=run.threads,
             advance=meter.advance,
             cache=run.folder.fits("validation"),

@@ -15,7 +15,7 @@ import numpy as np
 from vig.scene import Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import beyond_model_mm, fit_shape_model
+from vig_train.packs.shapes import fit_shape_model, print_distances
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.designs import (
     HANDLES,
@@ -113,15 +113,8 @@ def main() -> None:
     print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.round(size, 3)} m")
     print(f"target height {built.target_height} m")
     print(f"{MODES} components hold {model.explained_variance_ratio.sum():.3f} of the variance: {ratios}")
-    for name, designs in (
-        ("training", TRAINING_DESIGNS),
-        ("test", HELD_OUT_DESIGNS),
-        ("validation", VALIDATION_DESIGNS),
-    ):
-        away = beyond_model_mm(model, vertices_of(designs))
-        print(
-            f"{name} designs from the model: {away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
-        )
+    designs = {"training": TRAINING_DESIGNS, "test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
+    print_distances(model, {name: vertices_of(chosen) for name, chosen in designs.items()})
     print(folder)
 
 
