@@ -79,16 +79,17 @@ def assess(
     path = symmetry.canonical(objective.latents(selection.path))
     place, uniform = latent_layout(latents.shape.shape[1]).at("azimuth"), UNIFORM_TURN / max(symmetry.fold, 1)
     position = torch.tensor(UNCALIBRATED_POSITION)
-    if calibration is None:  # no number's above a uniform's within its bounds
+    rough = calibration is None and settings.widened
+    if rough:  # no number's above a uniform's within its bounds
         within_bounds = ((objective.upper - objective.lower) / math.sqrt(12)).cpu().double()
         deviations = torch.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
     deviation = objective.latents(deviations).to_vector()[0]
-    if calibration is None:
+    if rough:
         # How probable other views are was not learned: unless it is trusted or told, any is possible.
         told = hints is not None and hints.azimuth is not None
         unsure_view = verdict is not Verdict.TRUSTED and symmetry.fold > 0 and not told
         deviation[place] = uniform if unsure_view else min(float(deviation[place]), uniform)
-    else:
+    elif calibration is not None:
         about_view = float(calibration.widened(deviation, features, True)[place])
         deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
         if verdict is not Verdict.TRUSTED:

@@ -194,6 +194,7 @@ class _Settings:
     optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
     silhouette: str = "exact"
     calibrated: bool = True
+    widened: bool = True
     calibration: FitCalibration | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -255,6 +256,8 @@ class ExplainSettings(_Settings):
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.
+        widened: Whether deviations without one are the evidence's times `UNCALIBRATED_WIDENING`, within the
+            bounds; a calibration is learned from the evidence's own, which it widens itself.
         calibration: In place of the class's own.
     """
 

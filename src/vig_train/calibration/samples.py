@@ -140,7 +140,7 @@ def calibrate_fits(
     Returns:
         The calibration, and the samples that it was learned on.
     """
-    uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False)
+    uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False, widened=False)
     workers = workers or os.cpu_count() or 1
 
     def fitted(images: np.ndarray, name: str, photo_settings: FitSettings, recognizer: Recognizer) -> Fits:
