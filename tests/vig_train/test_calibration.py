@@ -15,7 +15,7 @@ import torch
 import vig
 from tests.support import TEAPOT
 from vig.inference import ExplainSettings, FitCalibration, Verdict, explain_one
-from vig.inference.calibration import CONFIDENCE_FEATURES
+from vig.inference.calibration import CONFIDENCE_FEATURES, LEAST_DEVIATION, residual
 from vig.io.errors import UserError
 from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
@@ -421,11 +421,19 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     assert sum(told) == sum(map(fit_count, two)) and fit_count(dataset) == 4 + len(photos_to_roll(dataset))
     photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
     said = recognizer(photos)
-    plain = [
-        explain_one(photos[i], said[i : i + 1], teapot, replace(quick, calibrated=False)) for i in range(4)
-    ]
+    evidence = replace(quick, calibrated=False, widened=False)
+    plain = [explain_one(photos[i], said[i : i + 1], teapot, evidence) for i in range(4)]
     twice = [*plain, *plain[:2]]  # both datasets, one after the other
     np.testing.assert_allclose(found.deviation, np.stack([fit.deviation for fit in twice]), rtol=1e-5)
+    # These are what a calibration widens: one that does nothing leaves them, in units of the residual.
+    idle = replace(learned, scale=torch.ones_like(learned.scale), floor=torch.zeros_like(learned.floor))
+    fit = explain_one(photos[0], said[:1], teapot, replace(quick, calibration=idle))
+    others = np.arange(found.deviation.shape[1]) != 10  # azimuth's is of all views
+    expected = float(residual(fit.confidence_features)) * found.deviation[0]
+    np.testing.assert_allclose(
+        fit.deviation[others], expected[others].clip(LEAST_DEVIATION), rtol=1e-4, atol=1e-9
+    )
+    assert (expected[others] > LEAST_DEVIATION).any()
     np.testing.assert_allclose(
         found.features, np.stack([fit.confidence_features for fit in twice]), rtol=1e-5
     )
