@@ -13,7 +13,7 @@ from pathlib import Path
 from vig.io.files import atomic_write
 from vig.scene import ObjectClass
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import fit_shape_model, print_distances
+from vig_train.packs.shapes import distance_lines, fit_shape_model
 from vig_train.packs.teapot import TARGET_HEIGHT, teapot_points, vertices_of
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.designs import (
@@ -72,7 +72,7 @@ def main() -> None:
     write_transfer(built, folder)
     model = built.shape_model
     print(f"{COMPONENTS} components hold {model.explained_variance_ratio.sum():.3f} of the variance")
-    print_distances(model, {name: vertices_of(chosen) for name, chosen in designs.items()})
+    print(*distance_lines(model, {name: vertices_of(each) for name, each in designs.items()}), sep="\n")
     print(folder)
 
 

@@ -217,7 +217,10 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
     """Truths drawn about one explanation's position, by other deviations where it is not trusted."""
     photo = example_photos()[1].photo
     explanation = vig.Explainer("teapot").explain(photo, focal=400.0)
-    explanation = replace(explanation, fit=replace(explanation.fit, framing_deviation=torch.zeros(4)))
+    certain = {
+        name: torch.zeros_like(getattr(explanation.fit, name)) for name in ("deviation", "framing_deviation")
+    }
+    explanation = replace(explanation, fit=replace(explanation.fit, **certain))
     pose, drawn = explanation.pinhole_pose()[1], np.array([[0.02, 0.04, 0.06], [0.05, 0.03, 0.2]])
     rng, posed = np.random.default_rng(0), []
     for number in range(400):
@@ -226,7 +229,6 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
         true[:3, 3] += sight_axes(pose) @ off
         verdict = Verdict.AMBIGUOUS if row else Verdict.TRUSTED
         posed.append((replace(explanation, fit=replace(explanation.fit, verdict=verdict)), true))
-    # The fit's own deviations are small beside these.
     monkeypatch.setattr("vig_train.calibration.positions._explained_photos", lambda *given: iter(posed))
     photographs = SimpleNamespace(world="photo", first=lambda count: None)
     monkeypatch.setattr("vig_train.calibration.positions.Dataset", SimpleNamespace)

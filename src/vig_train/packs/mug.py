@@ -15,7 +15,7 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import fit_shape_model, print_distances, relative_distance
+from vig_train.packs.shapes import distance_lines, fit_shape_model, relative_distance
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import save_coded
 from vig_world.assets.mugs import (
@@ -98,7 +98,7 @@ def main() -> None:
             f"{kind} {relative_distance(model, v, components):.2%}" for kind, v in kinds.items()
         )
         print(f"{components:2d}: {errors}")
-    print_distances(model, kinds)
+    print(*distance_lines(model, kinds), sep="\n")
     print(folder)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -50,13 +50,12 @@ def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 
-def print_distances(model: ShapeModel, designs: Mapping[str, np.ndarray]) -> None:
-    """Print how far shapes (N, V, 3) of each name are from the model, a line each."""
+def distance_lines(model: ShapeModel, designs: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """How far shapes (N, V, 3) of each name are from the model, a line each."""
     for name, vertices in designs.items():
         away = beyond_model_mm(model, vertices)
-        print(
-            f"{name} designs from the model: {away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
-        )
+        far = f"{away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
+        yield f"{name} designs from the model: {far}"
 
 
 def relative_distance(model: ShapeModel, vertices: np.ndarray, components: int) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from vig.scene import Family, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import fit_shape_model, print_distances
+from vig_train.packs.shapes import distance_lines, fit_shape_model
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.designs import (
     HANDLES,
@@ -114,7 +114,7 @@ def main() -> None:
     print(f"target height {built.target_height} m")
     print(f"{MODES} components hold {model.explained_variance_ratio.sum():.3f} of the variance: {ratios}")
     designs = {"training": TRAINING_DESIGNS, "test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
-    print_distances(model, {name: vertices_of(chosen) for name, chosen in designs.items()})
+    print(*distance_lines(model, {name: vertices_of(each) for name, each in designs.items()}), sep="\n")
     print(folder)
 
 
