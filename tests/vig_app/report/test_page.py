@@ -413,8 +413,10 @@ def test_a_run_has_a_gallery(
     assert ended.value.code == 0 and json.loads(capsys.readouterr().out) == {
         "page": str(out / "index.html"), "photos": 3, "folder": str(out),
     }  # fmt: skip
-    assert re.findall("<strong>([^<]*)</strong>", page) == ["one", "two", "several/1-teapot"]
-    assert len(data_of(page)) == 3 and "<a " not in page
+    names = ["one", "two", "several/1-teapot"]
+    links = [(f"../run/{name}/report.html", name) for name in names]
+    assert re.findall('<strong><a href="([^"]+)">([^<]*)</a></strong>', page) == links
+    assert len(data_of(page)) == 3 and all((out / link).is_file() for link, _ in links)
     for bad in (out, tmp_path / "nothing"):
         with pytest.raises(SystemExit) as ended:
             main(["gallery", str(bad)])
