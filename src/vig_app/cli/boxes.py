@@ -12,7 +12,7 @@ from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS
 from vig_app.cli.common import FitCommand, pack_of_mesh
 from vig_app.cli.naming import by_photo, note
-from vig_app.corrections import CORRECTIONS
+from vig_app.corrections import corrected_in
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
 Objects = tuple[tuple[str, Box], ...]
@@ -49,10 +49,10 @@ def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None,
 
 def check_place(settings: FitCommand, folders: Sequence[Path] = ()) -> None:
     """UserError where nothing tells where the object of --mesh is, before the mesh is made ready; corrections
-    in folders of earlier results do.
+    by hand in folders of earlier results do.
     """
     known = any(getattr(settings, name) is not None for name in PLACES)
-    if settings.mesh is None or known or any((folder / CORRECTIONS).exists() for folder in folders):
+    if settings.mesh is None or known or any(map(corrected_in, folders)):
         return
     box = "x,y,w,h in pixels round the whole object, such as --box 120,80,300,240"
     if settings.track:

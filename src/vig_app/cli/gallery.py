@@ -31,7 +31,7 @@ def gallery(settings: Gallery) -> int:
         print(json.dumps(result, indent=2))
     else:
         yours = "" if settings.results else "; of photos of yours: vig gallery FOLDER_OF_VIG_FIT"
-        end(settings.out, f"made a page of {photos} photos: open {page}{yours}")
+        end(settings.out, f"made a page: open {page}{yours}")
     if not settings.no_open and not settings.json and has_screen():
         webbrowser.open(page.resolve().as_uri())
     return 0

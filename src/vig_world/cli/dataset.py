@@ -56,7 +56,7 @@ def make(settings: Make) -> int:
     print("hidden    " + "  ".join(deciles))
     reasons = ", ".join(f"{name} {count}" for name, count in described["rejections"].items())
     print(f"rejected  {described['rejections_per_sample']:.2f} candidates a sample ({reasons or 'none'})")
-    end(folder, f"made {settings.count} samples: vig dataset show {folder} draws a sheet of them")
+    end(folder, f"made a dataset: vig dataset show {folder} draws a sheet of it")
     return 0
 
 
@@ -87,7 +87,7 @@ def groups(settings: Groups) -> int:
     if settings.json:
         print(json.dumps({"folder": str(out), "photos": settings.count}))
     else:
-        end(out, f"made {settings.count} photos: vig fit {out}/photos --boxes {out}/boxes.json explains them")
+        end(out, f"made {out}/photos: vig fit {out}/photos --boxes {out}/boxes.json explains them")
     return 0
 
 

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -125,10 +126,11 @@ def test_a_mesh_without_a_place_is_refused_before_it_is_made_ready(
 
 def test_a_mesh_is_placed_by_what_was_corrected(tmp_path):
     settings = FitCommand((tmp_path / "photo.png",), mesh=tmp_path / "cup.glb")
-    with pytest.raises(vig.UserError, match="expected --box or --mask"):
-        check_place(settings, [tmp_path])
-    (tmp_path / "corrections.json").write_text("{}")
-    check_place(settings, [tmp_path])
+    teapot, state = vig.ObjectClass.load("teapot"), State(box=(1.0, 2.0, 3.0, 4.0))
+    for corrected in (False, True):
+        state.write(tmp_path, tmp_path / "photo.png", teapot, corrected)
+        with nullcontext() if corrected else pytest.raises(vig.UserError, match="expected --box or --mask"):
+            check_place(settings, [tmp_path])
 
 
 def test_a_fit_ends_with_what_to_do_next(capsys, tmp_path):

@@ -42,7 +42,7 @@ def test_make_ends_with_deciles_rejections_and_the_folder(
     assert rejected.startswith("rejected  ") and "candidates a sample" in rejected
     progress, made = err.splitlines()[-2:]
     assert progress.startswith("3 of 3 samples, ")
-    assert made.startswith("vig: made 3 samples: vig dataset show vig-dataset")
+    assert made.startswith("vig: made a dataset: vig dataset show vig-dataset")
 
 
 def test_pictures_have_the_size_that_was_asked_for(
