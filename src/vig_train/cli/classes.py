@@ -57,7 +57,8 @@ def build(settings: Build) -> int:
             )
         )
         return 0
-    print(f"look at {settings.out / 'card.md'}; what is wrong in build/2-upright.png can be told: --help")
+    upright = settings.out / "build" / "2-upright.png"
+    print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")
     train = f"vig class train {settings.out} gives it a good recognizer"
     if is_trained:
         end(settings.out, f"made a class: vig fit photo.jpg --class {settings.out} takes it; {train}")
